@@ -45,8 +45,8 @@ _SILENCE_S = 1.0
 class HandDriverNode(SerdNode[Config]):
     """A front end reads the input of its person in `attend`, called 20 times a second."""
 
-    def __init__(self, kind: str, config_class: type[Config]) -> None:
-        super().__init__(kind, config_class)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         self.scenario = load_scenario(self.config.scenario)
         self.mode: Mode = self.config.mode
         self.choice = DirectionChoice()

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from serd_core.errors import SerdError
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import NodeConfig
+from serd_ros.graph.configs import CONFIGS, NodeConfig
 from storage.nearest import hint
 from storage.settings import Setting, settings_of
 from storage.yaml_config import sentence_of
@@ -26,13 +26,12 @@ Config = TypeVar("Config", bound=NodeConfig)
 OnSet = Callable[[Sequence[Parameter]], SetParametersResult]
 
 
-def read_config(
-    node: Node, kind: str, given: Mapping[str, Any], config_class: type[Config]
-) -> Config:
-    """What was given over the defaults as `config_class`; declares each parameter as it is used.
+def read_config(node: Node, kind: str, given: Mapping[str, Any]) -> Any:
+    """What was given over the defaults, in the config of the kind; declares each parameter.
 
     Raises NodeError with one sentence for an unknown name or a bad value.
     """
+    config_class = CONFIGS[kind]
     for name in given:
         if name not in config_class.model_fields:
             near = hint(name, config_class.model_fields)

@@ -1,1 +1,1 @@
-"""One module per executable, some in packages; each has a `main` that is its entry point."""
+"""One module per executable, some in packages; `serd_ros/process/executable.py` runs them."""

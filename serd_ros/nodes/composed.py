@@ -8,41 +8,40 @@ frame prefix. What one of the nodes takes from another must have one name in bot
 
 import os
 import sys
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import COMPOSABLE
-from serd_ros.nodes.guard import GuardNode
-from serd_ros.nodes.hallway_sim import HallwaySim
-from serd_ros.nodes.local_planner import LocalPlannerNode
 from serd_ros.process.composition import Composition
-from serd_ros.process.run_node import run_node
+from serd_ros.process.executable import node_maker
 from serd_ros.process.serd_node import SerdNode
 from storage.nearest import choice_rule
 
-_KINDS: dict[str, Callable[[], SerdNode[Any]]] = dict(
-    zip(COMPOSABLE, (HallwaySim, LocalPlannerNode, GuardNode), strict=True)
-)
+
+def nodes_of_arguments(_: str) -> SerdNode[Any]:
+    """The nodes that the command line names."""
+    # What others receive is sent by another thread, which nothing waits for: a tenth less time.
+    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
+    return make_nodes(remove_ros_args(sys.argv)[1:])
 
 
 def make_nodes(names: list[str]) -> SerdNode[Any]:
     """The first of the nodes, with the others as companions."""
     for name in names:
-        if name not in _KINDS:
-            raise NodeError(choice_rule("node", name, _KINDS))
+        if name not in COMPOSABLE:
+            raise NodeError(choice_rule("node", name, COMPOSABLE))
     if len(set(names)) < 2 or len(set(names)) < len(names):
         raise NodeError(
             f"nodes must be at least two different ones, got {' '.join(names) or 'none'}"
-            f"; name some of {', '.join(_KINDS)}"
+            f"; name some of {', '.join(COMPOSABLE)}"
         )
     composition = SerdNode.composition = Composition(names)
     made: list[SerdNode[Any]] = []
     try:
         for name in names:
-            made.append(_KINDS[name]())
+            made.append(node_maker(name)())
             _require_plain(made[-1])
         if topics := composition.unpublished():
             raise NodeError(
@@ -74,15 +73,3 @@ def _require_plain(node: SerdNode[Any]) -> None:
             f"{node.kind} must have lockstep: true, and neither managed, robots nor frame_prefix,"
             " to run in one process with others; change them or start the nodes apart"
         )
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros composed`."""
-    names = remove_ros_args(sys.argv)[1:]
-    # What others receive is sent by another thread, which nothing waits for: a tenth less time.
-    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
-    return run_node(lambda: make_nodes(names))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

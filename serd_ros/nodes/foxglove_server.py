@@ -5,7 +5,6 @@ their types, by the WebSocket protocol of Foxglove; it publishes and drives noth
 extra `foxglove` of the distribution.
 """
 
-import sys
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -18,7 +17,6 @@ from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType, known_topics
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import FoxgloveServerConfig
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 
 _LOOK_PERIOD_S = 0.5
@@ -48,8 +46,8 @@ class _Listener:
 class FoxgloveServerNode(SerdNode[FoxgloveServerConfig]):
     """One channel per topic, of the type that its publishers have."""
 
-    def __init__(self) -> None:
-        super().__init__("foxglove_server", FoxgloveServerConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         self._sdk, config = _sdk(), self.config
         names = [each for each in config.topics if each] or known_topics()
         self._waiting = [self.resolve_topic_name(name) for name in names]
@@ -121,12 +119,3 @@ class FoxgloveServerNode(SerdNode[FoxgloveServerConfig]):
         if number in self._latched:
             channel, message = self._latched[number]
             channel.log(message.data, log_time=message.received_ns)
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros foxglove_server`."""
-    return run_node(FoxgloveServerNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,7 +5,6 @@ once the inputs of that stamp have arrived. Live, a command is answered at once,
 the robot when inputs or commands stop coming; without a command the node publishes nothing.
 """
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -22,7 +21,6 @@ from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.safety.guard import Guard, GuardOutput
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
@@ -38,8 +36,8 @@ _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.
 class GuardNode(SerdNode[GuardConfig]):
     """Converts, calls `Guard.step`, publishes `cmd_vel`."""
 
-    def __init__(self) -> None:
-        super().__init__("guard", GuardConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         config = self.config
         self._guard = Guard(config.guard())
         self._scenario = self._scenario_in_lockstep()
@@ -184,12 +182,3 @@ class GuardNode(SerdNode[GuardConfig]):
         state_name = "overridden" if output.overridden else output.action.name
         level = WARN if output.overridden or output.action is GuardAction.STOP else OK
         self.report(now_s, values, level=level, message=state_name)
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros guard`."""
-    return run_node(GuardNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -4,8 +4,6 @@ Several robots have a node each in this process, with the same name in the robot
 clock and `pause` are those of the world.
 """
 
-import sys
-
 from std_srvs.srv import SetBool
 
 from serd_ros.endpoints import topics
@@ -17,7 +15,6 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.graph import full_namespace
 from serd_ros.graph.readiness import Readiness
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
 from sim.errors import SimError
@@ -32,8 +29,8 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     With several robots an episode begins when the driver of each has asked for it.
     """
 
-    def __init__(self) -> None:
-        super().__init__("hallway_sim", HallwaySimConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         names = [name for each in self.config.robots if (name := full_namespace(each))]
         self._check_names(names)
         scenario = load_scenario(self.config.scenario)
@@ -78,7 +75,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     def _node_in(self, namespace: str) -> SerdNode[HallwaySimConfig]:
         """The node of a robot."""
         given = {"frame_prefix": f"{namespace.strip('/')}/"}
-        node = SerdNode("hallway_sim", HallwaySimConfig, namespace, given)
+        node: SerdNode[HallwaySimConfig] = SerdNode(self.kind, namespace, given)
         self.add_companion(node)
         return node
 
@@ -136,12 +133,3 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         response.success = True
         response.message = "paused" if self._loop.paused else "running"
         return response
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros hallway_sim`."""
-    return run_node(HallwaySim)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

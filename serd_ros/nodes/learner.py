@@ -4,7 +4,6 @@ Live, it learns at the end of each episode, beginning where the last fit ended, 
 `learn`, beginning anew. What it has seen and where its fit stands is kept on disk after each.
 """
 
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +29,6 @@ from serd_ros.errors import MessageError
 from serd_ros.graph.configs import LearnerConfig
 from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
-from serd_ros.process.run_node import run_node
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.files import require_file_place
@@ -46,9 +44,6 @@ _REPLAY = "bag_replay"
 
 class LearnerNode(ManagedNode[LearnerConfig]):
     """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`."""
-
-    def __init__(self) -> None:
-        super().__init__("learner", LearnerConfig)
 
     def configure(self) -> None:
         """Read the scenario and what an earlier learner kept."""
@@ -287,12 +282,3 @@ def _checkpoint_folder(config: LearnerConfig) -> Path:
         return Path(config.state)
     output = Path(config.output)
     return output.with_name(f"{output.stem}_learner")
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros learner`."""
-    return run_node(LearnerNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

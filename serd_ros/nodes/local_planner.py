@@ -6,8 +6,6 @@ and the robot stops when they stop coming; when waypoints or intents stop coming
 next cell centre on its way and stands there. An engaged e-stop discards them.
 """
 
-import sys
-
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
@@ -23,7 +21,6 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.configs import LocalPlannerConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.managed_node import ManagedNode
-from serd_ros.process.run_node import run_node
 from sim.perception.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
@@ -36,9 +33,6 @@ from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
 class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     """Converts, calls `LocalPlanner.step`, publishes `cmd_vel_raw`."""
-
-    def __init__(self) -> None:
-        super().__init__("local_planner", LocalPlannerConfig)
 
     def configure(self) -> None:
         """Load the scenario and make the planner."""
@@ -214,12 +208,3 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     def _send(self, command: Command, time_s: float) -> None:
         message = to_twist_stamped(command, time_s) if self._stamped else to_twist(command)
         self._commands.publish(message)
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros local_planner`."""
-    return run_node(LocalPlannerNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,7 +5,6 @@ The strategy's `waypoint` becomes a goal of `navigate_to_pose`, or its `plan` on
 comes with ROS, not as a wheel, so this node imports it when it starts.
 """
 
-import sys
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
@@ -27,7 +26,6 @@ from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
 from serd_ros.process.managed_node import ManagedNode
-from serd_ros.process.run_node import run_node
 
 _WATCH_S = 0.5
 _LOG_PERIOD_S = 5.0
@@ -35,9 +33,6 @@ _LOG_PERIOD_S = 5.0
 
 class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
-
-    def __init__(self) -> None:
-        super().__init__("nav2_bridge", Nav2BridgeConfig)
 
     def configure(self) -> None:
         """Look up the action."""
@@ -123,12 +118,3 @@ def ros_type(module: str, name: str) -> Any:
             f"nav2_bridge needs the ROS package {package}, which is not installed; run 'apt-get "
             f"install ros-jazzy-{package.replace('_', '-')}', or use the stack goto"
         ) from None
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros nav2_bridge`."""
-    return run_node(Nav2BridgeNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,8 +5,6 @@ scans are missing, old, mostly without ranges or frozen it publishes nothing, so
 people stops, and names the fault in the log and on `diagnostics`.
 """
 
-import sys
-
 from sensor_msgs.msg import PointCloud2
 
 from serd_ros.convert.diagnostics import OK, WARN
@@ -17,7 +15,6 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.graph.configs import PeopleTrackerConfig
 from serd_ros.process.managed_node import ManagedNode
-from serd_ros.process.run_node import run_node
 from sim.perception.lidar_people import LidarPeople
 from sim.safety.reasons import Fault, Reason, Source
 from sim.scenario.scenario import load_scenario
@@ -28,9 +25,6 @@ _LOG_PERIOD_S = 5.0
 
 class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
     """Converts, calls `LidarPeople.step`, publishes `pedestrians`."""
-
-    def __init__(self) -> None:
-        super().__init__("people_tracker", PeopleTrackerConfig)
 
     def configure(self) -> None:
         """Load the place."""
@@ -74,12 +68,3 @@ class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
         if fault is not self._fault:
             self._fault = fault
             self.report(time_s, {"scan": text or "ok"}, level=WARN if fault else OK, message=text)
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros people_tracker`."""
-    return run_node(PeopleTrackerNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,5 @@
 """scripted_expert: demonstrates episodes by publishing one intent per decision period."""
 
-import sys
-
 from geometry_msgs.msg import Vector3Stamped
 
 from serd_core.grid.grid import Action
@@ -9,16 +7,12 @@ from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.graph.configs import ScriptedExpertConfig
-from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver, make_driver
 from sim.world.observation import Observation
 
 
 class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
     """Steers by `intent`, as a person with arrow keys does."""
-
-    def __init__(self) -> None:
-        super().__init__("scripted_expert", ScriptedExpertConfig)
 
     def activate(self) -> None:
         """Publish intents."""
@@ -32,12 +26,3 @@ class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
     def steer(self, observation: Observation, action: Action) -> None:
         """Publish the intended direction."""
         self._intents.publish(to_intent(action, observation.time_s))
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros scripted_expert`."""
-    return run_node(ScriptedExpertNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

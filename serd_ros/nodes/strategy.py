@@ -5,7 +5,6 @@ the topic `model` of a learner in the same graph) may change at any time. Planni
 milliseconds, so callbacks plan directly.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.graph.configs import StrategyConfig
 from serd_ros.graph.parameters import accept_changes
-from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver
 from sim.episodes.result import ANYWHERE, EpisodeStart
 from sim.world.observation import Observation
@@ -44,9 +42,6 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     """Steers by `waypoint`: the centre of the cell the policy chooses next."""
 
     _navigator: Navigator
-
-    def __init__(self) -> None:
-        super().__init__("strategy", StrategyConfig)
 
     def configure(self) -> None:
         """Read the model and plan."""
@@ -207,12 +202,3 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._goal_waits = True
         if self.ready:
             self.request_episode()
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros strategy`."""
-    return run_node(StrategyNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,13 +3,10 @@
 It subscribes and serves the page; it publishes nothing but its own health and drives nothing.
 """
 
-import sys
-
 from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import WatchView
 from serd_ros.graph.configs import WatchPageConfig
 from serd_ros.process.progress import report_address
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.scenario import load_scenario
 from teleop.page.access import PageAccess, read_token
@@ -22,8 +19,8 @@ _PERIOD_S = 0.05
 class WatchPageNode(SerdNode[WatchPageConfig]):
     """Sends what the topics have to all open pages, twenty times a second."""
 
-    def __init__(self) -> None:
-        super().__init__("watch_page", WatchPageConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         config = self.config
         scenario = load_scenario(config.scenario)
         self._view = WatchView(scenario)
@@ -44,12 +41,3 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         self._server.take()  # a page that only watches has nothing to request
         self._overlay.send()
         self._server.show(self._view.watched_state(self.wall_s()))
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros watch_page`."""
-    return run_node(WatchPageNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

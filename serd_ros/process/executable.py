@@ -6,23 +6,35 @@ serd_ros.process.executable hallway_sim`."""
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
-#: Nodes that are in packages of serd_ros.nodes, by executable; others are modules of their name.
-_IN_PACKAGES = {
-    "bag_replay": "bags.bag_replay",
-    "demo_recorder": "bags.demo_recorder",
-    "teleop_joy": "teleop.joy",
-    "teleop_keyboard": "teleop.keyboard",
-    "teleop_mux": "teleop.mux",
-    "teleop_page": "teleop.page",
+#: Module in serd_ros.nodes and class of the node, or function that makes it, by executable.
+NODES = {
+    "bag_replay": "bags.bag_replay:BagReplayNode",
+    "composed": "composed:nodes_of_arguments",
+    "demo_recorder": "bags.demo_recorder:DemoRecorderNode",
+    "foxglove_server": "foxglove_server:FoxgloveServerNode",
+    "guard": "guard:GuardNode",
+    "hallway_sim": "hallway_sim:HallwaySim",
+    "learner": "learner:LearnerNode",
+    "local_planner": "local_planner:LocalPlannerNode",
+    "nav2_bridge": "nav2_bridge:Nav2BridgeNode",
+    "people_tracker": "people_tracker:PeopleTrackerNode",
+    "scripted_expert": "scripted_expert:ScriptedExpertNode",
+    "strategy": "strategy:StrategyNode",
+    "teleop_joy": "teleop.joy:TeleopJoyNode",
+    "teleop_keyboard": "teleop.keyboard:TeleopKeyboardNode",
+    "teleop_mux": "teleop.mux:TeleopMuxNode",
+    "teleop_page": "teleop.page:TeleopPageNode",
+    "watch_page": "watch_page:WatchPageNode",
 }
 
 
@@ -60,7 +72,7 @@ def main() -> NoReturn:
     run(Path(sys.argv[0]).stem)
 
 
-def run(node: str) -> NoReturn:
+def run(executable: str) -> NoReturn:
     """Import the node, run it and end with its exit code.
 
     Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
@@ -68,17 +80,25 @@ def run(node: str) -> NoReturn:
     with starting():
         if sys.stdout is None:
             sys.stdout = _nowhere(1)
-        module = import_module(module_of(node))
-    code = int(module.main())
+        from serd_ros.process.run_node import run_node
+
+        node = node_maker(executable)
+    code = run_node(node)
     with suppress(OSError):  # who reads them may have ended
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(code)
 
 
-def module_of(node: str) -> str:
-    """The name of the module with the `main` of an executable."""
-    return f"serd_ros.nodes.{_IN_PACKAGES.get(node, node)}"
+def node_maker(executable: str) -> Callable[[], Any]:
+    """What makes the node of an executable, whose name is also the node's."""
+    name = NODES[executable].partition(":")[2]
+    return partial(getattr(import_module(module_of(executable)), name), executable)
+
+
+def module_of(executable: str) -> str:
+    """The name of the module of an executable."""
+    return f"serd_ros.nodes.{NODES[executable].partition(':')[0]}"
 
 
 if __name__ == "__main__":

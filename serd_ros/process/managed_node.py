@@ -49,9 +49,9 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
     """Deactivation destroys the endpoints that `activate` made; cleanup those of `configure`, and
     deletes the attributes that both set. Action clients stay."""
 
-    def __init__(self, kind: str, config_class: type[Config]) -> None:
+    def __init__(self, kind: str) -> None:
         self._action_clients: dict[str, ActionClient] = {}
-        super().__init__(kind, config_class)
+        super().__init__(kind)
         self.state = "active"
         #: For each transition upwards, the endpoints there were before it and their lifetime.
         self._before: list[tuple[set[Any], Lifetime]] = []

@@ -45,19 +45,13 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback.
 
-    namespace: where the command line gives none. given: parameters, which override its.
-    composition: of all nodes of this process, where it has several kinds.
+    kind: of CONFIGS. namespace: where the command line gives none. given: parameters, which
+    override its. composition: of all nodes of this process, where it has several kinds.
     """
 
     composition: Composition | None = None
 
-    def __init__(
-        self,
-        kind: str,
-        config_class: type[Config],
-        namespace: str = "",
-        given: Mapping[str, Any] = NOTHING,
-    ) -> None:
+    def __init__(self, kind: str, namespace: str = "", given: Mapping[str, Any] = NOTHING) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
         self.callbacks, self.frames = CallbackGuard(self, self.fail), Frames()
         self.kind = kind
@@ -74,7 +68,7 @@ class SerdNode(Node, Generic[Config]):
             _require_values(kind, self._parameter_overrides)
             raise
         self.given = given_parameters(self)
-        self.config: Config = read_config(self, kind, self.given, config_class)
+        self.config: Config = read_config(self, kind, self.given)
         self.frames = Frames(getattr(self.config, "frame_prefix", ""))
         self.finished = Future()
         #: Other nodes of this process, which end with it.

@@ -9,7 +9,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Any
 
 import rclpy
@@ -18,7 +17,7 @@ from domain_coordinator import domain_id
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from serd_ros.process.executable import module_of
+from serd_ros.process.executable import node_maker
 from serd_ros.process.serd_node import SerdNode
 
 
@@ -29,19 +28,6 @@ def deliver(subscription: Subscription, message: Any) -> None:
         subscription.callback(message, info)
     else:
         subscription.callback(message)
-
-
-def node_class(kind: str) -> type[SerdNode[Any]]:
-    """The node of an executable."""
-    module = import_module(module_of(kind))
-    (found,) = [
-        each
-        for each in vars(module).values()
-        if isinstance(each, type)
-        and issubclass(each, SerdNode)
-        and each.__module__ == module.__name__
-    ]
-    return found
 
 
 class NodeInProcess:
@@ -118,7 +104,7 @@ def node_in_process(
             signal_handler_options=SignalHandlerOptions.NO,
         )
         try:
-            node = node_class(kind)()
+            node = node_maker(kind)()
             try:
                 yield NodeInProcess(node)
             finally:

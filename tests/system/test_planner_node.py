@@ -62,7 +62,8 @@ def test_a_robot_without_a_valid_pose_stands_and_the_planner_reports_the_reason(
     ],
 )
 def test_an_invalid_parameter_ends_the_node_with_an_error_message(nodes, given, sentence):
-    command = [sys.executable, "-m", "serd_ros.nodes.local_planner", "--ros-args", "-p", given]
+    command = [sys.executable, "-m", "serd_ros.process.executable", "local_planner"]
+    command += ["--ros-args", "-p", given]
     assert nodes.start(command, "local_planner").wait(PATIENCE_S) == 2
     assert sentence in nodes.log_of("local_planner")
 

@@ -165,7 +165,7 @@ def recorder_node(ros_env, monkeypatch, tmp_path):
     given = [f"output:={tmp_path / 'bag'}", "topics:=[robot_pose]", "minimum_free_mb:=0.0"]
     arguments = [word for each in given for word in ("-p", each)]
     rclpy.init(args=["--ros-args", *arguments], domain_id=int(ros_env["ROS_DOMAIN_ID"]))
-    node = DemoRecorderNode()
+    node = DemoRecorderNode("demo_recorder")
     yield node
     node.close()
     node.destroy_node()

@@ -5,7 +5,6 @@ times, and is published on /clock.
 """
 
 import math
-import sys
 from collections import Counter
 from collections.abc import Collection, Iterable
 
@@ -29,7 +28,6 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import BagReplayConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.progress import Progress, write_progress
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 
@@ -105,8 +103,8 @@ class ReplayPublishers:
 class BagReplayNode(SerdNode[BagReplayConfig]):
     """Waits for subscribers, then publishes every message at its time."""
 
-    def __init__(self) -> None:
-        super().__init__("bag_replay", BagReplayConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         config = self.config
         self._reader = BagReader(config.bag)
         wanted = selected_topics(self._reader.topics, [name for name in config.topics if name])
@@ -249,12 +247,3 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             self.finish(0)
         else:
             self._outlet.close()
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros bag_replay`."""
-    return run_node(BagReplayNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

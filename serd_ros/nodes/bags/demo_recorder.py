@@ -28,7 +28,6 @@ from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
 from serd_ros.graph.configs import DemoRecorderConfig
 from serd_ros.process.managed_node import ManagedNode
-from serd_ros.process.run_node import run_node
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
@@ -39,9 +38,9 @@ _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
 class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
     """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str) -> None:
         self._n_bags = 0
-        super().__init__("demo_recorder", DemoRecorderConfig)
+        super().__init__(kind)
 
     def configure(self) -> None:
         """Look up the types of the topics."""
@@ -207,12 +206,3 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
             level=ERROR if not status.recording else WARN if silences else OK,
             message=status.problem or silences,
         )
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros demo_recorder`."""
-    return run_node(DemoRecorderNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,5 @@
 """teleop_joy: a joystick's axes and buttons as velocities, as teleop_twist_joy does it."""
 
-import sys
-
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
@@ -9,7 +7,6 @@ from std_msgs.msg import Bool
 from serd_ros.convert.command import to_twist
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import TeleopJoyConfig
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.joy_mapping import JoyDriver, load_joy_mapping
 
@@ -17,8 +14,8 @@ from teleop.joy_mapping import JoyDriver, load_joy_mapping
 class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
     """`joy` in, `cmd_vel_joy` out; publishes nothing while the enable button is not held."""
 
-    def __init__(self) -> None:
-        super().__init__("teleop_joy", TeleopJoyConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         self._driver = JoyDriver(load_joy_mapping(self.config.mapping))
         self._commands = self.create_publisher(Twist, topics.CMD_VEL_JOY, qos.COMMAND)
         self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
@@ -35,12 +32,3 @@ class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
             self._commands.publish(to_twist(command))
         if self._driver.overrides(message.buttons):
             self._override.publish(Bool(data=True))
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros teleop_joy`."""
-    return run_node(TeleopJoyNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

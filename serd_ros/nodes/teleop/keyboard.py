@@ -5,7 +5,6 @@ import sys
 
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.configs import TeleopKeyboardConfig
-from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
 from teleop.keyboard import (
     HELP,
@@ -23,9 +22,9 @@ from teleop.terminal import KeyNames, RawTerminal
 class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
     """Reads keys, chooses directions or velocities, starts and ends episodes."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str) -> None:
         self._terminal: RawTerminal | None = None
-        super().__init__("teleop_keyboard", TeleopKeyboardConfig)
+        super().__init__(kind)
         config = self.config
         self._keys, self._presses = KeyNames(), KeyPresses()
         self._overridden_s = -math.inf
@@ -97,12 +96,3 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
                 self.notify(wanted.value)
         except TeleopError as error:
             self.notify(str(error))
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros teleop_keyboard`."""
-    return run_node(TeleopKeyboardNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,7 +5,6 @@ drives. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true an
 false; `e_stop_engaged` is its state.
 """
 
-import sys
 from functools import partial
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -16,7 +15,6 @@ from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, t
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import TeleopMuxConfig
-from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.mux_settings import load_mux
 from teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
@@ -27,8 +25,8 @@ _REPORT_PERIOD_S = 0.2
 class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
     """Converts, calls `TwistMux.step`, publishes `cmd_vel_raw`."""
 
-    def __init__(self) -> None:
-        super().__init__("teleop_mux", TeleopMuxConfig)
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
         config = self.config
         settings = load_mux(config.mux)
         limits = config.model_dump(exclude={"mux", "rate_hz", "stamped_cmd_vel", "frame_prefix"})
@@ -102,12 +100,3 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
             level=WARN if output.e_stop else OK,
             message="e-stop" if output.e_stop else "",
         )
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros teleop_mux`."""
-    return run_node(TeleopMuxNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -4,7 +4,6 @@ The page is served by a thread of its own (teleop.page). This node publishes its
 the state of the world to it, twenty times a second.
 """
 
-import sys
 from typing import Any
 
 from sensor_msgs.msg import Joy
@@ -18,7 +17,6 @@ from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import PageView, episode_values
 from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.progress import report_address
-from serd_ros.process.run_node import run_node
 from sim.world.command import Command
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, read_token
@@ -42,10 +40,10 @@ _SILENCE_S = 0.5
 class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
     """One page at a time drives; without its heartbeat the robot stops."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str) -> None:
         self._server: PageServer | None = None
         self._overlay: LearnedOverlay | None = None
-        super().__init__("teleop_page", TeleopPageConfig)
+        super().__init__(kind)
         config = self.config
         self._heard_s: float | None = None
         self._moving = self._was_released = self._has_gamepad = False
@@ -158,12 +156,3 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
             "mode": self.mode,
             "choice": self.choice.upcoming.name.lower(),
         }
-
-
-def main() -> int:
-    """Entry point of `ros2 run serd_ros teleop_page`."""
-    return run_node(TeleopPageNode)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -16,7 +16,7 @@ from serd_ros.graph.graph import (
     load_graph,
     stack_parameters,
 )
-from serd_ros.process.executable import module_of
+from serd_ros.process.executable import NODES, module_of
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -34,11 +34,12 @@ def test_every_node_has_a_module_and_a_config():
     assert set(load_graph().nodes) == set(CONFIGS)
 
 
-def test_every_node_module_has_a_main():
-    for node in load_graph().nodes:
+def test_every_executable_makes_the_node_of_its_name():
+    assert set(NODES) == {*load_graph().nodes, COMPOSED}
+    for node, place in NODES.items():
         tree = ast.parse(_path_of(node).read_text())
-        names = {item.name for item in tree.body if isinstance(item, ast.FunctionDef)}
-        assert "main" in names, node
+        names = {item.name for item in tree.body if hasattr(item, "name")}
+        assert place.partition(":")[2] in names, node
 
 
 def test_every_subscribed_topic_is_published_by_some_node():

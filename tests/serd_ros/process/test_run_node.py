@@ -58,7 +58,7 @@ def interrupted_node(before, after, ended):
     class Interrupted(TeleopJoyNode):
         def __init__(self):
             before()
-            super().__init__()
+            super().__init__("teleop_joy")
             after()
 
         def close(self):
@@ -96,7 +96,7 @@ def test_a_second_signal_during_construction_ends_the_process_at_once(number):
 @pytest.mark.usefixtures("own_domain")
 def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     def make_node():
-        node = TeleopJoyNode()
+        node = TeleopJoyNode("teleop_joy")
 
         def fail_once():
             node.finish(0)
@@ -131,7 +131,7 @@ from serd_ros.process.run_node import run_node
 
 class Hanging(TeleopJoyNode):
     def __init__(self):
-        super().__init__()
+        super().__init__("teleop_joy")
         self.finish({exit_code})
 
     def close(self):
@@ -165,7 +165,7 @@ def received_by_a_node(receive, n_first):
     n_received = 0
 
     def make_node():
-        node = TeleopJoyNode()
+        node = TeleopJoyNode("teleop_joy")
         publisher = node.create_publisher(Bool, "own", 1000)
 
         def publish(count):
