@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
 from std_srvs.srv import Trigger
 
+from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world.world_publisher import WorldPublisher
@@ -14,13 +17,20 @@ from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
 from sim.world.world import HallwayWorld
 
+#: A robot stands where it was placed up to this distance (m, rad): the physical drive settles.
+_SETTLES = 0.01
+
 
 class SimulatedRobot:
     """node: has its topics and services; world: as this robot observes it.
 
-    asked: its driver has asked for the next episode. begun: an episode that began since, of which
-    the driver has not been informed. on_ask: called with a request that waits for others; returns
+    asked: its driver has asked for the next episode. begun: an episode that began since, until
+    its driver publishes a mark of it. on_ask: called with a request that waits for others; returns
     what it waits for.
+
+    A response may be late or lost, and the driver then repeats its request. So `reset` responds
+    with the same episode again until the driver marks it or the robot moves. Where no node
+    publishes marks, each request that was answered is followed by a new one.
     """
 
     def __init__(
@@ -33,11 +43,13 @@ class SimulatedRobot:
     ) -> None:
         self.node, self.world = node, world
         self.asked, self.begun, self._has_ever_asked = False, None, False
+        self._is_answered, self._start_pose = False, (0.0, 0.0, 0.0)
         self.publisher = WorldPublisher(node, world)
         self._readiness = Readiness(node, node.config.required_nodes, node.wall_s())
         self._on_ask, self._on_goal_moved = on_ask, on_goal
         node.create_service(Trigger, topics.RESET, self._on_reset)
         node.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
+        node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
 
     asked: bool
     begun: EpisodeStart | None
@@ -75,18 +87,30 @@ class SimulatedRobot:
     def begin(self, episode: EpisodeStart) -> None:
         """An episode has begun."""
         self.begun = episode if self.asked else None
-        self.asked = False
+        self.asked = self._is_answered = False
+        self._start_pose = self.world.observation.pose
+
+    @property
+    def _is_new_request(self) -> bool:
+        """Whether a request is no repetition of one that was answered."""
+        stands = np.allclose(self.world.observation.pose, self._start_pose, rtol=0.0, atol=_SETTLES)
+        return self._is_answered and not (stands and self.has_driver)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         missing = self._readiness.missing(self.node.wall_s())
-        if not missing and self.begun is None:
-            self.asked = self._has_ever_asked = True
+        if not missing and (self.begun is None or self._is_new_request):
+            self.asked, self.begun, self._has_ever_asked = True, None, True
             missing = self._on_ask()
         response.success = not missing
         response.message = missing
         if not missing and self.begun is not None:
-            response.message, self.begun = self.begun.model_dump_json(), None
+            response.message, self._is_answered = self.begun.model_dump_json(), True
         return response
+
+    def _on_mark(self, message: DiagnosticArray) -> None:
+        """A mark of the episode shows that its driver received the response."""
+        if self.begun is not None and self.begun.episode == from_episode_message(message).episode:
+            self.begun = None
 
     def _on_goal(self, message: PolygonStamped) -> None:
         """Set the goal of the driver: where its episode ends and it is no longer waited for."""

@@ -7,13 +7,16 @@ from xml.etree import ElementTree
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from bags.formats.rosbag2.message_types import rosbags_types
 from bags.messages.plain import transforms
+from serd_app.drives.episode_mark import START, EpisodeMark
 from serd_ros.convert.command import to_twist_stamped
+from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
@@ -22,6 +25,7 @@ from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
+from sim.episodes.result import EpisodeStart
 from sim.robot.urdf import BUILTIN_URDF
 from sim.world.command import Command
 from storage.yaml_config import model_yaml
@@ -147,6 +151,60 @@ def test_a_robot_without_an_answer_is_named_though_another_one_repeats_its_own(c
         assert "arrived on /robot2/cmd_vel within lockstep_timeout_s = 10 s" in (
             capsys.readouterr().err
         )
+
+
+def mark_of(message):
+    """What a driver publishes when it begins the episode of a response."""
+    start = EpisodeStart.model_validate_json(message)
+    return to_episode_message(EpisodeMark(START, start.start_s, start.episode))
+
+
+def test_a_request_of_a_driver_that_received_no_response_gets_the_same_episode():
+    with (
+        world(lockstep_timeout_s=10.0) as (running, (first, second)),
+        driver_of(first),
+        driver_of(second),
+    ):
+        assert ask(first) == (False, "the driver of /robot2")
+        begun = ask(second)
+        assert ask(first) == ask(first) == ask(second) == begun
+        assert begun[0]
+        for robot in (first, second):
+            name = robot.node.get_namespace().strip("/")
+            robot.receive(f"{name}/episode", mark_of(begun[1]))
+        assert time_after_commands(running, (first, second)) == 0.05
+        assert ask(first) == (False, "the driver of /robot2")
+        success, message = ask(second)
+        assert success
+        assert EpisodeStart.model_validate_json(message).episode == 1
+
+
+def episodes_of_two_requests(running, between=lambda: None):
+    """The episodes of the responses; between: done before the second request."""
+    found = []
+    for do in (lambda: None, between):
+        do()
+        success, message = ask(running)
+        assert success
+        found.append(EpisodeStart.model_validate_json(message).episode)
+    return found
+
+
+def test_each_request_by_hand_begins_an_episode_where_no_node_marks_them():
+    with node_in_process("hallway_sim", people=0) as running:
+        assert episodes_of_two_requests(running) == [0, 1]
+
+
+def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved():
+    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
+
+        def drive():
+            running.receive("cmd_vel", Twist(linear=Vector3(x=0.5)))
+            for _ in range(5):
+                running.call_timers()
+
+        assert episodes_of_two_requests(running) == [0, 0]
+        assert episodes_of_two_requests(running, drive) == [0, 1]
 
 
 @contextmanager
