@@ -2,7 +2,7 @@
 
 They do what is exact in every library: sums in the written order, products, quotients, roots and
 comparisons. Exponentials, sines, hypotenuses and sums by `einsum` or `mean` stay with NumPy. Each
-is documented where its twin in NumPy is.
+has its documentation and its types where its twin in NumPy is.
 """
 
 from collections.abc import Callable
@@ -10,8 +10,6 @@ from typing import Any
 
 import numba
 import numpy as np
-
-from serd_core.arrays import BoolArray, FloatArray
 
 COMPILED: dict[str, Callable[..., Any]] = {}
 # numba keeps what it compiles until this file changes, so no constant of another module is used.
@@ -25,14 +23,7 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @_compiled
-def measure_pairs(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    period_m: float,
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-) -> None:
+def measure_pairs(x_m, y_m, period_m, dx_m, dy_m, distance_m):
     n_people, n_bodies = distance_m.shape
     for i in range(n_people):
         for j in range(n_bodies):
@@ -44,17 +35,7 @@ def measure_pairs(
 
 
 @_compiled
-def measure_walls(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    start_m: FloatArray,
-    unit: FloatArray,
-    length_m: FloatArray,
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-    share: FloatArray,
-) -> None:
+def measure_walls(x_m, y_m, start_m, unit, length_m, dx_m, dy_m, distance_m, share):
     for i in range(len(x_m)):
         for w in range(len(length_m)):
             dx, dy = x_m[i] - start_m[0, w], y_m[i] - start_m[1, w]
@@ -69,17 +50,17 @@ def measure_walls(
 
 @_compiled
 def predicted_repulsion(
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-    velocity_x_mps: FloatArray,
-    velocity_y_mps: FloatArray,
-    heading_x: FloatArray,
-    heading_y: FloatArray,
-    reach_m: FloatArray,
-    core_reach_m: FloatArray,
-    constants: tuple[float, ...],
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    dx_m,
+    dy_m,
+    distance_m,
+    velocity_x_mps,
+    velocity_y_mps,
+    heading_x,
+    heading_y,
+    reach_m,
+    core_reach_m,
+    constants,
+):
     foresight_s, decay_m, core_decay_m, anisotropy, standing_m2ps2, coincident_m = constants
     away_x, away_y, exponent, weight, per_metre, core = np.empty((6, *dx_m.shape))
     for i in range(dx_m.shape[0]):
@@ -102,17 +83,8 @@ def predicted_repulsion(
 
 @_compiled
 def headings_past(
-    to_x: FloatArray,
-    to_y: FloatArray,
-    distance: FloatArray,
-    wanted_x: FloatArray,
-    wanted_y: FloatArray,
-    speed_mps: FloatArray,
-    velocity_mps: tuple[float, float],
-    circle_m: float,
-    noticed_m: float,
-    walls: tuple[FloatArray, FloatArray, FloatArray, float],
-) -> tuple[FloatArray, FloatArray]:
+    to_x, to_y, distance, wanted_x, wanted_y, speed_mps, velocity_mps, circle_m, noticed_m, walls
+):
     past_x, past_y = wanted_x.copy(), wanted_y.copy()
     for i in range(len(to_x)):
         ahead = wanted_x[i] * to_x[i] + wanted_y[i] * to_y[i]
@@ -133,8 +105,8 @@ def headings_past(
     return past_x, past_y
 
 
-@_njit  # type: ignore[untyped-decorator]
-def _has_room(x: float, y: float, walls: tuple[FloatArray, FloatArray, FloatArray, float]) -> bool:
+@_njit
+def _has_room(x, y, walls):
     start_m, unit, length_m, radius_m = walls
     for w in range(len(length_m)):
         start_x, start_y, unit_x, unit_y = start_m[0, w], start_m[1, w], unit[0, w], unit[1, w]
@@ -157,9 +129,7 @@ def _has_room(x: float, y: float, walls: tuple[FloatArray, FloatArray, FloatArra
 
 
 @_compiled
-def headings_on_legs(
-    x_m: FloatArray, y_m: FloatArray, legs: FloatArray, look_ahead_m: float, reached_m: float
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+def headings_on_legs(x_m, y_m, legs, look_ahead_m, reached_m):
     heading_x, heading_y = np.empty((2, len(x_m)))
     reached = np.empty(len(x_m), dtype=np.bool_)
     for i in range(len(x_m)):
@@ -174,15 +144,7 @@ def headings_on_legs(
 
 
 @_compiled
-def total_force(
-    rate: float,
-    speed_mps: FloatArray,
-    heading: FloatArray,
-    velocity_mps: FloatArray,
-    people: FloatArray,
-    wall: FloatArray,
-    noise: FloatArray,
-) -> FloatArray:
+def total_force(rate, speed_mps, heading, velocity_mps, people, wall, noise):
     force = np.empty(len(velocity_mps))
     for i in range(len(force)):
         wanted = rate * (speed_mps[i] * heading[i] - velocity_mps[i])
@@ -191,16 +153,7 @@ def total_force(
 
 
 @_compiled
-def walk(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    velocity_x_mps: FloatArray,
-    velocity_y_mps: FloatArray,
-    force_x: FloatArray,
-    force_y: FloatArray,
-    fastest_mps: FloatArray,
-    step_s: float,
-) -> None:
+def walk(x_m, y_m, velocity_x_mps, velocity_y_mps, force_x, force_y, fastest_mps, step_s):
     for i in range(len(x_m)):
         vx, vy = velocity_x_mps[i] + step_s * force_x[i], velocity_y_mps[i] + step_s * force_y[i]
         speed_mps = np.sqrt(vx * vx + vy * vy)
@@ -211,13 +164,7 @@ def walk(
 
 
 @_compiled
-def range_to_lines(
-    to_x: FloatArray,
-    to_y: FloatArray,
-    along_m: FloatArray,
-    ray_x: FloatArray,
-    ray_y: FloatArray,
-) -> FloatArray:
+def range_to_lines(to_x, to_y, along_m, ray_x, ray_y):
     nearest = np.full(len(ray_x), np.inf)
     for s in range(len(to_x)):
         along_x, along_y = along_m[s]
@@ -234,9 +181,7 @@ def range_to_lines(
 
 
 @_compiled
-def range_to_circles(
-    to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
-) -> FloatArray:
+def range_to_circles(to_x, to_y, radius_squared, ray_x, ray_y):
     nearest = np.full(len(ray_x), np.inf)
     for k in range(len(to_x)):
         squared = to_x[k] * to_x[k] + to_y[k] * to_y[k]
@@ -249,15 +194,7 @@ def range_to_circles(
 
 
 @_compiled
-def nearest_wall(
-    distance_m: FloatArray,
-    x_m: FloatArray,
-    y_m: FloatArray,
-    origin_m: tuple[float, float],
-    scale: float,
-    nearest_m: float,
-    n_soon: int,
-) -> tuple[FloatArray, BoolArray]:
+def nearest_wall(distance_m, x_m, y_m, origin_m, scale, nearest_m, n_soon):
     rows, columns = distance_m.shape
     shape, n_times = x_m.shape[:-1], x_m.shape[-1]
     x, y = x_m.reshape(-1, n_times), y_m.reshape(-1, n_times)
@@ -276,15 +213,7 @@ def nearest_wall(
 
 
 @_compiled
-def predicted(
-    position_m: FloatArray,
-    velocity_mps: FloatArray,
-    x_m: float,
-    y_m: float,
-    range_m: float,
-    most: int,
-    time_s: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def predicted(position_m, velocity_mps, x_m, y_m, range_m, most, time_s):
     squared = np.empty(len(position_m))
     near = np.empty(len(position_m), dtype=np.intp)
     n_near = 0
@@ -318,9 +247,7 @@ def predicted(
 
 
 @_compiled
-def distance_to_nearest(
-    x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
-) -> FloatArray:
+def distance_to_nearest(x_m, y_m, people_x_m, people_y_m):
     n_points, n_times = x_m.shape[-1], people_x_m.shape[1]
     all_x = np.ascontiguousarray(x_m).reshape(-1, n_points)
     all_y = np.ascontiguousarray(y_m).reshape(-1, n_points)
@@ -344,15 +271,7 @@ def distance_to_nearest(
 
 
 @_compiled
-def nearest_person(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    people_x_m: FloatArray,
-    people_y_m: FloatArray,
-    reach_m: float,
-    nearest_m: FloatArray,
-    decay_m: float,
-) -> tuple[FloatArray, BoolArray]:
+def nearest_person(x_m, y_m, people_x_m, people_y_m, reach_m, nearest_m, decay_m):
     shape, n_times, n_soon = x_m.shape[:-1], x_m.shape[-1], len(nearest_m)
     exponent = distance_to_nearest(x_m, y_m, people_x_m, people_y_m).reshape(-1, n_times)
     too_close = np.empty((len(exponent), n_soon), dtype=np.bool_)
@@ -366,7 +285,7 @@ def nearest_person(
 
 
 @_compiled
-def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
+def ramp(start, wanted, limit, time_s):
     ramped = np.empty((len(wanted), len(time_s)))
     for i in range(len(wanted)):
         for t in range(len(time_s)):
@@ -376,9 +295,7 @@ def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> 
 
 
 @_compiled
-def positions(
-    start_m: float, speed_mps: FloatArray, direction: FloatArray, step_s: float
-) -> FloatArray:
+def positions(start_m, speed_mps, direction, step_s):
     along = np.empty((speed_mps.shape[0], *direction.shape))
     for v in range(along.shape[0]):
         for w in range(along.shape[1]):
@@ -390,9 +307,7 @@ def positions(
 
 
 @_compiled
-def shortest_so_far(
-    x_m: FloatArray, y_m: FloatArray, to_x_m: float, to_y_m: float
-) -> tuple[FloatArray, FloatArray]:
+def shortest_so_far(x_m, y_m, to_x_m, to_y_m):
     all_x = np.ascontiguousarray(x_m).reshape(-1, x_m.shape[-1])
     all_y = np.ascontiguousarray(y_m).reshape(-1, x_m.shape[-1])
     shortest, last = np.empty(all_x.shape), np.empty(len(all_x))
@@ -407,7 +322,7 @@ def shortest_so_far(
 
 
 @_compiled
-def largest_product(values: FloatArray, factors: FloatArray) -> FloatArray:
+def largest_product(values, factors):
     rows = values.reshape(-1, values.shape[-1])
     largest = np.full(len(rows), -np.inf)
     for i in range(rows.shape[0]):
@@ -417,15 +332,7 @@ def largest_product(values: FloatArray, factors: FloatArray) -> FloatArray:
 
 
 @_compiled
-def nearest_now(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    people_x_m: FloatArray,
-    people_y_m: FloatArray,
-    reach_m: float,
-    largest_m: float,
-    nearest_m: FloatArray,
-) -> BoolArray:
+def nearest_now(x_m, y_m, people_x_m, people_y_m, reach_m, largest_m, nearest_m):
     n_times, range_m = x_m.shape[-1], reach_m + largest_m
     x = np.ascontiguousarray(x_m).reshape(-1, n_times)
     y = np.ascontiguousarray(y_m).reshape(-1, n_times)
@@ -445,7 +352,7 @@ def nearest_now(
 
 
 @_compiled
-def any_before(at_wall: BoolArray, at_person: BoolArray, soon: BoolArray) -> BoolArray:
+def any_before(at_wall, at_person, soon):
     n_times = at_wall.shape[-1]
     found = np.zeros(at_wall.shape[:-1], dtype=np.bool_)
     if n_times == 0:
