@@ -9,7 +9,7 @@ from sensor_msgs.msg import Joy
 from serd_core.grid.grid import Action, action_of_direction, direction_of_action
 from serd_ros.convert.checks import LARGEST, require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.convert.stamp import stamp_ns, to_header
 from serd_ros.endpoints import topics
 from sim.world.command import Command
 
@@ -24,10 +24,7 @@ def to_twist(command: Command) -> Twist:
 
 def to_twist_stamped(command: Command, time_s: float) -> TwistStamped:
     """A TwistStamped whose stamp is that of the observation it answers."""
-    message = TwistStamped(twist=to_twist(command))
-    message.header.frame_id = topics.BASE_FRAME
-    message.header.stamp = to_stamp(time_s)
-    return message
+    return TwistStamped(header=to_header(topics.BASE_FRAME, time_s), twist=to_twist(command))
 
 
 def from_twist(message: Twist) -> Command:
@@ -45,11 +42,15 @@ def from_twist_stamped(message: TwistStamped) -> tuple[int, Command]:
     return stamp_ns(message.header.stamp), from_twist(message.twist)
 
 
+def from_any_twist(message: Twist | TwistStamped) -> Command:
+    """The command of either."""
+    is_plain = isinstance(message, Twist)
+    return from_twist(message) if is_plain else from_twist_stamped(message)[1]
+
+
 def to_intent(action: Action, time_s: float) -> Vector3Stamped:
     """The unit direction of an action in the map, (0, 0) to wait."""
-    message = Vector3Stamped()
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
+    message = Vector3Stamped(header=to_header(topics.MAP_FRAME, time_s))
     message.vector.x, message.vector.y = direction_of_action(action)
     return message
 
@@ -66,6 +67,5 @@ def from_intent(message: Vector3Stamped, frames: Frames = NO_FRAMES) -> tuple[in
 
 def to_joy(axes: Sequence[float], buttons: Sequence[int], time_s: float) -> Joy:
     """A joystick's state as joy_node publishes it."""
-    message = Joy(axes=[float(axis) for axis in axes], buttons=[int(each) for each in buttons])
-    message.header.stamp = to_stamp(time_s)
-    return message
+    values = {"axes": list(map(float, axes)), "buttons": list(map(int, buttons))}
+    return Joy(header=to_header("", time_s), **values)

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from serd_app.drives.episode_mark import END, EPISODE, OUTCOMES, START, EpisodeMark
 from serd_ros.convert.checks import require_one_of
-from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.convert.stamp import stamp_ns, stamp_s, to_header
 from serd_ros.errors import MessageError
 
 #: The world's report where no simulated world counts contacts.
@@ -24,19 +24,23 @@ _LARGEST_COUNT = 2**63 - 1
 
 
 def to_diagnostics(
-    name: str, time_s: float, values: Mapping[str, object], *, level: bytes = OK, message: str = ""
+    name: str,
+    time_s: float,
+    values: Mapping[str, object],
+    *,
+    level: bytes = OK,
+    message: str = "",
+    hardware: str = "serd",
 ) -> DiagnosticArray:
     """One status of one node; numbers are written so that they read back exactly."""
     status = DiagnosticStatus(
         level=level,
         name=name,
         message=message,
-        hardware_id="serd",
+        hardware_id=hardware,
         values=[KeyValue(key=key, value=repr_of(value)) for key, value in values.items()],
     )
-    array = DiagnosticArray(status=[status])
-    array.header.stamp = to_stamp(time_s)
-    return array
+    return DiagnosticArray(header=to_header("", time_s), status=[status])
 
 
 def values_of(message: DiagnosticArray, name: str) -> dict[str, str] | None:
@@ -106,24 +110,9 @@ def repr_of(value: object) -> str:
 
 def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
     """The mark as one status named `episode`."""
-    values = {
-        "episode": str(mark.episode),
-        "driver": mark.driver,
-        "seed": str(mark.seed),
-        "start_area": mark.start_area,
-        "outcome": mark.outcome,
-        "reason": mark.reason,
-    }
-    status = DiagnosticStatus(
-        level=DiagnosticStatus.OK,
-        name=EPISODE,
-        message=mark.event,
-        hardware_id=mark.driver,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-    message = DiagnosticArray(status=[status])
-    message.header.stamp = to_stamp(mark.time_s)
-    return message
+    names = ("episode", "driver", "seed", "start_area", "outcome", "reason")
+    values = {name: getattr(mark, name) for name in names}
+    return to_diagnostics(EPISODE, mark.time_s, values, message=mark.event, hardware=mark.driver)
 
 
 def from_episode_message(message: DiagnosticArray) -> EpisodeMark:

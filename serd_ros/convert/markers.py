@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action
 from serd_ros.convert.checks import require_finite
 from serd_ros.convert.pose import to_pose
-from serd_ros.convert.stamp import to_stamp
+from serd_ros.convert.stamp import to_header
 from serd_ros.endpoints import topics
 from sim.world.observation import People
 
@@ -91,9 +91,10 @@ def to_trap_markers(
     centers_m: NDArray[np.float64], cell_size_m: float, time_s: float
 ) -> MarkerArray:
     """All trap cells (N, 2) as one list of red cubes, in place of those shown before."""
-    if not len(centers_m):
-        return MarkerArray(markers=[_without("traps", time_s)])
     marker = _marker(0, "traps", Marker.CUBE_LIST, time_s)
+    if not len(centers_m):
+        marker.action = Marker.DELETEALL
+        return MarkerArray(markers=[marker])
     size = float(0.9 * cell_size_m)
     marker.scale = Vector3(x=size, y=size, z=0.01)
     marker.color = _TRAP
@@ -112,12 +113,6 @@ def to_text_marker(words: str, at_m: tuple[float, float], time_s: float) -> Mark
     return MarkerArray(markers=[marker])
 
 
-def _without(namespace: str, time_s: float) -> Marker:
-    marker = _marker(0, namespace, Marker.CUBE_LIST, time_s)
-    marker.action = Marker.DELETEALL
-    return marker
-
-
 def _arrow(
     number: int, center: NDArray[np.float64], action: Action, cell_size_m: float, time_s: float
 ) -> Marker:
@@ -133,7 +128,5 @@ def _arrow(
 
 
 def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:
-    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
-    marker.header.frame_id = topics.MAP_FRAME
-    marker.header.stamp = to_stamp(time_s)
-    return marker
+    header = to_header(topics.MAP_FRAME, time_s)
+    return Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bags.messages.plain import yaw_of_quaternion
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.convert.stamp import stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from sim.robot.urdf import Placed
@@ -72,10 +72,7 @@ def from_pose_stamped(
 
 def to_pose_stamped(pose: PlanarPose, time_s: float) -> PoseStamped:
     """A pose in the map at a time."""
-    message = PoseStamped(pose=to_pose(pose))
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
-    return message
+    return PoseStamped(header=to_header(topics.MAP_FRAME, time_s), pose=to_pose(pose))
 
 
 def to_waypoint_message(waypoint: Waypoint, time_s: float, heading_rad: float = 0.0) -> PoseStamped:
@@ -90,9 +87,7 @@ def from_waypoint_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> t
 
 def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> TransformStamped:
     """The frame `child` lies at (x_m, y_m, yaw_rad) in `parent`."""
-    message = TransformStamped()
-    message.header.frame_id, message.header.stamp = parent, to_stamp(time_s)
-    message.child_frame_id = child
+    message = TransformStamped(header=to_header(parent, time_s), child_frame_id=child)
     message.transform.translation.x = float(pose[0])
     message.transform.translation.y = float(pose[1])
     message.transform.rotation = to_quaternion(pose[2])
@@ -114,10 +109,8 @@ def odom_in_map(base_in_map: PlanarPose, base_in_odom: PlanarPose) -> PlanarPose
 
 def to_odometry(observation: Observation, odometry_pose: PlanarPose) -> Odometry:
     """Odometry at the observation's time. odometry_pose: (x_m, y_m, yaw_rad) in the odom frame."""
-    message = Odometry()
-    message.header.stamp = to_stamp(observation.time_s)
-    message.header.frame_id = topics.ODOM_FRAME
-    message.child_frame_id = topics.BASE_FRAME
+    header = to_header(topics.ODOM_FRAME, observation.time_s)
+    message = Odometry(header=header, child_frame_id=topics.BASE_FRAME)
     message.pose.pose = to_pose(odometry_pose)
     message.twist.twist.linear.x = float(observation.speed_mps)
     message.twist.twist.angular.z = float(observation.yaw_rate_radps)
@@ -162,9 +155,7 @@ def _position(message: Pose) -> tuple[float, float]:
 
 def to_goal_area_message(area_m: Area, time_s: float) -> PolygonStamped:
     """The goal area in the map; its corners are kept in single precision."""
-    message = PolygonStamped()
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
+    message = PolygonStamped(header=to_header(topics.MAP_FRAME, time_s))
     message.polygon.points = [Point32(x=float(x), y=float(y), z=0.0) for x, y in area_m]
     return message
 
@@ -192,10 +183,7 @@ def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
     legs = np.diff(points_m, axis=0)
     yaws = np.arctan2(legs[:, 1], legs[:, 0])
     yaws = np.append(yaws, yaws[-1:] if len(yaws) else [0.0] * len(points_m))
-    message = Path()
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
-    message.poses = [
+    poses = [
         to_pose_stamped((x, y, yaw), time_s) for (x, y), yaw in zip(points_m, yaws, strict=True)
     ]
-    return message
+    return Path(header=to_header(topics.MAP_FRAME, time_s), poses=poses)

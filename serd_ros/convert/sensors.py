@@ -12,7 +12,7 @@ from sensor_msgs.msg import Imu, LaserScan, PointCloud2, PointField
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.pose import to_pose
-from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.convert.stamp import stamp_ns, to_header, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from sim.robot.contacts import Touch
@@ -22,14 +22,25 @@ from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import ImuSettings, LidarSettings
 from sim.world.observation import People
 
-_NAMES = ("x", "y", "z", "vx", "vy")
+_NAMES, _BUMPER_NAMES = ("x", "y", "z", "vx", "vy"), ("x", "y", "z", "impulse")
 #: Four times as many as the finest lidar of a robot, which has 0.02 degrees between rays.
 _MOST_RAYS = 72_000
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
+
+
+def _numbers(names: Sequence[str]) -> list[PointField]:
+    """Fields of four bytes, one after the other."""
+    return [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate(names)
+    ]
+
+
 _FIELDS = [
-    PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-    for index, name in enumerate(_NAMES)
-] + [PointField(name="id", offset=20, datatype=PointField.INT32, count=1)]
+    *_numbers(_NAMES),
+    PointField(name="id", offset=20, datatype=PointField.INT32, count=1),
+]
+_BUMPER_FIELDS = _numbers(_BUMPER_NAMES)
 
 
 def to_people_message(people: People, time_s: float) -> PointCloud2:
@@ -38,19 +49,7 @@ def to_people_message(people: People, time_s: float) -> PointCloud2:
     rows["x"], rows["y"] = people.position_m[:, 0], people.position_m[:, 1]
     rows["vx"], rows["vy"] = people.velocity_mps[:, 0], people.velocity_mps[:, 1]
     rows["id"] = people.identity
-    message = PointCloud2(
-        height=1,
-        width=len(rows),
-        fields=_FIELDS,
-        is_bigendian=False,
-        point_step=_ROW.itemsize,
-        row_step=_ROW.itemsize * len(rows),
-        data=array.array("B", rows.tobytes()),
-        is_dense=True,
-    )
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
-    return message
+    return _cloud(topics.MAP_FRAME, time_s, _FIELDS, len(rows), rows.tobytes())
 
 
 def to_bumper_message(touches: Sequence[Touch], time_s: float) -> PointCloud2:
@@ -58,31 +57,31 @@ def to_bumper_message(touches: Sequence[Touch], time_s: float) -> PointCloud2:
     rows = np.array(
         [(*each.place_m, 0.0, each.impulse_ns) for each in touches], dtype=np.float32
     ).reshape(-1, 4)
-    message = PointCloud2(
+    return _cloud(topics.BASE_FRAME, time_s, _BUMPER_FIELDS, len(rows), rows.tobytes())
+
+
+def _cloud(
+    frame: str, time_s: float, fields: list[PointField], n_points: int, data: bytes
+) -> PointCloud2:
+    """A cloud of points of whole 4-byte fields."""
+    return PointCloud2(
+        header=to_header(frame, time_s),
         height=1,
-        width=len(rows),
-        fields=[
-            PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-            for index, name in enumerate(("x", "y", "z", "impulse"))
-        ],
+        width=n_points,
+        fields=fields,
         is_bigendian=False,
-        point_step=16,
-        row_step=16 * len(rows),
-        data=array.array("B", rows.tobytes()),
+        point_step=4 * len(fields),
+        row_step=4 * len(fields) * n_points,
+        data=array.array("B", data),
         is_dense=True,
     )
-    message.header.frame_id = topics.BASE_FRAME
-    message.header.stamp = to_stamp(time_s)
-    return message
 
 
 def to_imu_message(
     reading: ImuReading, settings: ImuSettings, period_s: float, time_s: float
 ) -> Imu:
     """A reading with the variances of its noise; there is no orientation."""
-    message = Imu()
-    message.header.frame_id = topics.BASE_FRAME
-    message.header.stamp = to_stamp(time_s)
+    message = Imu(header=to_header(topics.BASE_FRAME, time_s))
     x, y, z = reading.angular_velocity_radps
     message.angular_velocity = Vector3(x=x, y=y, z=z)
     x, y, z = reading.acceleration_mps2
@@ -132,7 +131,8 @@ def _layout(fields: Iterable[PointField]) -> list[tuple[str, int, int, int]]:
 
 def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: float) -> LaserScan:
     """Ranges (n_rays,) counter-clockwise from angle_min; inf where nothing was hit."""
-    message = LaserScan(
+    return LaserScan(
+        header=to_header(topics.BASE_FRAME, time_s),
         angle_min=_single(settings.angle_min_rad),
         angle_max=_single(settings.angle_max_rad),
         angle_increment=_single(settings.angle_increment_rad),
@@ -141,9 +141,6 @@ def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: floa
         range_max=_single(settings.range_max_m),
         ranges=array.array("f", ranges_m.astype(np.float32).tobytes()),
     )
-    message.header.frame_id = topics.BASE_FRAME
-    message.header.stamp = to_stamp(time_s)
-    return message
 
 
 def _single(value: float) -> float:
@@ -205,9 +202,7 @@ def _require_lidar(message: LaserScan, lidar: LidarSettings) -> None:
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:
     """Row 0 is the lowest y, as nav_msgs defines it; -1 unknown, 0 free, 100 occupied."""
-    message = OccupancyGrid()
-    message.header.frame_id = topics.MAP_FRAME
-    message.header.stamp = to_stamp(time_s)
+    message = OccupancyGrid(header=to_header(topics.MAP_FRAME, time_s))
     message.info.map_load_time = to_stamp(time_s)
     message.info.resolution = float(raster.resolution_m)
     message.info.height, message.info.width = (int(n) for n in raster.cells.shape)

@@ -6,6 +6,7 @@ Exact to the nanosecond for a month of simulated time; beyond, seconds as a doub
 from enum import Enum
 
 from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
 from bags.messages.times import RESTART_NS
 from serd_ros.errors import MessageError
@@ -19,6 +20,11 @@ def to_stamp(time_s: float) -> Time:
     """The stamp nearest to `time_s` (s, >= 0)."""
     seconds, nanoseconds = divmod(round(time_s * _NS), _NS)
     return Time(sec=int(seconds), nanosec=int(nanoseconds))
+
+
+def to_header(frame: str, time_s: float) -> Header:
+    """The header of a message in a frame, at a time."""
+    return Header(frame_id=frame, stamp=to_stamp(time_s))
 
 
 def stamp_ns(stamp: Time) -> int:

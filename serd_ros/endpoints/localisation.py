@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
@@ -23,20 +23,20 @@ _FARTHEST_RAD = 1.0
 TakePose = Callable[[int, PlanarPose], None]
 
 
-class Localisation(Protocol):
+class Localisation:
     """A source of poses. topic: what must be published for it."""
 
-    topic: str
+    topic: ClassVar[str]
 
     def take_odometry(self, time_ns: int, pose: PlanarPose) -> None:
         """Take the pose in the odom frame, after which a pose in the map may follow."""
 
     def fault(self) -> str:
         """Why there is no pose although the topic is published; empty if unknown."""
-        ...
+        return ""
 
 
-class PoseTopic:
+class PoseTopic(Localisation):
     """`robot_pose` as it comes."""
 
     topic = topics.ROBOT_POSE
@@ -48,15 +48,8 @@ class PoseTopic:
         follow_transforms(node)
         node.create_subscription(PoseStamped, self.topic, on_pose, qos.STATE)
 
-    def take_odometry(self, time_ns: int, pose: PlanarPose) -> None:
-        """Not used."""
 
-    def fault(self) -> str:
-        """None is known."""
-        return ""
-
-
-class AmclPose:
+class AmclPose(Localisation):
     """`amcl_pose`, which comes rarely, carried on by each odometry since its stamp.
 
     After 1 m or 1 rad of odometry without an `amcl_pose` there is no pose until the next one.
@@ -113,7 +106,7 @@ class AmclPose:
         )
 
 
-class TransformPose:
+class TransformPose(Localisation):
     """`base_link` in `map` by /tf, as often as the transform next to `base_link` comes."""
 
     topic = topics.TF
@@ -131,9 +124,6 @@ class TransformPose:
         if placed.stamp_ns is not None and placed.stamp_ns != self._last_ns:
             self._last_ns = placed.stamp_ns
             self._take_pose(placed.stamp_ns, placed.pose)
-
-    def take_odometry(self, time_ns: int, pose: PlanarPose) -> None:
-        """Not used."""
 
     def fault(self) -> str:
         """What /tf lacks."""

@@ -81,7 +81,7 @@ class ObservationSource:
             self._people = PeopleTopic(node, people_topic, self._on_people)
         elif people_topic:  # publishers wait for it, as for those of all nodes
             node.create_subscription(PointCloud2, people_topic, lambda _: None, qos.STATE)
-        node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
+        node.create_timer(_LOOK_PERIOD_S, self._look)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
         self._came_wall_s["pose"] = self._node.wall_s()
@@ -132,9 +132,8 @@ class ObservationSource:
         return not self._tolerance_s and (not missing or set(missing.values()) == {None})
 
     def _report(self, missing: str, silent_s: float) -> None:
-        self._node.report_part(
-            "observation", {"silent_s": silent_s}, level=WARN if missing else OK, message=missing
-        )
+        level, values = WARN if missing else OK, {"silent_s": silent_s}
+        self._node.report(0.0, values, level=level, message=missing, part="observation")
 
     def _missing(self) -> list[str]:
         """What keeps an observation from being made, one phrase each."""

@@ -41,7 +41,7 @@ class PeopleTopic:
         self._followed: FollowedTopic | None = None
         self._topic, self._people = Topic(name, MessageType(CLOUD, "", "")), PeopleInMap()
         self._subscribe()
-        node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
+        node.create_timer(_LOOK_PERIOD_S, self._look)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         self._take_people(*from_people_message(message, self._node.frames))

@@ -59,7 +59,7 @@ def follow_transforms(node: SerdNode[Any], on_change: Callable[[], None] = lambd
         for each in followed:
             each.look()
 
-    node.create_timer(_LOOK_PERIOD_S, look, clock=node.wall_clock)
+    node.create_timer(_LOOK_PERIOD_S, look)
 
 
 class TransformPublisher:

@@ -82,7 +82,7 @@ class EpisodeDriverNode(ManagedNode[Config]):
             world_topics=self._world_topics(),
         )
         self._starter.wait()
-        self.create_timer(_LOOK_PERIOD_S, self._look_for_other_worlds, clock=self.wall_clock)
+        self.create_timer(_LOOK_PERIOD_S, self._look_for_other_worlds)
 
     def deactivate(self) -> None:
         """Discard the running episode."""

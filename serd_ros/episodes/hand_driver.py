@@ -79,7 +79,7 @@ class HandDriverNode(SerdNode[Config]):
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
         self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
-        self.create_timer(_BEAT_PERIOD_S, self._beat, clock=self.wall_clock)
+        self.create_timer(_BEAT_PERIOD_S, self._beat)
 
     @abstractmethod
     def attend(self) -> bool:

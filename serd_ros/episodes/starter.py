@@ -52,9 +52,7 @@ class EpisodeStarter:
         self._asked: Future | None = None
         self._asked_wall_s = 0.0
         self._marks = node.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
-        self._look = node.create_timer(
-            _LOOK_AGAIN_S, self._continue_when_ready, clock=node.wall_clock, autostart=False
-        )
+        self._look = node.create_timer(_LOOK_AGAIN_S, self._continue_when_ready, autostart=False)
 
     @property
     def waiting(self) -> bool:

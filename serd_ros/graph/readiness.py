@@ -23,6 +23,12 @@ class Readiness:
         self._required = tuple(name for name in required_nodes if name)
         self._node, self._since_s = node, now_s
         self._seen: tuple[int, ...] = ()
+        self._was_ready = False
+
+    def was_ready(self, now_s: float) -> bool:
+        """Whether nothing is missing, or was before; the graph is looked at until then."""
+        self._was_ready = self._was_ready or not self.missing(now_s)
+        return self._was_ready
 
     def missing(self, now_s: float) -> str:
         """What is missing, as words; empty when ready. now_s: steady wall time."""

@@ -57,7 +57,7 @@ class FoxgloveServerNode(SerdNode[FoxgloveServerConfig]):
         self._latched: dict[int, tuple[Any, Received]] = {}
         self._sinks = self._sdk.Context()
         self._server = self._start(config)
-        self.create_timer(_LOOK_PERIOD_S, self._look, clock=self.wall_clock)
+        self.create_timer(_LOOK_PERIOD_S, self._look)
         self.get_logger().info(f"open ws://{config.address}:{self.port} in Foxglove")
 
     def _start(self, config: FoxgloveServerConfig) -> Any:

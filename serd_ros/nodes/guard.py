@@ -44,7 +44,6 @@ class GuardNode(SerdNode[GuardConfig]):
         self._waiting: dict[Source, tuple[int, Callable[[], None]]] = {}
         self._answer: tuple[int, Command] | None = None
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
-        self._ready = False
         self._clock_s, self._clock_wall_s = -1.0, self.wall_s()
         self._stepped_wall_s = self._reported_wall_s = 0.0
         self._reported: GuardOutput | None = None
@@ -60,7 +59,7 @@ class GuardNode(SerdNode[GuardConfig]):
         if not config.lockstep:
             self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
-            self.create_timer(period_s, self._watch, clock=self.wall_clock)
+            self.create_timer(period_s, self._watch)
 
     def _scenario_in_lockstep(self) -> Scenario | None:
         """The scenario, whose ticks have scans or not; needed in lock-step only."""
@@ -112,8 +111,8 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def _answer_tick(self) -> None:
         """Answer the present stamp once; a repeated command gets the same answer."""
-        if Source.COMMAND not in self._waiting or not self._listened_to():
-            return
+        if Source.COMMAND not in self._waiting or not self._readiness.was_ready(self.wall_s()):
+            return  # until all required nodes subscribe the world repeats its tick
         time_ns = self._waiting[Source.COMMAND][0]
         if self._answer is None or self._answer[0] != time_ns:
             if not all(self._is_here(source, time_ns) for source in self._guard.sources):
@@ -135,11 +134,6 @@ class GuardNode(SerdNode[GuardConfig]):
         if source is Source.SCAN and tick % self._scenario.ticks_per_scan:
             return True
         return source in self._waiting and self._waiting[source][0] == time_ns
-
-    def _listened_to(self) -> bool:
-        """Whether all required nodes subscribe; until then the world repeats its tick."""
-        self._ready = self._ready or not self._readiness.missing(self.wall_s())
-        return self._ready
 
     def _watch(self) -> None:
         """Step when no command has come for a period."""

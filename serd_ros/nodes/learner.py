@@ -69,7 +69,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             self._listen(self._memory)
         self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
         self.create_service(Trigger, topics.LEARN, self._on_learn)
-        self.create_timer(_LOOK_PERIOD_S, self._look, clock=self.wall_clock)
+        self.create_timer(_LOOK_PERIOD_S, self._look)
         if self._memory is None or (self._memory.unlearned and self.config.learn_on == "episode"):
             self._begin(anew=False)
 

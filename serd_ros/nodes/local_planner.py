@@ -54,7 +54,6 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         self._answer: tuple[int, Command] | None = None
         self._heard_wall_s = self.wall_s()
         self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
-        self._ready = False
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
@@ -75,7 +74,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         if not self.config.lockstep:
             self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
             period_s = self._scenario.control_period_s
-            self.create_timer(period_s, self._stop_when_stale, clock=self.wall_clock)
+            self.create_timer(period_s, self._stop_when_stale)
 
     def deactivate(self) -> None:
         """Leave the robot standing."""
@@ -141,8 +140,8 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     def _answer_tick(self) -> None:
         """Answer the present tick once all it depends on is here; a repeated one the same way."""
         observation = self._observation
-        if observation is None or not self._has_subscribers():
-            return
+        if observation is None or not self._readiness.was_ready(self.wall_s()):
+            return  # until all required nodes subscribe the world repeats its tick
         time_ns = stamp_ns(to_stamp(observation.time_s))
         if self._scans and not self._scans.is_complete(observation):
             return
@@ -153,12 +152,6 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
                 self._waypoint = self._towards(observation, self._directive[1])
             self._answer = time_ns, self._plan(observation)
         self._send(self._answer[1], observation.time_s)
-
-    def _has_subscribers(self) -> bool:
-        """Whether all required nodes subscribe; until then the world repeats its tick."""
-        if not self._ready:
-            self._ready = not self._readiness.missing(self.wall_s())
-        return self._ready
 
     def _answer_live(self, observation: Observation) -> None:
         if not self._followed.is_given:

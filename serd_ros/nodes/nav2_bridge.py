@@ -60,7 +60,7 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
             self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
             self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         follow_transforms(self)
-        self.create_timer(_WATCH_S, self._watch, clock=self.wall_clock)
+        self.create_timer(_WATCH_S, self._watch)
 
     def release(self) -> None:
         """Do not leave Nav2 driving."""

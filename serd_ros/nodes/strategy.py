@@ -59,7 +59,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._reporter = StrategyReporter(self)
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         self.create_subscription(String, topics.MODEL, self._on_model, qos.LATCHED)
-        self.create_timer(_MODEL_CHECK_PERIOD_S, self._check_model_file, clock=self.wall_clock)
+        self.create_timer(_MODEL_CHECK_PERIOD_S, self._check_model_file)
         changes = {"goal": self._change_goal, "model": self._change_model}
         self._on_set = accept_changes(self, changes)
         self._reporter.report_plan(self._navigator.strategy, "start", self.wall_s())

@@ -29,7 +29,7 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         self._server = PageServer(scene, access, config.port)
         self._view.subscribe(self)
         self._overlay = LearnedOverlay(self, scenario, self._server)
-        self.create_timer(_PERIOD_S, self._show, clock=self.wall_clock)
+        self.create_timer(_PERIOD_S, self._show)
         report_address(self._server.url, self.get_logger().info)
 
     def close(self) -> None:

@@ -223,7 +223,7 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
             self._report_state(OK, "")
 
     def _report_state(self, level: bytes, message: str) -> None:
-        self.report_part("lifecycle", {"state": self.state}, level=level, message=message)
+        self.report(0.0, {"state": self.state}, level=level, message=message, part="lifecycle")
 
     def _endpoints(self) -> list[tuple[Any, Callable[[Any], object]]]:
         """Each with what destroys it."""

@@ -75,8 +75,8 @@ class SerdNode(Node, Generic[Config]):
         self.companions: list[SerdNode[Any]] = []
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)
-        self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input, clock=self.wall_clock)
-        self.create_timer(_FOLLOW_PERIOD_S, self._look_around, clock=self.wall_clock)
+        self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input)
+        self.create_timer(_FOLLOW_PERIOD_S, self._look_around)
         self._n_namesakes = 0
 
     def create_publisher(self, msg_type: Any, *args: Any, **options: Any) -> Publisher:
@@ -174,8 +174,9 @@ class SerdNode(Node, Generic[Config]):
     def create_timer(
         self, timer_period_sec: float, callback: Callable[[], None], *args: Any, **options: Any
     ) -> Timer:
-        """As rclpy's, with a guarded callback."""
+        """As rclpy's, with a guarded callback, of steady wall time."""
         guarded = self.callbacks.of_timer(callback)
+        options.setdefault("clock", self.wall_clock)
         return super().create_timer(timer_period_sec, guarded, *args, **options)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
@@ -227,18 +228,15 @@ class SerdNode(Node, Generic[Config]):
         *,
         level: bytes = OK,
         message: str = "",
+        part: str = "",
     ) -> None:
-        """Publish the node's health and numbers on `diagnostics`, whatever its name is."""
-        self._diagnostics.publish(
-            to_diagnostics(self.kind, time_s, values, level=level, message=message)
-        )
+        """Publish the node's health and numbers on `diagnostics`, whatever its name is.
 
-    def report_part(
-        self, part: str, values: Mapping[str, object], *, level: bytes, message: str
-    ) -> None:
-        """Publish a status of its own, `NODE: PART`, on `diagnostics`."""
-        name = f"{self.kind}: {part}"
-        self._diagnostics.publish(to_diagnostics(name, 0.0, values, level=level, message=message))
+        part: what has a status of its own, `NODE: PART`.
+        """
+        name = f"{self.kind}: {part}" if part else self.kind
+        status = to_diagnostics(name, time_s, values, level=level, message=message)
+        self._diagnostics.publish(status)
 
     def _look_around(self) -> None:
         self._follow_publishers()
@@ -281,7 +279,7 @@ class SerdNode(Node, Generic[Config]):
             self._reported_counts = counts
             level = ERROR if self.callbacks.n_internal_errors else WARN
             values = self.callbacks.values()
-            self.report_part("input", values, level=level, message="input dropped")
+            self.report(0.0, values, level=level, message="input dropped", part="input")
 
     def wall_s(self) -> float:
         """Steady wall time, independent of /clock."""

@@ -9,13 +9,13 @@ for the next episode or has ended. The middleware takes a process that stands st
 that has ended, so a robot drives on when its driver is there again.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import partial
-from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 
-from serd_ros.convert.command import from_twist, from_twist_stamped
+from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world.simulated_robot import SimulatedRobot
@@ -33,38 +33,8 @@ _RESEND_AFTER_S = 0.5
 _LONGEST_TURN_S = 2.0
 
 
-class WorldLoop(Protocol):
+class WorldLoop(ABC):
     """Advances the world between resets."""
-
-    paused: bool
-
-    def begin(self) -> None:
-        """A new episode has just been reset."""
-        ...
-
-    def look(self) -> None:
-        """A robot has another goal area, or its driver asked for an episode or is there again."""
-        ...
-
-
-class _Published:
-    """Publishes a tick: the clock, then what each robot observes."""
-
-    def __init__(
-        self, clock: ClockPublisher, world: SharedWorld, robots: Sequence[SimulatedRobot]
-    ) -> None:
-        self.paused = False
-        self.world, self.robots, self._clock = world, tuple(robots), clock
-
-    def publish(self) -> None:
-        """Send the present tick."""
-        self._clock.publish(self.world.time_s)
-        for robot in self.robots:
-            robot.publisher.publish()
-
-
-class LockstepLoop(_Published):
-    """One step per stamped command of each robot."""
 
     def __init__(
         self,
@@ -73,20 +43,47 @@ class LockstepLoop(_Published):
         world: SharedWorld,
         robots: Sequence[SimulatedRobot],
     ) -> None:
-        super().__init__(clock, world, robots)
-        self._node, self._begun = node, False
+        self.paused = False
+        self.world, self.robots, self._node, self._clock = world, tuple(robots), node, clock
+        self.start()
+
+    @abstractmethod
+    def start(self) -> None:
+        """Take commands from now on."""
+
+    @abstractmethod
+    def begin(self) -> None:
+        """A new episode has just been reset."""
+
+    @abstractmethod
+    def look(self) -> None:
+        """A robot has another goal area, or its driver asked for an episode or is there again."""
+
+    def publish(self) -> None:
+        """Send the present tick: the clock, then what each robot observes."""
+        self._clock.publish(self.world.time_s)
+        for robot in self.robots:
+            robot.publisher.publish()
+
+
+class LockstepLoop(WorldLoop):
+    """One step per stamped command of each robot."""
+
+    def start(self) -> None:
+        """Wait for the first episode."""
+        self._begun = False
         self._awaited_ns: int | None = None
         #: Those that move in this control period, with their commands so far.
         self._commands: dict[SimulatedRobot, Command | None] = {}
         self._standing: set[SimulatedRobot] = set()
-        self._sent_wall_s = self._watched_wall_s = node.wall_s()
+        self._sent_wall_s = self._watched_wall_s = self._node.wall_s()
         #: How long commands were awaited since the last one or the begin of the tick.
         self._silent_s = 0.0
-        for robot in robots:
+        for robot in self.robots:
             robot.node.create_subscription(
                 TwistStamped, topics.CMD_VEL, partial(self._on_command, robot), qos.COMMAND
             )
-        node.create_timer(_RESEND_AFTER_S / 2, self._watch, clock=node.wall_clock)
+        self._node.create_timer(_RESEND_AFTER_S / 2, self._watch)
 
     def begin(self) -> None:
         """Publish the first observation of the episode and wait for its commands."""
@@ -177,23 +174,17 @@ class LockstepLoop(_Published):
             self._step_when_answered()
 
 
-class LiveLoop(_Published):
+class LiveLoop(WorldLoop):
     """One step per control period of (scaled) real time, with a dead-man's switch."""
 
-    def __init__(
-        self,
-        node: SerdNode[HallwaySimConfig],
-        clock: ClockPublisher,
-        world: SharedWorld,
-        robots: Sequence[SimulatedRobot],
-    ) -> None:
-        super().__init__(clock, world, robots)
-        self._guards = [CommandGuard(each.node.config.command_timeout_s) for each in robots]
+    def start(self) -> None:
+        """Run the timer, which advances the world once an episode has begun."""
+        self._guards = [CommandGuard(each.node.config.command_timeout_s) for each in self.robots]
         self._running = False
-        for robot, guard in zip(robots, self._guards, strict=True):
+        for robot, guard in zip(self.robots, self._guards, strict=True):
             self._follow(robot, guard)
-        period_s = robots[0].world.scenario.control_period_s / node.config.real_time_factor
-        node.create_timer(period_s, self._step, clock=node.wall_clock)
+        period_s = self.robots[0].world.scenario.control_period_s
+        self._node.create_timer(period_s / self._node.config.real_time_factor, self._step)
 
     def begin(self) -> None:
         """Publish the first observation; the timer continues from here."""
@@ -206,20 +197,11 @@ class LiveLoop(_Published):
     def _follow(self, robot: SimulatedRobot, guard: CommandGuard) -> None:
         """Let the commands of a robot reach its guard."""
 
-        def take(command: Command) -> None:
-            guard.receive(command, self.world.time_s)
+        def take(message: Twist | TwistStamped) -> None:
+            guard.receive(from_any_twist(message), self.world.time_s)
 
-        if robot.node.config.stamped_cmd_vel:
-            robot.node.create_subscription(
-                TwistStamped,
-                topics.CMD_VEL,
-                lambda m: take(from_twist_stamped(m)[1]),
-                qos.COMMAND,
-            )
-        else:
-            robot.node.create_subscription(
-                Twist, topics.CMD_VEL, lambda m: take(from_twist(m)), qos.COMMAND
-            )
+        kind = TwistStamped if robot.node.config.stamped_cmd_vel else Twist
+        robot.node.create_subscription(kind, topics.CMD_VEL, take, qos.COMMAND)
 
     def _step(self) -> None:
         if self.paused or not self._running:

@@ -95,7 +95,7 @@ class OtherClocks:
         self._clock: FollowedTopic | None = None
         _discover(node)
         self._until_s = node.wall_s() + LONGEST_END_S
-        node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
+        node.create_timer(_LOOK_PERIOD_S, self._look)
 
     def _look(self) -> None:
         """Report several publishers when that changes, and receive while there are."""
@@ -113,9 +113,8 @@ class OtherClocks:
         if several != self._reported:
             self._reported = several
             level, message = (ERROR, f"there must be {several}") if several else (OK, "")
-            self._node.report_part(
-                "clock", {"publishers": len(names)}, level=level, message=message
-            )
+            values = {"publishers": len(names)}
+            self._node.report(0.0, values, level=level, message=message, part="clock")
             if several:
                 self._node.get_logger().error(message)
 

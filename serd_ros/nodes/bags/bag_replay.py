@@ -129,10 +129,10 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._keys = ReplayKeys() if config.keys else None
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
         self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
-        self.create_timer(_TURN_S, self._turn, clock=self.wall_clock)
-        self.create_timer(_REPORT_PERIOD_S, self._report_playback, clock=self.wall_clock)
+        self.create_timer(_TURN_S, self._turn)
+        self.create_timer(_REPORT_PERIOD_S, self._report_playback)
         if config.clock_hz > 0:
-            self.create_timer(1.0 / config.clock_hz, self._send_clock, clock=self.wall_clock)
+            self.create_timer(1.0 / config.clock_hz, self._send_clock)
 
     def close(self) -> None:
         """Restore the terminal."""

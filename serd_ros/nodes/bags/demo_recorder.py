@@ -62,8 +62,8 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
         self._topics = {name: self._followed(name, kind) for name, kind in self._kinds.items()}
         self.create_service(Trigger, topics.START_RECORDING, self._on_start)
         self.create_service(Trigger, topics.STOP_RECORDING, self._on_stop)
-        self.create_timer(_POLL_PERIOD_S, self._poll, clock=self.wall_clock)
-        self.create_timer(_REPORT_PERIOD_S, self._report, clock=self.wall_clock)
+        self.create_timer(_POLL_PERIOD_S, self._poll)
+        self.create_timer(_REPORT_PERIOD_S, self._report)
         if self.config.record_at_start:
             self._start()
 

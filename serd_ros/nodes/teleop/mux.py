@@ -11,7 +11,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
+from serd_ros.convert.command import from_any_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import TeleopMuxConfig
@@ -43,12 +43,10 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         kind = TwistStamped if config.stamped_cmd_vel else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
         self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
-        self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
+        self.create_timer(1.0 / config.rate_hz, self._step)
 
     def _take(self, name: str, message: Twist | TwistStamped) -> None:
-        stamped = isinstance(message, TwistStamped)
-        command = from_twist_stamped(message)[1] if stamped else from_twist(message)
-        self._mux.receive(name, command, self.wall_s())
+        self._mux.receive(name, from_any_twist(message), self.wall_s())
 
     def _lock(self, name: str, message: Bool) -> None:
         self._mux.receive_lock(name, bool(message.data), self.wall_s())

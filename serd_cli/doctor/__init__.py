@@ -1,1 +1,0 @@
-"""What `serd doctor` checks."""

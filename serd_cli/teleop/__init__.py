@@ -1,1 +1,0 @@
-"""What `serd teleop` is made of: its settings and its terminal output."""
