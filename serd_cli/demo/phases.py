@@ -20,7 +20,7 @@ from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.processes.executables import shared_file
+from serd_cli.processes.node_commands import shared_file
 from serd_cli.processes.stack_run import run_stack
 from serd_ros.graph.graph import PACKAGE
 from sim.scenario.grid import grid_of

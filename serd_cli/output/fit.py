@@ -1,22 +1,98 @@
-"""A fit as tables: weights and outcomes with standard errors, and what the data leave open."""
+"""What `serd learn` prints: the fit with standard errors, and what the data leave open."""
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from itertools import groupby
 from operator import itemgetter
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from report.style import in_words
 from serd_app.learning.certainty import Certainty
+from serd_app.learning.crossing_times import times_sentence, unseen_sentence
+from serd_app.learning.knowledge import knowledge_lines
+from serd_app.learning.learning_files import LearningFiles
+from serd_app.learning.outcome import FitOutcome
+from serd_cli.output.terminal import console
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from storage.model_file import ModelType
+from storage.quantities import counted
 
 
-def weights_table(fit: FitResult, certainty: Certainty) -> Table:
+def print_learned(
+    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
+) -> None:
+    """The fit as tables, what it was made of, and what the data leave open."""
+    decisions = files.demonstrations.decisions
+    left_out = f", {files.left_out()} left out" if files.left_out() else ""
+    across = ", so every move is across it" if files.flow_from == "none" else ""
+    place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
+    console.print(
+        f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
+        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
+        f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
+        soft_wrap=True,
+    )
+    if outcome.groups is not None:
+        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True)
+    if outcome.model.types:
+        console.print(_types_table(outcome.model.types))
+    else:
+        console.print(_weights_table(outcome.fit, certainty))
+    console.print(_outcomes_table(files.task.problem, outcome.fit, certainty))
+    if files.elsewhere_m:
+        goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
+        console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
+    for line in (*files.remarks(), *_remarks(files.task.problem, certainty)):
+        console.print(line, style="yellow", soft_wrap=True)
+    if outcome.knowledge is not None:
+        console.print("What is known of the outcomes, and from where:", style="bold")
+        for line in knowledge_lines(outcome.knowledge, files.task.problem):
+            console.print(f"  {line}", soft_wrap=True)
+    if outcome.belief:
+        console.print(outcome.belief, soft_wrap=True)
+    for each in outcome.model.crossing_times:
+        console.print(times_sentence(each), soft_wrap=True)
+        if warning := unseen_sentence(each):
+            console.print(warning, style="yellow", soft_wrap=True)
+    console.print(outcome.summary(), soft_wrap=True)
+    console.print(f"model: {output.resolve()}", soft_wrap=True)
+
+
+def learned_values(
+    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
+) -> dict[str, Any]:
+    """The same by name; None for a standard error that is not finite."""
+    errors, found = certainty.errors, certainty.identifiability
+    return {
+        **outcome.values(),
+        "validation_log_likelihoods": dict(outcome.validation),
+        "crossing_times": [each.model_dump() for each in outcome.model.crossing_times],
+        "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
+        "standard_errors": None if errors is None else [_plain(each) for each in errors.reward],
+        "outcome_standard_errors": None
+        if errors is None
+        else [[_plain(each) for each in row] for row in errors.outcome_probabilities],
+        "identified_without_prior": None if found is None else found.identified,
+        "open_directions": [] if found is None else [str(each) for each in found.null],
+        "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
+        "scenario": files.task.scenario,
+        "flow": files.flow_from,
+        "goals_m": files.goals_m,
+        "n_after_goal": files.n_after_goal,
+        "n_elsewhere": files.n_elsewhere,
+        "elsewhere_m": files.elsewhere_m,
+        "n_reaching_goal": files.n_reaching_goal,
+        "model": str(output.resolve()),
+    }
+
+
+def _weights_table(fit: FitResult, certainty: Certainty) -> Table:
     """One row per feature."""
     table = _table("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(fit.feature_names):
@@ -25,7 +101,7 @@ def weights_table(fit: FitResult, certainty: Certainty) -> Table:
     return table
 
 
-def types_table(types: Sequence[ModelType]) -> Table:
+def _types_table(types: Sequence[ModelType]) -> Table:
     """One row per type of experts: its share, episodes, pace, and weights with deviations."""
     features = [in_words(name) for name in types[0].reward_weights]
     columns = ("share in %", "episodes", "pace", *features)
@@ -42,7 +118,7 @@ def types_table(types: Sequence[ModelType]) -> Table:
     return table
 
 
-def outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certainty) -> Table:
+def _outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certainty) -> Table:
     """One row per outcome model: probability and standard error of each outcome."""
     names = [outcome.name.lower() for outcome in Outcome]
     table = _table("Outcomes of a decision period, in % ± standard error", "model", names)
@@ -58,25 +134,12 @@ def outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certai
     return table
 
 
-def remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
+def _remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
     """Why there are no standard errors, and which numbers the prior alone determines."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
     if numbers := "; ".join(_open_numbers(problem, certainty)):
         yield f"not determined by the decisions alone, so the prior decides: {numbers}"
-
-
-def certainty_values(certainty: Certainty) -> dict[str, Any]:
-    """The same by name; None for a standard error that is not finite."""
-    errors, found = certainty.errors, certainty.identifiability
-    return {
-        "standard_errors": None if errors is None else [_plain(each) for each in errors.reward],
-        "outcome_standard_errors": None
-        if errors is None
-        else [[_plain(each) for each in row] for row in errors.outcome_probabilities],
-        "identified_without_prior": None if found is None else found.identified,
-        "open_directions": [] if found is None else [str(each) for each in found.null],
-    }
 
 
 def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:

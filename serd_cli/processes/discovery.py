@@ -1,7 +1,7 @@
 """Two processes of one ROS domain that find each other: one publishes, the other waits for it.
 
-`python -m serd_cli.doctor.discovery talk` publishes until it is ended, `listen` ends with 0 at the
-first message and with 1 after LONGEST_S.
+`python -m serd_cli.processes.discovery talk` publishes until it is ended, `listen` ends with 0 at
+the first message and with 1 after LONGEST_S.
 """
 
 import subprocess
@@ -16,7 +16,7 @@ _LONGEST_END_S = 5.0
 
 def processes_discover_each_other(environment: Mapping[str, str]) -> bool:
     """Whether a message of one process reaches another."""
-    words = [sys.executable, "-m", "serd_cli.doctor.discovery"]
+    words = [sys.executable, "-m", "serd_cli.processes.discovery"]
     talker, listener = (
         subprocess.Popen(
             [*words, role],

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import PIPE, run
-from typing import Any, TextIO
+from typing import Any
 
 from domain_coordinator import domain_id
 from rich.markup import escape
@@ -16,7 +16,7 @@ from rich.table import Column
 from serd_cli.errors import BAD_INPUT, RunError
 from serd_cli.output.terminal import WorkProgress
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.supervisor import run_together
+from serd_cli.processes.supervisor import Line, run_together
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, full_namespace, load_graph
 from serd_ros.process.progress import VARIABLE, parse_progress
@@ -70,49 +70,33 @@ def run_stack(
     """
     require_free_domain(find_stack(name), environment)
     processes = stack_processes(find_stack(name), parameters, environment, composed=composed)
-    with StackProgress(name, total, logs / f"{name}.log") as progress:
-        run_together(processes, environment, progress.take_line)
-        progress.finish()
+    bar = WorkProgress(
+        TextColumn("{task.description:<12}"),
+        BarColumn(bar_width=20),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
+        expand=True,
+    )
+    task = bar.add_task(name, total=total, text="starting the nodes")
+    with log_of_nodes(logs / f"{name}.log") as log, bar:
 
-
-class StackProgress:
-    """A bar over `total` parts; every other line of the nodes goes to the log file."""
-
-    def __init__(self, title: str, total: int, log: Path) -> None:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        self._log_path = log
-        self._log: TextIO | None = None
-        self._bar = WorkProgress(
-            TextColumn("{task.description:<12}"),
-            BarColumn(bar_width=20),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
-            expand=True,
-        )
-        self._task = self._bar.add_task(title, total=total, text="starting the nodes")
-
-    def __enter__(self) -> "StackProgress":
-        self._log = self._log_path.open("a", encoding="utf-8")
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-        if self._log is not None:
-            self._log.close()
-
-    def take_line(self, node: str, line: str) -> None:
-        """Take a line that a node printed."""
-        progress = parse_progress(line)
-        if progress is not None:
+        def take(node: str, line: str) -> None:
+            progress = parse_progress(line)
+            if progress is None:
+                log(node, line)
+                return
             text = progress.text
             short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-            self._bar.update(self._task, text=escape(short), completed=progress.done)
-        elif self._log is not None:
-            self._log.write(f"{node:>15} | {line}\n")
-            self._log.flush()
+            bar.update(task, text=escape(short), completed=progress.done)
 
-    def finish(self) -> None:
-        """Fill the bar."""
-        self._bar.update(self._task, completed=self._bar.tasks[0].total)
+        run_together(processes, environment, take)
+        bar.update(task, completed=total)
+
+
+@contextmanager
+def log_of_nodes(path: Path) -> Iterator[Line]:
+    """What appends a line of a node to a file, at once; makes the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8", buffering=1) as file:
+        yield lambda node, line: print(f"{node:>15} | {line}", file=file)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.processes.executables import executables_of, find_command
+from serd_cli.processes.node_commands import executables_of, find_command
 from serd_cli.processes.workspace import PROJECT, ros_environment
 from serd_ros.graph.graph import COMPOSED, load_graph
 from support.waiting import PATIENCE_S

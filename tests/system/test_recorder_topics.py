@@ -15,8 +15,7 @@ from std_msgs.msg import Header, String
 from bags.formats.rosbag2.qos import profile_to_offer
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
-from serd_cli.processes.executables import find_command
-from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.node_commands import find_command, node_command
 from serd_ros.convert.diagnostics import WARN
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos

@@ -1,6 +1,6 @@
 """`serd learn`: a table of decisions into a model file, without any ROS."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,10 +13,9 @@ from report.style import save_figure
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
-from serd_app.learning.crossing_times import load_times, times_sentence, unseen_sentence
+from serd_app.learning.crossing_times import load_times
 from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.knowledge import knowledge_lines
 from serd_app.learning.learning_files import (
     FlowSource,
     LearningFiles,
@@ -29,19 +28,12 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson, validated, with_settings
-from serd_cli.output.fit import (
-    certainty_values,
-    outcomes_table,
-    remarks,
-    types_table,
-    weights_table,
-)
+from serd_cli.output.fit import learned_values, print_learned
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from serd_core.arrays import IntArray
 from sim.scenario.goal import point_of
 from storage.files import require_file_place, require_folder
-from storage.quantities import counted
 
 
 @with_settings(
@@ -142,6 +134,7 @@ def learn(
         raise UsageError(
             "--same-expert recording groups by types; add --experts auto or a number above 1"
         )
+    measured = load_times(times or [])
     files = read_learning_files(
         table,
         discount=settings.discount,
@@ -150,29 +143,29 @@ def learn(
         goals_m=tuple(point_of(each) for each in goal or ()),
         density=density,
     )
-    measured = load_times(times or [])
-    require_replaceable(output, files.task.scenario_yaml)
+    decisions, problem = files.demonstrations.decisions, files.task.problem
+    units = experts_of_recordings(table, decisions) if by_recording else None
     _require_left(files, settings.minimum_decisions)
-    units = experts_of_recordings(table, files.demonstrations.decisions) if by_recording else None
+    require_replaceable(output, files.task.scenario_yaml)
     outcome = _fitted(files, settings, wanted, units)
+    grouped = bool(outcome.model.types)
+    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
     model = outcome.model.model_copy(update={"crossing_times": measured})
     outcome = replace(outcome, model=model)
-    save_outcome(output, outcome, files.task.problem.grid)
+    save_outcome(output, outcome, problem.grid)
     if outcome.knowledge is not None:
-        figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
+        figure = draw_gain(None, problem.grid, outcome.knowledge.gain_nats)
         save_figure(outcome_files(output)["gain_map"], figure)
     page = None
     if report is not None:
-        inputs = inputs_of_model(output, scenario=scenario, demonstrations=table)
-        page = write_report(inputs, report)
-    decisions, problem = files.demonstrations.decisions, files.task.problem
-    grouped = bool(outcome.model.types)
-    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
+        page = write_report(
+            inputs_of_model(output, scenario=scenario, demonstrations=table), report
+        )
     if as_json:
         reported = {} if page is None else {"report": str(page)}
-        print_json(_values(files, outcome, certainty, output) | reported)
+        print_json(learned_values(files, outcome, certainty, output) | reported)
     else:
-        _print(files, outcome, certainty, output)
+        print_learned(files, outcome, certainty, output)
         if page is not None:
             console.print(f"report: {page}", soft_wrap=True)
     if not outcome.fit.converged:
@@ -211,61 +204,3 @@ def _fitted(
             bar.update(task, step=f"{where}: {step.objective:.4f} per decision")
 
         return fit(files.task, files.demonstrations, settings, show)
-
-
-def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path) -> None:
-    decisions = files.demonstrations.decisions
-    left_out = f", {files.left_out()} left out" if files.left_out() else ""
-    across = ", so every move is across it" if files.flow_from == "none" else ""
-    place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
-    console.print(
-        f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
-        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
-        f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
-        soft_wrap=True,
-    )
-    if outcome.groups is not None:
-        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True)
-    if outcome.model.types:
-        console.print(types_table(outcome.model.types))
-    else:
-        console.print(weights_table(outcome.fit, certainty))
-    console.print(outcomes_table(files.task.problem, outcome.fit, certainty))
-    if files.elsewhere_m:
-        goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
-        console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
-    for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
-        console.print(line, style="yellow", soft_wrap=True)
-    if outcome.knowledge is not None:
-        console.print("What is known of the outcomes, and from where:", style="bold")
-        for line in knowledge_lines(outcome.knowledge, files.task.problem):
-            console.print(f"  {line}", soft_wrap=True)
-    if outcome.belief:
-        console.print(outcome.belief, soft_wrap=True)
-    for each in outcome.model.crossing_times:
-        console.print(times_sentence(each), soft_wrap=True)
-        if warning := unseen_sentence(each):
-            console.print(warning, style="yellow", soft_wrap=True)
-    console.print(outcome.summary(), soft_wrap=True)
-    console.print(f"model: {output.resolve()}", soft_wrap=True)
-
-
-def _values(
-    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
-) -> dict[str, Any]:
-    return {
-        **outcome.values(),
-        "validation_log_likelihoods": dict(outcome.validation),
-        "crossing_times": [each.model_dump() for each in outcome.model.crossing_times],
-        "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
-        **certainty_values(certainty),
-        "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
-        "scenario": files.task.scenario,
-        "flow": files.flow_from,
-        "goals_m": files.goals_m,
-        "n_after_goal": files.n_after_goal,
-        "n_elsewhere": files.n_elsewhere,
-        "elsewhere_m": files.elsewhere_m,
-        "n_reaching_goal": files.n_reaching_goal,
-        "model": str(output.resolve()),
-    }

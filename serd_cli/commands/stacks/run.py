@@ -7,7 +7,7 @@ import typer
 
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.executables import all_executables, find_command
+from serd_cli.processes.node_commands import all_executables, find_command
 from serd_cli.processes.workspace import ros_environment
 
 

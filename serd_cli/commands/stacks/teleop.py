@@ -1,37 +1,93 @@
 """`serd teleop`: drive by hand in real time, record it, and see what is recorded."""
 
 import os
+import re
 import shlex
+import socket
 import sys
+import termios
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
+from rich.text import Text
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
+from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.stack_run import require_free_domain
-from serd_cli.processes.supervisor import run_together
+from serd_cli.processes.stack_run import log_of_nodes, require_free_domain
+from serd_cli.processes.supervisor import Line, run_together
 from serd_cli.processes.workspace import ros_environment
-from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
-from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_core.errors import SerdError
-from serd_ros.process.progress import VARIABLE
+from serd_ros.graph.configs import TeleopPageConfig
+from serd_ros.graph.graph import Stack, find_stack
+from serd_ros.process.progress import VARIABLE, parse_progress
+from sim.episodes.settings import EpisodeSettings, WorldSettings
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_text
 from storage.quantities import counted
-from storage.yaml_config import model_yaml
+from storage.settings import setting, setting_of
+from storage.yaml_config import StrictModel, model_yaml
+from teleop.page.access import PageAccess, read_token
 
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
+KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"
+_SHOWN = (KEYBOARD, PAGE, "teleop_mux")
+_ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
+
+
+class TeleopSettings(StrictModel):
+    """Settings of a session."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    seed: int = setting_of(EpisodeSettings, "seed")
+    start_area: str = setting_of(WorldSettings, "start_area")
+    people: int | None = setting_of(WorldSettings, "people")
+    page: bool = setting(True, "drive through a web page")
+    keyboard: bool = setting(False, "drive with this terminal's keys too")
+    velocity: bool = setting(False, "drive by velocities, not by directions")
+    driver: str = setting("", "name of the driver in the episode marks; the node's own when empty")
+    address: str = setting_of(TeleopPageConfig, "address")
+    port: int = setting_of(TeleopPageConfig, "port")
+    token_file: str = setting_of(TeleopPageConfig, "token_file")
+
+    def stack(self) -> Stack:
+        """The stack `teleop` with the ways to drive that are wanted."""
+        stack = find_stack("teleop")
+        others = tuple(node for node in stack.nodes if node not in (KEYBOARD, PAGE))
+        wanted = ((PAGE,) if self.page else ()) + ((KEYBOARD,) if self.keyboard else ())
+        return stack.model_copy(update={"nodes": (*others, *wanted)})
+
+    def parameters(self, bag: Path) -> dict[str, Any]:
+        """Parameters of its nodes."""
+        given: dict[str, Any] = {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "start_area": self.start_area,
+            "mode": "velocity" if self.velocity else "directions",
+            "demo_recorder.output": str(bag),
+        }
+        if self.driver:
+            given["driver"] = self.driver
+        if self.people is not None:
+            given["people"] = self.people
+        if self.page:
+            given |= {"address": self.address, "port": self.port}
+            given["token_file"] = str(Path(self.token_file).resolve()) if self.token_file else ""
+        if self.keyboard:
+            given["terminal"] = os.ttyname(sys.stdin.fileno())
+        return given
 
 
 @with_settings(TeleopSettings)
@@ -64,12 +120,72 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
     require_free_domain(settings.stack(), environment)
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
-        with restored_terminal(sys.stdin), DriverLines(folder / "logs" / "nodes.log") as lines:
-            run_together(processes, environment | {VARIABLE: "1"}, lines.take)
+        with restored_terminal(sys.stdin), driver_lines(folder / "logs" / "nodes.log") as take:
+            run_together(processes, environment | {VARIABLE: "1"}, take)
     except KeyboardInterrupt:
         pass  # the usual end
     finally:
         _print_recorded(settings, folder, bag, as_json=as_json)
+
+
+def require_a_way_to_drive(settings: TeleopSettings) -> None:
+    """UsageError where neither the keyboard nor the page can work."""
+    if settings.keyboard and not sys.stdin.isatty():
+        raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
+    if settings.page:
+        PageAccess(settings.address, read_token(settings.token_file))
+    if settings.page and settings.port:
+        _require_free(settings.address, settings.port)
+
+
+def _require_free(address: str, port: int) -> None:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            raise UsageError(
+                f"cannot serve the page on {address} port {port}: {error.strerror or error}"
+                "; choose another with --port, 0 takes a free one"
+            ) from None
+
+
+@contextmanager
+def driver_lines(log: Path) -> Iterator[Line]:
+    """What logs the lines of nodes and prints those for the driver, a repeated one once."""
+    shown = ""
+    # Nodes whose traceback is hidden: the supervisor reports a failure that matters.
+    broken: set[str] = set()
+    with log_of_nodes(log) as write:
+
+        def take(node: str, line: str) -> None:
+            nonlocal shown
+            write(node, line)
+            match = _ROS_PREFIX.match(line)
+            text = line[match.end() :] if match else line
+            if match and match[1] == "FATAL":
+                broken.add(node)
+            if progress := parse_progress(line):
+                if progress.address:
+                    address = progress.address, "bold"
+                    progress_console.print(Text.assemble("drive at ", address, "   (Ctrl-C ends)"))
+            elif node in _SHOWN and node not in broken and text != shown:
+                shown = text  # page and keyboard both report every episode
+                progress_console.print(text, soft_wrap=True)
+
+        yield take
+
+
+@contextmanager
+def restored_terminal(stream: TextIO) -> Iterator[None]:
+    """Put the terminal back as it was, also where a node that changed it has been killed."""
+    before = termios.tcgetattr(stream.fileno()) if stream.isatty() else None
+    try:
+        yield
+    finally:
+        if before is not None:
+            termios.tcsetattr(stream.fileno(), termios.TCSADRAIN, before)
 
 
 def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:

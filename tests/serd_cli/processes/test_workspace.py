@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from serd_cli.errors import UsageError
-from serd_cli.processes.executables import find_command
+from serd_cli.processes.node_commands import find_command
 from serd_cli.processes.workspace import LOOPBACK_PROFILE, ros_environment
 
 MARKERS = "share/ament_index/resource_index/packages"

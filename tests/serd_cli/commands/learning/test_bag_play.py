@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
-from serd_cli.commands.learning import bag_play
+from serd_cli.commands.learning import bag as bag_module
 
 
 @pytest.fixture(autouse=True)
 def looked_at(monkeypatch):
     """Topics that were required to have no publisher."""
     seen = []
-    monkeypatch.setattr(bag_play, "require_free", lambda _, *names: seen.extend(names))
+    monkeypatch.setattr(bag_module, "require_free", lambda _, *names: seen.extend(names))
     return seen
 
 
@@ -25,8 +25,8 @@ def started(monkeypatch):
         seen.append((node, parameters, remappings))
         return ["/bin/true"]
 
-    monkeypatch.setattr(bag_play, "node_command", command)
-    monkeypatch.setattr(bag_play.os, "execve", lambda *_: None)
+    monkeypatch.setattr(bag_module, "node_command", command)
+    monkeypatch.setattr(bag_module.os, "execve", lambda *_: None)
     return seen
 
 
@@ -62,7 +62,7 @@ def test_with_json_the_result_is_printed_when_the_node_has_ended(serd, drive_bag
     code = "from serd_ros.process.progress import *; "
     code += "print('played 12 messages of a bag'); write_progress(Progress(text='', n_messages=12))"
     node = [sys.executable, "-c", code]
-    monkeypatch.setattr(bag_play, "node_command", lambda *_: node)
+    monkeypatch.setattr(bag_module, "node_command", lambda *_: node)
     ended = serd("bag", "play", bag := drive_bag(), "--json")
     assert ended.code == 0, ended.err
     assert json.loads(ended.out) == {"bag": str(bag.resolve()), "messages": 12}

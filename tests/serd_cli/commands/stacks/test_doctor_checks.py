@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from serd_cli.doctor import checks
-from serd_cli.doctor.discovery import processes_discover_each_other
+from serd_cli.commands.stacks import doctor as checks
+from serd_cli.processes.discovery import processes_discover_each_other
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.configs import TeleopPageConfig
 

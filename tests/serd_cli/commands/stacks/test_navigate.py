@@ -11,7 +11,7 @@ from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.evaluation.comparison import compare
 from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_cli.output.arrival import remarks
+from serd_cli.commands.stacks.navigate import remarks
 from serd_core.arrival.law import law_in_seconds
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario

@@ -8,12 +8,17 @@ import termios
 
 import pytest
 
-from serd_cli.commands.stacks.teleop import SessionSummary, summarise_session
+from serd_cli.commands.stacks.teleop import (
+    SessionSummary,
+    TeleopSettings,
+    driver_lines,
+    require_a_way_to_drive,
+    restored_terminal,
+    summarise_session,
+)
 from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
-from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_ros.process.progress import VARIABLE, report_address
 from storage.errors import FileError
 from teleop.errors import TeleopError
@@ -96,15 +101,15 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
 ):
     monkeypatch.setenv(VARIABLE, "1")
     prefix = "[INFO] [1795249906.32] [teleop_page]: "
-    with DriverLines(tmp_path / "logs" / "nodes.log") as lines:
+    with driver_lines(tmp_path / "logs" / "nodes.log") as take:
         report_address("http://127.0.0.1:9/", print)
-        lines.take("teleop_page", capsys.readouterr().err.strip())
-        lines.take("teleop_page", prefix + "episode 1 arrived")
-        lines.take("teleop_keyboard", "episode 1 arrived")
-        lines.take("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
-        lines.take("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
-        lines.take("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
-        lines.take("teleop_page", "  File x.py, line 3")
+        take("teleop_page", capsys.readouterr().err.strip())
+        take("teleop_page", prefix + "episode 1 arrived")
+        take("teleop_keyboard", "episode 1 arrived")
+        take("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
+        take("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
+        take("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
+        take("teleop_page", "  File x.py, line 3")
     printed = capsys.readouterr().err
     assert "drive at http://127.0.0.1:9/" in printed
     assert printed.count("episode 1 arrived") == 1
