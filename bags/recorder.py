@@ -43,11 +43,6 @@ class RecorderStatus:
         return sum(self.counts.values())
 
 
-def free_bytes_of(folder: Path) -> int:
-    """Free space of the disk a folder is on."""
-    return shutil.disk_usage(folder).free
-
-
 class BagRecorder:
     """Records into one bag until it is closed or a write fails."""
 
@@ -57,7 +52,7 @@ class BagRecorder:
         *,
         settings: RecorderSettings | None = None,
         clock: Callable[[], float] = time.monotonic,
-        free_bytes: Callable[[Path], int] = free_bytes_of,
+        free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
     ) -> None:
         self.settings = settings or RecorderSettings()
         self._clock = clock
@@ -169,7 +164,7 @@ class BagRecorder:
 
     def _count_mark(self, data: bytes) -> None:
         try:
-            statuses = diagnostic_array(data).statuses
+            _, statuses = diagnostic_array(data)
         except BagError:
             return
         for status in statuses:

@@ -20,7 +20,7 @@ from bags.formats.rosbag2.metadata_file import (
 )
 from bags.formats.rosbag2.qos import RELIABLE, QosProfile
 from bags.topic import Topic
-from storage.errors import FileError, disk_error
+from storage.errors import FileError, disk_errors
 from storage.files import atomic_write_text
 from storage.nearest import hint
 
@@ -33,6 +33,7 @@ class BagWriter:
     max_file_bytes: size at which the next file is started, None for one file.
     flush_period_s: what a killed process may lose; call `flush_if_due` that often.
     sync: wait for the disk at each flush, so that power loss costs no more either.
+    failed: whether a write to the disk failed; everything before it is kept.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class BagWriter:
         self._finished_bytes = 0
         self._channels: dict[str, int] = {}
         self._closed = False
-        self._failed = False
+        self.failed = False
         self._file = self._next_file()
         self._flushed_s = clock()
 
@@ -90,24 +91,16 @@ class BagWriter:
         try:
             self._file.write(channel, data, log_time_ns, published)
         except BagError:
-            self._failed = True
+            self.failed = True
             raise
         self.flush_if_due()
 
     def copy_records(self, source: Path, spans: Sequence[tuple[int, int]]) -> None:
         """Append attachments and metadata records of another file: (offset, length) of each."""
-        try:
-            with source.open("rb", buffering=0) as stream:
-                window = FileWindow(stream)
-                for offset, length in spans:
-                    self._file.copy_record(window, offset, length)
-        except OSError as error:
-            raise BagError(str(disk_error("read", source, error))) from None
-
-    @property
-    def failed(self) -> bool:
-        """Whether a write to the disk failed; everything before it is kept."""
-        return self._failed
+        with disk_errors("read", source, BagError), source.open("rb", buffering=0) as stream:
+            window = FileWindow(stream)
+            for offset, length in spans:
+                self._file.copy_record(window, offset, length)
 
     @property
     def n_messages(self) -> int:
@@ -135,7 +128,7 @@ class BagWriter:
                 self._finished_bytes += self._file.size
                 self._file = following
         except BagError:
-            self._failed = True
+            self.failed = True
             raise
 
     def close(self) -> None:
@@ -149,7 +142,7 @@ class BagWriter:
             text = metadata_text({ROOT_KEY: self._metadata(self._finished)})
             atomic_write_text(self.directory / FILE_NAME, text)
         except FileError:
-            self._failed = True
+            self.failed = True
             self.abandon()
             raise
 
@@ -183,17 +176,15 @@ class BagWriter:
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:
-        topics = [(topic, self.counts[name]) for name, topic in self.topics.items()]
-        return bag_metadata(files, topics)
+        return bag_metadata(
+            files, [(each, self.counts[each.name]) for each in self.topics.values()]
+        )
 
 
 def _new_folder(directory: Path) -> Path:
     directory = directory.resolve()
-    try:
+    with disk_errors("write", directory, BagError):
         directory.mkdir(parents=True, exist_ok=True)
-        occupied = any(directory.iterdir())
-    except OSError as error:
-        raise BagError(str(disk_error("write", directory, error))) from None
-    if occupied:
-        raise BagError(f"bag folder {directory} must be new or empty; choose another name")
+        if any(directory.iterdir()):
+            raise BagError(f"bag folder {directory} must be new or empty; choose another name")
     return directory

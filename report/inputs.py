@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from report.errors import ReportError
-from serd_app.demonstrations.discretise import Faults
+from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
@@ -180,7 +180,7 @@ class ReportInputs:
     policy: the one that drove; predicted: its arrival, up to `timeout_s`. episodes: empty where it
     has not driven. snapshot: None where people were not recorded. knowledge: None where the fit has
     no posterior. forecasts: from chosen starts. familiarity: how likely demonstrations are for the
-    model; advice: on cells and periods; faults: moves of the demonstrations that no outcome is.
+    model; advice: on cells and periods; discretised: what became of the intents.
     groups: types of experts, none where there is one.
     """
 
@@ -201,7 +201,7 @@ class ReportInputs:
     forecasts: tuple[Forecast, ...] = ()
     familiarity: Familiarity | None = None
     advice: ResolutionAdvice | None = None
-    faults: Faults | None = None
+    discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
     groups: tuple[ExpertGroup, ...] = ()
 

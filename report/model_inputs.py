@@ -13,7 +13,7 @@ import numpy as np
 from report.errors import ReportError
 from report.inputs import ExpertGroup, Forecast, ReportInputs, RunFacts
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
-from serd_app.demonstrations.recorded import faults_of, files_beside, load_advice
+from serd_app.demonstrations.recorded import files_beside, load_advice, report_of_table
 from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
@@ -77,7 +77,7 @@ def inputs_of_model(
         + _by_lookahead(strategy),
         familiarity=found,
         advice=_advice(demonstrations),
-        faults=None if demonstrations is None else faults_of(demonstrations),
+        discretised=None if demonstrations is None else report_of_table(demonstrations),
         n_demonstrations=file.fit.n_episodes,
         groups=_groups(model, place, kind, file),
     )

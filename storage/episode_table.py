@@ -1,12 +1,11 @@
 """The table of driven episodes: one CSV row each, replaced atomically as a whole."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from storage.errors import FileError
-from storage.table import OptionalFloat, columns_of, read_rows, write_table
+from storage.table import OptionalFloat, read_rows
 
 
 @dataclass(frozen=True)
@@ -39,18 +38,10 @@ class EpisodeResult:
         return self.outcome == "arrived"
 
 
-# Tables of the first version have no column `reason`.
-COLUMNS = columns_of(EpisodeResult, optional=("reason",))
-
-
-def save_episodes(path: str | Path, episodes: Sequence[EpisodeResult]) -> None:
-    """Write all rows."""
-    write_table(path, COLUMNS, map(astuple, episodes))
-
-
 def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
-    """Read what `save_episodes` wrote; FileError names the line of a fault."""
-    episodes = read_rows(path, EpisodeResult, COLUMNS)
+    """All rows of a table; FileError names the line of a fault."""
+    # Tables of the first version have no column `reason`.
+    episodes = read_rows(path, EpisodeResult, optional=("reason",))
     for line, each in enumerate(episodes, start=2):
         if each.arrived == math.isnan(each.time_of_arrival_s):
             raise FileError(

@@ -1,6 +1,8 @@
 """The base error of the package and the parts of its messages."""
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from serd_core.errors import SerdError
@@ -26,11 +28,16 @@ class FileError(SerdError):
     """A file cannot be read or written, or is invalid; the message names it and the fix."""
 
 
-def disk_error(doing: str, path: Path, error: OSError) -> FileError:
-    """FileError with the operating system's reason; doing: "read", "write" or "delete"."""
-    unknown = (error.strerror or str(error), "check the path and the disk")
-    reason, fix = _REASON_AND_FIX.get(error.errno or 0, unknown)
-    return FileError(f"cannot {doing} {path}: {reason}; {fix}")
+@contextmanager
+def disk_errors(doing: str, path: Path, kind: type[FileError] = FileError) -> Iterator[None]:
+    """An OSError within becomes a FileError with the operating system's reason; doing: "read",
+    "write", "unpack" or "delete"."""
+    try:
+        yield
+    except OSError as error:
+        unknown = (error.strerror or str(error), "check the path and the disk")
+        reason, fix = _REASON_AND_FIX.get(error.errno or 0, unknown)
+        raise kind(f"cannot {doing} {path}: {reason}; {fix}") from None
 
 
 def shortened(text: str) -> str:

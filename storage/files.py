@@ -5,7 +5,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from storage.errors import FileError, disk_error
+from storage.errors import FileError, disk_errors
 
 
 def read_text(path: str | Path) -> str:
@@ -21,10 +21,8 @@ def read_text(path: str | Path) -> str:
 
 def read_bytes(path: str | Path) -> bytes:
     """The content of the file; FileError where it is missing or unreadable."""
-    try:
+    with disk_errors("read", Path(path)):
         return Path(path).read_bytes()
-    except OSError as error:
-        raise disk_error("read", Path(path), error) from None
 
 
 def atomic_write_text(path: str | Path, text: str) -> None:
@@ -40,42 +38,38 @@ def atomic_write_bytes(path: str | Path, content: bytes) -> None:
     """
     path = Path(path)
     target = Path(os.path.realpath(path))
-    try:
+    with disk_errors("write", path):
         target.parent.mkdir(parents=True, exist_ok=True)
         _replace(target, content)
         _sync_folder(target.parent)
-    except OSError as error:
-        raise disk_error("write", path, error) from None
 
 
 def require_folder(folder: Path) -> None:
     """FileError where a file stands in the place of the folder, or of one above it, and where they
     may not be written."""
-    for place in (folder, *folder.parents):
-        if place.is_dir():
-            if not os.access(place, os.W_OK):
-                raise disk_error("write", folder, OSError(errno.EACCES, ""))
-            return
-        if place.exists():
-            in_the_way = errno.EEXIST if place == folder else errno.ENOTDIR
-            raise disk_error("write", folder, OSError(in_the_way, ""))
+    with disk_errors("write", folder):
+        for place in (folder, *folder.parents):
+            if place.is_dir():
+                if not os.access(place, os.W_OK):
+                    raise OSError(errno.EACCES, "")
+                return
+            if place.exists():
+                raise OSError(errno.EEXIST if place == folder else errno.ENOTDIR, "")
 
 
 def require_file_place(path: Path) -> None:
     """FileError where a file cannot be written: a folder of its name, or no folder for it."""
     require_folder(path.parent)
-    if path.is_dir():
-        raise disk_error("write", path, OSError(errno.EISDIR, ""))
+    with disk_errors("write", path):
+        if path.is_dir():
+            raise OSError(errno.EISDIR, "")
 
 
 def delete_file(path: Path) -> None:
     """Delete the file where there is one; FileError where that is not possible."""
-    if not os.path.lexists(path):  # read-only file systems refuse that as well
-        return
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise disk_error("delete", path, error) from None
+    if os.path.lexists(path):  # read-only file systems refuse to delete what is not there, too
+        with disk_errors("delete", path):
+            path.unlink(missing_ok=True)
 
 
 def _replace(target: Path, content: bytes) -> None:

@@ -19,9 +19,8 @@ from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from storage.errors import FileError
-from storage.files import atomic_write_text
 from storage.grid_picture import flow_of_picture, flow_picture
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from storage.yaml_config import StrictModel, load_yaml_model
 
 _SUM_TOLERANCE = 1e-6
 Probabilities = tuple[Annotated[float, Field(ge=0, le=1)], ...]
@@ -68,14 +67,6 @@ class ModelDraws(StrictModel):
 
     reward_weights: tuple[tuple[float, ...], ...] = ()
     learned: tuple[tuple[Probabilities, ...], ...] = ()
-
-    @classmethod
-    def of(cls, draws: PosteriorDraws, n_models: int) -> "ModelDraws":
-        """The draws of a fit, of its first models."""
-        tables = draws.outcome_probabilities[:, :n_models]
-        return cls.model_validate(
-            {"reward_weights": draws.reward.tolist(), "learned": tables.tolist()}
-        )
 
 
 class ModelType(StrictModel):
@@ -351,6 +342,11 @@ def model_of_fit(
     )
     n_models = len(problem.model_names)
     rows = zip(problem.model_names, *(table[:n_models].tolist() for table in tables), strict=True)
+    kept = ModelDraws()
+    if draws is not None:
+        learned = draws.outcome_probabilities[:, :n_models].tolist()
+        drawn = {"reward_weights": draws.reward.tolist(), "learned": learned}
+        kept = ModelDraws.model_validate(drawn)
     values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}
     return ModelFile(
         scenario=scenario,
@@ -371,14 +367,9 @@ def model_of_fit(
         goals_m=tuple((float(x), float(y)) for x, y in problem.grid.centers_m[problem.goal_states]),
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
-        draws=ModelDraws() if draws is None else ModelDraws.of(draws, n_models),
+        draws=kept,
         types=tuple(types),
     )
-
-
-def save_model(path: str | Path, model: ModelFile) -> None:
-    """Write the model as YAML; numbers survive exactly."""
-    atomic_write_text(path, model_yaml(model))
 
 
 def load_model(path: str | Path, *, expected_grid: Grid | None = None) -> ModelFile:

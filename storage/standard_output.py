@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from storage.errors import FileError, disk_error
+from storage.errors import FileError, disk_errors
 
 #: Of what is printed; opening a file fails with its name.
 _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -40,7 +40,8 @@ def written_output() -> Iterator[None]:
         if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
             raise
         _drop()
-        raise disk_error("write", Path("the output"), error) from None
+        with disk_errors("write", Path("the output")):
+            raise
 
 
 def _drop() -> None:

@@ -12,12 +12,12 @@ import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeVar, get_args, get_type_hints
 
-from storage.errors import FileError, disk_error, shortened
+from storage.errors import FileError, disk_errors, shortened
 from storage.files import atomic_write_bytes, atomic_write_text, read_bytes, read_text
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object
     """
     path = Path(path)
     row = _writable(path, "to append", columns, row)
-    try:
+    with disk_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as stream:
             is_new = _truncate_to_whole_lines(stream)
@@ -103,17 +103,12 @@ def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object
             stream.write((header + line if is_new else line).encode())
             stream.flush()
             os.fsync(stream.fileno())
-    except OSError as error:
-        raise disk_error("write", path, error) from None
 
 
 def remove_partial_line(path: Path) -> None:
     """Remove what follows the last line end of a growing table."""
-    try:
-        with path.open("r+b") as stream:
-            _truncate_to_whole_lines(stream)
-    except OSError as error:
-        raise disk_error("write", path, error) from None
+    with disk_errors("write", path), path.open("r+b") as stream:
+        _truncate_to_whole_lines(stream)
 
 
 def read_table(
@@ -132,11 +127,20 @@ def read_table(
     return _frame(found, [_checked_row(path, line, found, cells) for line, cells in lines])
 
 
+def write_rows(path: str | Path, row_class: type[Any], rows: Iterable[Any]) -> None:
+    """Replace the file by the instances of a dataclass with a field for each column."""
+    write_table(path, columns_of(row_class), map(astuple, rows))
+
+
 def read_rows(
-    path: str | Path, row_class: type[RowClass], columns: Sequence[Column], *, growing: bool = False
+    path: str | Path,
+    row_class: type[RowClass],
+    *,
+    growing: bool = False,
+    optional: Collection[str] = (),
 ) -> tuple[RowClass, ...]:
-    """The table as instances of a dataclass with a field for each column."""
-    frame = read_table(path, columns, growing=growing)
+    """The table as instances of a dataclass; growing: see `read_table`, optional: `columns_of`."""
+    frame = read_table(path, columns_of(row_class, optional), growing=growing)
     return tuple(row_class(**row) for row in records(frame))
 
 

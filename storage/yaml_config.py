@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from storage.errors import FileError, shortened
-from storage.files import read_text
+from storage.files import atomic_write_text, read_text
 from storage.nearest import hint
 from storage.yaml_text import read_yaml, write_yaml
 
@@ -72,6 +72,11 @@ def _require_format(values: dict[str, Any], model_class: type[BaseModel], name: 
 def model_yaml(model: BaseModel) -> str:
     """The model as YAML text that `yaml_model` reads back equal."""
     return write_yaml(model.model_dump(mode="json"))
+
+
+def save_yaml_model(path: str | Path, model: BaseModel) -> None:
+    """Write the model as a file that `load_yaml_model` reads back equal."""
+    atomic_write_text(path, model_yaml(model))
 
 
 _PLAIN_WORDS = {
@@ -144,8 +149,9 @@ def keys_at(model_class: type[BaseModel], place: Sequence[int | str]) -> tuple[s
     found: list[Any] = [model_class]
     for step in place:
         found = [inner for each in found for inner in _inside(each, step)] or found
-    models = [each for annotation in found for each in _models(annotation)]
-    return tuple(sorted({_key(name, each) for each in models for name in each.model_fields}))
+    inner = (each for annotation in found for each in _alternatives(annotation))
+    fields = [field for each in inner if _is_model(each) for field in each.model_fields.items()]
+    return tuple(sorted({field.alias or name for name, field in fields}))
 
 
 def _inside(annotation: Any, step: int | str) -> Iterator[Any]:
@@ -157,10 +163,6 @@ def _inside(annotation: Any, step: int | str) -> Iterator[Any]:
             yield get_args(each)[1]
         elif isinstance(step, int):
             yield from (part for part in get_args(each) if part is not Ellipsis)
-
-
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    return (each for each in _alternatives(annotation) if _is_model(each))
 
 
 def _alternatives(annotation: Any) -> Iterator[Any]:
@@ -176,7 +178,3 @@ def _alternatives(annotation: Any) -> Iterator[Any]:
 
 def _is_model(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
-
-
-def _key(name: str, model_class: type[BaseModel]) -> str:
-    return model_class.model_fields[name].alias or name

@@ -19,7 +19,8 @@ from hypothesis import HealthCheck, settings
 from serd_cli.processes.workspace import ros_environment
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
-from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model
+from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel
+from storage.yaml_config import save_yaml_model
 
 # A shell starts background jobs, and nohup all, with these ignored; child processes inherit it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -83,7 +84,7 @@ def save_model_of(tmp_path: Path) -> Callable[..., Path]:
                 gradient_norm=0.0, n_steps=1, n_evaluations=1,
             ),
         }  # fmt: skip
-        save_model(tmp_path / name, ModelFile(**(values | changes)))
+        save_yaml_model(tmp_path / name, ModelFile(**(values | changes)))
         return tmp_path / name
 
     return save

@@ -1,28 +1,16 @@
 """The commands, on any screen. Each returns its exit code: 1 where a bag is not sound or whole."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
-from bags.command.results import (
-    Line,
-    Table,
-    bag_heading,
-    check_table,
-    check_values,
-    contents_table,
-    contents_values,
-    loss_lines,
-    rewrite_heading,
-    rewrite_table,
-    rewrite_values,
-    verdict,
-)
+from bags.command.results import Page, check_page, contents_page, rewrite_page
 from bags.command.rewrite import RewriteReport, convert, recover
 from bags.errors import BagError
 from bags.formats.rosbag2.layout import storage_name
-from bags.health.check import BagCheck, check_bag
-from bags.health.contents import BagContents, contents_of_bag
+from bags.health.check import check_bag
+from bags.health.contents import contents_of_bag
 
 FAILED = 1
 Compression = Literal["none", "zstd"]
@@ -30,50 +18,26 @@ Result = TypeVar("Result")
 
 
 class Screen(Protocol):
-    """Where results go; as_json: values in place of tables and sentences."""
+    """Where results go; as_json: as values in place of pages."""
 
     as_json: bool
 
     def values(self, values: list[dict[str, Any]]) -> None:
         """All results as JSON."""
 
-    def heading(self, text: str) -> None:
-        """The line above a table."""
-
-    def table(self, table: Table) -> None:
-        """A table."""
-
-    def line(self, line: Line) -> None:
-        """A sentence."""
-
-    def remark(self, text: str) -> None:
-        """A sentence apart from the results."""
+    def show(self, page: Page) -> None:
+        """The result for one bag."""
 
 
 def show_contents(bags: Sequence[Path], screen: Screen) -> int:
     """`info`: what bags hold."""
-
-    def show(contents: BagContents) -> None:
-        screen.heading(bag_heading(contents))
-        screen.table(contents_table(contents))
-        for fault in contents.faults:
-            screen.remark(fault)
-
-    _shown(map(contents_of_bag, bags), show, contents_values, screen)
+    _shown(map(contents_of_bag, bags), contents_page, screen)
     return 0
 
 
 def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
     """`check`: read bags completely and list their faults."""
-
-    def show(check: BagCheck) -> None:
-        screen.heading(bag_heading(check))
-        screen.table(check_table(check))
-        for line in verdict(check):
-            screen.line(line)
-
-    found = (check_bag(bag, required) for bag in bags)
-    checks = _shown(found, show, check_values, screen)
+    checks = _shown((check_bag(bag, required) for bag in bags), check_page, screen)
     return 0 if all(each.sound for each in checks) else FAILED
 
 
@@ -87,10 +51,7 @@ def convert_bags(
     bags: Sequence[Path], output: Path | None, compression: Compression, screen: Screen
 ) -> int:
     """`convert`: write sound bags as MCAP."""
-
-    def rewrite(source: Path, target: Path) -> RewriteReport:
-        return convert(source, target, compression=compression)
-
+    rewrite = partial(convert, compression=compression)
     reports = _rewritten(bags, output, "mcap", rewrite, screen)
     return FAILED if any(each.n_left_out for each in reports) else 0
 
@@ -104,31 +65,23 @@ def _rewritten(
 ) -> list[RewriteReport]:
     if output is not None and len(bags) > 1:
         raise BagError(f"--output must be left out for several bags, got {output}; run each")
-
-    def show(report: RewriteReport) -> None:
-        screen.heading(rewrite_heading(report))
-        screen.table(rewrite_table(report))
-        for line in loss_lines(report):
-            screen.line(line)
-
     reports = (rewrite(bag, output or _beside(bag, ending)) for bag in bags)
-    return _shown(reports, show, rewrite_values, screen)
+    return _shown(reports, rewrite_page, screen)
 
 
 def _shown(
-    found: Iterable[Result],
-    show: Callable[[Result], None],
-    values_of: Callable[[Result], dict[str, Any]],
-    screen: Screen,
+    found: Iterable[Result], page_of: Callable[[Result], Page], screen: Screen
 ) -> list[Result]:
     """All results; each is shown before the next bag is read, which may fail."""
-    results = []
+    results, values = [], []
     for each in found:
         results.append(each)
+        page = page_of(each)
+        values.append(page.values)
         if not screen.as_json:
-            show(each)
+            screen.show(page)
     if screen.as_json:
-        screen.values([values_of(each) for each in results])
+        screen.values(values)
     return results
 
 

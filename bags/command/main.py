@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bags.command.commands import convert_bags, recover_bags, show_checks, show_contents
-from bags.command.results import Line, Table
+from bags.command.results import Page, Table
 from serd_core.errors import SerdError
 from storage.standard_output import written_output
 
@@ -47,26 +47,20 @@ class PlainScreen:
         """All results as JSON."""
         print(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str))
 
-    def heading(self, text: str) -> None:
-        """The line above a table."""
-        print(text)
-
-    def table(self, table: Table) -> None:
-        """A table, with a line below its head."""
+    def show(self, page: Page) -> None:
+        """The table with a line below its head; remarks on stderr."""
+        print(page.heading)
+        table = page.table
         widths = _widths(table, shutil.get_terminal_size().columns)
         for number, row in enumerate((table.columns, *table.rows)):
             for line in _folded(row, widths, table.texts):
                 print(line.rstrip())
             if number == 0:
                 print(_BETWEEN.join("-" * width for width in widths))
-
-    def line(self, line: Line) -> None:
-        """A sentence."""
-        print(line.text)
-
-    def remark(self, text: str) -> None:
-        """A sentence on stderr."""
-        print(text, file=sys.stderr)
+        for sentence in page.lines:
+            print(sentence.text)
+        for remark in page.remarks:
+            print(remark, file=sys.stderr)
 
 
 def _done(given: argparse.Namespace, screen: PlainScreen) -> int:

@@ -1,6 +1,6 @@
 """What the commands print about bags: tables, sentences and plain values."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -44,33 +44,29 @@ class Line:
         object.__setattr__(self, "text", printable(self.text))
 
 
-def bag_heading(found: BagCheck | BagContents) -> str:
-    """The line above the table of a bag."""
-    n_filled = sum(topic.n_messages > 0 for topic in found.topics)
-    if not n_filled:
-        return f"{found.path}: no message"
-    messages, topics = counted(found.n_messages, "message"), counted(n_filled, "topic")
-    return f"{found.path}: {messages} on {topics} in {seconds_in_words(found.span_s)}"
+@dataclass(frozen=True)
+class Page:
+    """What is printed about one bag; values: for JSON in its place; remarks: apart from it."""
+
+    heading: str
+    table: Table
+    values: dict[str, Any]
+    lines: Iterable[Line] = ()
+    remarks: Sequence[str] = ()
 
 
-def rewrite_heading(report: RewriteReport) -> str:
-    """The line above the table of a new bag."""
-    messages = counted(report.n_messages, "message")
-    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
-    return f"{report.source} -> {report.target}: {messages}{left_out}"
-
-
-def contents_table(found: BagContents) -> Table:
-    """One row per topic: type, messages and rate."""
+def contents_page(found: BagContents) -> Page:
+    """A row per topic: type, messages and rate."""
     rows = (
         (topic.name, topic.type_name, str(topic.n_messages), _rate(topic.mean_hz))
         for topic in found.topics
     )
-    return Table(("topic", "type", "messages", "mean\nHz"), tuple(rows), texts=(0, 1))
+    table = Table(("topic", "type", "messages", "mean\nHz"), tuple(rows), texts=(0, 1))
+    return Page(_heading(found), table, _values(found, "n_messages"), remarks=found.faults)
 
 
-def check_table(found: BagCheck) -> Table:
-    """One row per topic: rates, gaps and the two clocks."""
+def check_page(found: BagCheck) -> Page:
+    """A row per topic: rates, gaps and the two clocks."""
     columns = (
         *("topic", "messages", "mean\nHz", "usual\nHz"),
         *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
@@ -82,23 +78,41 @@ def check_table(found: BagCheck) -> Table:
         )
         for topic in found.topics
     )
-    return Table(columns, tuple(rows))
+    values = _values(found, "sound", "n_messages")
+    return Page(_heading(found), Table(columns, tuple(rows)), values, _verdict(found))
 
 
-def rewrite_table(report: RewriteReport) -> Table:
-    """One row per topic of the new bag, and per topic left out with the reason."""
+def rewrite_page(report: RewriteReport) -> Page:
+    """A row per topic of the new bag, and per topic left out with the reason."""
+    messages = counted(report.n_messages, "message")
+    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
+    heading = f"{report.source} -> {report.target}: {messages}{left_out}"
     kept = [(name, str(count)) for name, count in sorted(report.counts.items())]
-    if not report.skipped:
-        return Table(("topic", "messages"), tuple(kept))
-    left_out = [
-        (name, f"0 of {report.left_out[name]}", reason)
-        for name, reason in sorted(report.skipped.items())
-    ]
-    rows = (*((*row, "") for row in kept), *left_out)
-    return Table(("topic", "messages", "left out because"), rows, texts=(0, 2))
+    table = Table(("topic", "messages"), tuple(kept))
+    if report.skipped:
+        skipped = [
+            (name, f"0 of {report.left_out[name]}", reason)
+            for name, reason in sorted(report.skipped.items())
+        ]
+        rows = (*((*row, "") for row in kept), *skipped)
+        table = Table(("topic", "messages", "left out because"), rows, texts=(0, 2))
+    return Page(heading, table, _values(report, "n_messages", "n_left_out"), _losses(report))
 
 
-def verdict(found: BagCheck) -> Iterator[Line]:
+def _heading(found: BagCheck | BagContents) -> str:
+    n_filled = sum(topic.n_messages > 0 for topic in found.topics)
+    if not n_filled:
+        return f"{found.path}: no message"
+    messages, topics = counted(found.n_messages, "message"), counted(n_filled, "topic")
+    return f"{found.path}: {messages} on {topics} in {seconds_in_words(found.span_s)}"
+
+
+def _values(found: Any, *properties: str) -> dict[str, Any]:
+    """All fields of the record, and these properties."""
+    return {**asdict(found), **{name: getattr(found, name) for name in properties}}
+
+
+def _verdict(found: BagCheck) -> Iterator[Line]:
     """Faults, remarks and one last line."""
     yield from (Line(f"fault: {fault}", "bad") for fault in found.faults)
     yield from (Line(f"note: {remark}", "notable") for remark in found.remarks)
@@ -108,7 +122,7 @@ def verdict(found: BagCheck) -> Iterator[Line]:
         yield Line(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})", "bad")
 
 
-def loss_lines(report: RewriteReport) -> Iterator[Line]:
+def _losses(report: RewriteReport) -> Iterator[Line]:
     """The damage found, and the messages lost by it."""
     yield from (Line(f"damage: {damage}", "notable") for damage in report.damage)
     if report.n_lost is None:
@@ -116,22 +130,6 @@ def loss_lines(report: RewriteReport) -> Iterator[Line]:
     elif report.damage:
         at_least = "" if report.all_lost_known else "at least "
         yield Line(f"messages lost: {at_least}{report.n_lost}", "notable")
-
-
-def contents_values(found: BagContents) -> dict[str, Any]:
-    """All that was found."""
-    return {**asdict(found), "n_messages": found.n_messages}
-
-
-def check_values(found: BagCheck) -> dict[str, Any]:
-    """All results of a check."""
-    return {**asdict(found), "sound": found.sound, "n_messages": found.n_messages}
-
-
-def rewrite_values(report: RewriteReport) -> dict[str, Any]:
-    """All values of the report."""
-    sums = {"n_messages": report.n_messages, "n_left_out": report.n_left_out}
-    return {**asdict(report), **sums}
 
 
 def _rate(hz: float | None) -> str:

@@ -18,7 +18,7 @@ from bags.formats.rosbag2.message_types import resolve_type_if_known
 from bags.reader import BagReader
 from bags.topic import CDR
 from bags.writer import BagWriter
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 
 @dataclass(frozen=True)
@@ -101,23 +101,14 @@ def _new_folder(target: Path) -> Iterator[Path]:
     BagError where `target` is not empty or the disk cannot be written.
     """
     target = target.resolve()
-    hidden = _hidden_beside(target)
-    try:
-        filling = hidden / target.name
-        yield filling
-        filling.replace(target)
-    except OSError as error:
-        raise BagError(str(disk_error("write", target, error))) from None
-    finally:
-        shutil.rmtree(hidden, ignore_errors=True)
-
-
-def _hidden_beside(target: Path) -> Path:
-    try:
+    with disk_errors("write", target, BagError):
         target.parent.mkdir(parents=True, exist_ok=True)
-        occupied = target.exists() and (not target.is_dir() or any(target.iterdir()))
-        if not occupied:
-            return Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise BagError(str(disk_error("write", target, error))) from None
-    raise BagError(f"bag folder {target} must be new or empty; choose another name")
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise BagError(f"bag folder {target} must be new or empty; choose another name")
+        hidden = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        try:
+            filling = hidden / target.name
+            yield filling
+            filling.replace(target)
+        finally:
+            shutil.rmtree(hidden, ignore_errors=True)

@@ -17,8 +17,7 @@ from bags.damage import at_most
 from bags.errors import BagError
 from bags.formats.limits import MOST_FAULTS
 from bags.formats.rosbag2.message_types import ENCODING, message_type
-from bags.health.topic_check import TopicCheck, check_topic
-from bags.health.two_clocks import TwoClocks
+from bags.health.topic_check import TopicCheck, TwoClocks, check_topic
 from bags.messages.plain import message_stamp_ns
 from bags.messages.times import AGREEMENT_S
 from bags.reader import BagReader

@@ -127,8 +127,12 @@ def _rows(message: Any) -> list[tuple[str, Any, Any]]:
             for each in message.tracks
         ]
     if hasattr(message, "detections"):
-        return [
-            (_detection_id(each), each.bbox.center.position, None)
+        return [  # with their id; before vision_msgs 4 the tracking_id, or none
+            (
+                str(getattr(each, "id", getattr(each, "tracking_id", ""))),
+                each.bbox.center.position,
+                None,
+            )
             for each in message.detections
             if _is_person(each.results)
         ]
@@ -136,11 +140,6 @@ def _rows(message: Any) -> list[tuple[str, Any, Any]]:
         f"people must be a PointCloud2 or a message with {', '.join(_LISTS)}, got"
         f" {type(message).__name__}; name the topic of people in the mapping"
     )
-
-
-def _detection_id(detection: Any) -> str:
-    """Its id; before vision_msgs 4 the tracking_id, or none."""
-    return str(getattr(detection, "id", getattr(detection, "tracking_id", "")))
 
 
 def _of_cloud(cloud: Any) -> SeenPeople:

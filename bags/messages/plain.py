@@ -31,25 +31,6 @@ class Header:
 
 
 @dataclass(frozen=True)
-class PlanarPose:
-    """Position and heading in the plane of the frame."""
-
-    header: Header
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-
-@dataclass(frozen=True)
-class PlanarVector:
-    """A vector in the plane of the frame."""
-
-    header: Header
-    x: float
-    y: float
-
-
-@dataclass(frozen=True)
 class Transform:
     """Where a child frame is in that of the header: x, y, z in m, quaternion x, y, z, w."""
 
@@ -65,14 +46,6 @@ class Status:
     name: str
     message: str
     values: dict[str, str]
-
-
-@dataclass(frozen=True)
-class DiagnosticReport:
-    """A whole DiagnosticArray."""
-
-    header: Header
-    statuses: tuple[Status, ...]
 
 
 def decode(data: bytes, type_name: str, store: Typestore | None = None) -> Any:
@@ -112,14 +85,8 @@ def pose_position(data: bytes) -> tuple[int, float, float]:
             return stamp_ns, x, y
     except struct.error:
         pass  # rosbags finds what is wrong
-    pose = pose_stamped(data)
-    return stamp_ns, pose.x_m, pose.y_m
-
-
-def pose_stamped(data: bytes) -> PlanarPose:
-    """geometry_msgs/PoseStamped."""
-    message = decode(data, "geometry_msgs/msg/PoseStamped")
-    return _pose(message.header, message.pose.position, message.pose.orientation)
+    pose = decode(data, "geometry_msgs/msg/PoseStamped").pose.position
+    return stamp_ns, pose.x, pose.y
 
 
 def transforms(data: bytes, type_name: str, store: Typestore) -> tuple[Transform, ...]:
@@ -130,20 +97,14 @@ def transforms(data: bytes, type_name: str, store: Typestore) -> tuple[Transform
     )
 
 
-def vector3_stamped(data: bytes) -> PlanarVector:
-    """geometry_msgs/Vector3Stamped."""
-    message = decode(data, "geometry_msgs/msg/Vector3Stamped")
-    return PlanarVector(header_of(message.header), message.vector.x, message.vector.y)
-
-
-def diagnostic_array(data: bytes) -> DiagnosticReport:
-    """diagnostic_msgs/DiagnosticArray."""
+def diagnostic_array(data: bytes) -> tuple[int, tuple[Status, ...]]:
+    """(stamp_ns, statuses) of a diagnostic_msgs/DiagnosticArray."""
     message = decode(data, "diagnostic_msgs/msg/DiagnosticArray")
     statuses = (
         Status(each.name, each.message, {pair.key: pair.value for pair in each.values})
         for each in message.status
     )
-    return DiagnosticReport(header_of(message.header), tuple(statuses))
+    return header_of(message.header).stamp_ns, tuple(statuses)
 
 
 def points_of(cloud: Any, names: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -186,11 +147,6 @@ def header_of(header: Any) -> Header:
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Heading of a rotation about any axis, seen from above."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def _pose(header: Any, position: Any, turned: Any) -> PlanarPose:
-    yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
-    return PlanarPose(header_of(header), position.x, position.y, yaw_rad)
 
 
 def _placed(transform: Any) -> tuple[float, ...]:

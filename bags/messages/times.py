@@ -48,15 +48,13 @@ class RecordingClock:
             self.now_ns = received_ns
             published = (each for each in (sent_ns, stamp_ns) if each > 0)
             return received_ns, next(published, received_ns)
+        is_far_ahead = 0 < self._clock_ns < stamp_ns - _SIMULATED_LEAD_NS
         if is_clock:  # it may fall back, because the world was started again
             self.now_ns = self._clock_ns = max(stamp_ns, 0)
-        elif stamp_ns > 0 and not self._is_far_ahead(stamp_ns):
+        elif stamp_ns > 0 and not is_far_ahead:
             self.now_ns = max(self.now_ns, stamp_ns)
             return stamp_ns, stamp_ns
         return self.now_ns, self.now_ns
-
-    def _is_far_ahead(self, stamp_ns: int) -> bool:
-        return 0 < self._clock_ns < stamp_ns - _SIMULATED_LEAD_NS
 
 
 class TimesOnClock:

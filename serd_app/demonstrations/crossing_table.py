@@ -6,8 +6,8 @@ border, so that a robot that sways on a border does not cross it again; the arri
 end of the episode.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, model_of_action
 from storage.errors import FileError
-from storage.table import columns_of, read_rows, write_table
+from storage.table import read_rows
 
 #: Share of a cell beyond its border.
 HYSTERESIS = 0.1
@@ -50,9 +50,6 @@ class Crossing:
     action: int
     action_flow: str
     outcome: str
-
-
-COLUMNS = columns_of(Crossing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +113,9 @@ def crossings_of_track(
     ]
 
 
-def save_crossings(path: str | Path, crossings: Iterable[Crossing]) -> None:
-    """Write all rows."""
-    write_table(path, COLUMNS, map(astuple, crossings))
-
-
 def load_crossings(path: str | Path) -> tuple[Crossing, ...]:
-    """Read what `save_crossings` wrote; FileError names the line of a fault."""
-    rows = read_rows(path, Crossing, COLUMNS)
+    """All rows of a table; FileError names the line of a fault."""
+    rows = read_rows(path, Crossing)
     kinds = [kind.value for kind in Kind]
     for line, row in enumerate(rows, start=2):
         for name, value, rule, ok in (

@@ -46,14 +46,8 @@ def load_decisions(path: str | Path) -> Decisions:
 
 def concatenate(tables: Sequence[Decisions]) -> Decisions:
     """All rows of several tables, one after the other; episodes keep their numbers."""
-    return Decisions(
-        episode=np.concatenate([table.episode for table in tables]),
-        time_s=np.concatenate([table.time_s for table in tables]),
-        state=np.concatenate([table.state for table in tables]),
-        action=np.concatenate([table.action for table in tables]),
-        next_state=np.concatenate([table.next_state for table in tables]),
-        source="; ".join(dict.fromkeys(table.source for table in tables)),
-    )
+    numbers = {name: np.concatenate([getattr(each, name) for each in tables]) for name in _NUMBERS}
+    return Decisions(**numbers, source="; ".join(dict.fromkeys(each.source for each in tables)))
 
 
 def concatenate_renumbered(tables: Sequence[Decisions]) -> Decisions:
@@ -69,14 +63,11 @@ def concatenate_renumbered(tables: Sequence[Decisions]) -> Decisions:
         shift = max(0, following - int(table.episode.min(initial=following)))
         episodes.append(table.episode + shift)
         following = max(following, int(episodes[-1].max(initial=-1)) + 1)
-    source = _source([table.source for table in tables], episodes)
-    return replace(concatenate(tables), episode=np.concatenate(episodes), source=source)
-
-
-def _source(sources: Sequence[str], episodes: Sequence[IntArray]) -> str:
+    found = replace(concatenate(tables), episode=np.concatenate(episodes))
+    sources = [table.source for table in tables]
     if len(set(sources)) == 1:
-        return sources[0]
-    return "; ".join(map(_labelled, sources, episodes))
+        return found
+    return replace(found, source="; ".join(map(_labelled, sources, episodes)))
 
 
 def _labelled(source: str, episodes: IntArray) -> str:

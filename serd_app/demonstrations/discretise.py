@@ -12,12 +12,12 @@ fault: its progress is not that of the robot. Faults are counted, and so is what
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from bags.errors import BagError
 from serd_app.drives.episode_mark import DISCARDED
@@ -26,6 +26,7 @@ from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid, action_of_direction
+from storage.yaml_config import StrictModel
 
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"
@@ -42,65 +43,10 @@ MOST_MOVING_WAITS = 0.02
 _STAMP_TOLERANCE_S = 1e-6
 
 
-@dataclass(frozen=True)
-class Faults:
-    """Moves that no outcome of the grid represents: assigned to a neighbour, or dropped.
-
-    n_decisions: all that were made, those dropped for this reason included.
-    """
-
-    n_diagonal: int
-    n_far: int
-    n_unexplained: int
-    n_decisions: int
-
-    @classmethod
-    def of(cls, report: "FaultCounts") -> "Faults":
-        """Those that a report counts."""
-        unexplained = report.dropped.get(UNEXPLAINED, 0)
-        n_decisions = report.n_decisions + unexplained
-        return cls(report.n_diagonal, report.n_far, unexplained, n_decisions)
-
-    def __add__(self, other: "Faults") -> "Faults":
-        return Faults(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
-
-    @property
-    def share(self) -> float:
-        """Of all decisions."""
-        faults = self.n_diagonal + self.n_far + self.n_unexplained
-        return faults / self.n_decisions if self.n_decisions else 0.0
-
-    def __str__(self) -> str:
-        """One sentence."""
-        return (
-            f"{100 * self.share:.1f} % of {self.n_decisions} moves are no outcome of the grid"
-            f" ({self.n_diagonal} diagonal and {self.n_far} far ones count as moves to a"
-            f" neighbour, {self.n_unexplained} are dropped)"
-        )
+_Count = Annotated[int, Field(ge=0)]
 
 
-class FaultCounts(Protocol):
-    """Counts of `DiscretisationReport` and of records of it."""
-
-    @property
-    def n_decisions(self) -> int:
-        """Decisions kept."""
-
-    @property
-    def n_diagonal(self) -> int:
-        """Of those, diagonal moves."""
-
-    @property
-    def n_far(self) -> int:
-        """Of those, moves over more than a cell."""
-
-    @property
-    def dropped(self) -> Mapping[str, int]:
-        """Decisions dropped, by why."""
-
-
-@dataclass(frozen=True)
-class DiscretisationReport:
+class DiscretisationReport(StrictModel):
     """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why.
 
     n_bad_poses: poses that were left out because a number in them is not finite.
@@ -109,20 +55,41 @@ class DiscretisationReport:
     n_moving_waits: decisions to wait in whose period the robot moved.
     """
 
-    n_decisions: int
-    n_episodes: int
-    n_diagonal: int
-    n_far: int
-    dropped: dict[str, int] = field(default_factory=dict)
-    n_bad_poses: int = 0
-    n_unplaced_poses: int = 0
-    n_bad_commands: int = 0
-    n_moving_waits: int = 0
+    n_decisions: _Count
+    n_episodes: _Count
+    n_diagonal: _Count
+    n_far: _Count
+    dropped: dict[str, int] = Field(default_factory=dict)
+    n_bad_poses: _Count = 0
+    n_unplaced_poses: _Count = 0
+    n_bad_commands: _Count = 0
+    n_moving_waits: _Count = 0
 
     @property
     def n_intents(self) -> int:
         """Recorded intents, each either a decision or dropped."""
         return self.n_decisions + sum(self.dropped.values())
+
+    @property
+    def n_moves(self) -> int:
+        """Decisions that were made, those that no neighbour explains included."""
+        return self.n_decisions + self.dropped.get(UNEXPLAINED, 0)
+
+    @property
+    def fault_share(self) -> float:
+        """Of the moves, those that no outcome of the grid represents: assigned to a neighbour, or
+        dropped."""
+        faults = self.n_diagonal + self.n_far + self.dropped.get(UNEXPLAINED, 0)
+        return faults / self.n_moves if self.n_moves else 0.0
+
+    @property
+    def faults(self) -> str:
+        """One sentence about such moves."""
+        return (
+            f"{100 * self.fault_share:.1f} % of {self.n_moves} moves are no outcome of the grid"
+            f" ({self.n_diagonal} diagonal and {self.n_far} far ones count as moves to a"
+            f" neighbour, {self.dropped.get(UNEXPLAINED, 0)} are dropped)"
+        )
 
     def __str__(self) -> str:
         """One sentence with every count."""
@@ -139,16 +106,10 @@ class DiscretisationReport:
 
 def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationReport:
     """The counts of several drives together."""
+    names = DiscretisationReport.model_fields.keys() - {"dropped"}
     return DiscretisationReport(
-        n_decisions=sum(each.n_decisions for each in reports),
-        n_episodes=sum(each.n_episodes for each in reports),
-        n_diagonal=sum(each.n_diagonal for each in reports),
-        n_far=sum(each.n_far for each in reports),
         dropped=dict(sum((Counter(each.dropped) for each in reports), Counter())),
-        n_bad_poses=sum(each.n_bad_poses for each in reports),
-        n_unplaced_poses=sum(each.n_unplaced_poses for each in reports),
-        n_bad_commands=sum(each.n_bad_commands for each in reports),
-        n_moving_waits=sum(each.n_moving_waits for each in reports),
+        **{name: sum(getattr(each, name) for each in reports) for name in names},
     )
 
 
@@ -257,20 +218,17 @@ class _DropLog:
 
 def _spans_of(drive: RecordedDrive, drops: _DropLog, period_s: float) -> IntArray:
     """(N,) index of the episode of each intent; drops those outside and those too close."""
-    starts_s, ends_s, _ = _columns(drive.episodes)
-    if not len(starts_s):
+    if not drive.episodes:
         drops.drop(np.ones_like(drops.kept), OUTSIDE_EPISODE)
         return np.zeros(len(drops.kept), dtype=np.int64)
     time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
+    starts_s, ends_s, outcome = _columns(drive.episodes)
     span = np.searchsorted(starts_s, time_s, side="right") - 1
     inside = (span >= 0) & (time_s < ends_s[span])
-    cut_off = np.array([each.outcome == CUT_OFF for each in drive.episodes])
-    drops.drop((span >= 0) & ~inside & cut_off[span], AFTER_CUT_OFF)
+    drops.drop((span >= 0) & ~inside & (outcome[span] == CUT_OFF), AFTER_CUT_OFF)
     drops.drop(~inside, OUTSIDE_EPISODE)
-    discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
-    drops.drop(discarded[span], IN_DISCARDED)
-    returning = np.array([each.outcome == RETURN for each in drive.episodes])
-    drops.drop(returning[span], ON_WAY_BACK)
+    drops.drop(outcome[span] == DISCARDED, IN_DISCARDED)
+    drops.drop(outcome[span] == RETURN, ON_WAY_BACK)
     drops.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
     return span
 
@@ -291,16 +249,17 @@ def _ends(drive: RecordedDrive, span: IntArray, drops: _DropLog, period_s: float
     due_s = drive.intent_time_s + period_s
     if not drive.episodes:
         return due_s
-    _, ends_s, arrived = _columns(drive.episodes)
+    _, ends_s, outcome = _columns(drive.episodes)
     early = ends_s[span] < due_s - _STAMP_TOLERANCE_S
-    drops.drop(early & ~arrived[span], CUT_SHORT)
+    drops.drop(early & (outcome[span] != "arrived"), CUT_SHORT)
     return np.minimum(due_s, ends_s[span])
 
 
-def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, BoolArray]:
-    starts_s = np.array([span.start_s for span in episodes], dtype=np.float64)
-    ends_s = np.array([span.end_s for span in episodes], dtype=np.float64)
-    return starts_s, ends_s, np.array([span.outcome == "arrived" for span in episodes], dtype=bool)
+def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, NDArray[np.str_]]:
+    """Starts and ends (s), and outcomes."""
+    rows = zip(*((span.start_s, span.end_s, span.outcome) for span in episodes), strict=True)
+    starts_s, ends_s, outcomes = map(np.array, rows)
+    return starts_s, ends_s, outcomes
 
 
 def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:

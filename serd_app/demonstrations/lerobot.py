@@ -9,7 +9,6 @@ written last.
 import io
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,12 +35,8 @@ _COUNTS = ("frame_index", "episode_index", "index", "task_index")
 _LATE = 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class _Episode:
-    """(T, 2) places and directions, a row per frame."""
-
-    state: FloatArray
-    action: FloatArray
+#: (T, 2) places and directions, a row per frame.
+_Episode = tuple[FloatArray, FloatArray]
 
 
 def save_lerobot(folder: Path, drives: Sequence[RecordedDrive], period_s: float) -> int:
@@ -53,7 +48,7 @@ def save_lerobot(folder: Path, drives: Sequence[RecordedDrive], period_s: float)
         raise AppError("a dataset must have at least one episode with a decision, got none")
     frames = _frames(episodes)
     _write(folder / _DATA.format(chunk_index=0, file_index=0), _table(frames))
-    _write(folder / _EPISODES, _table(_described(frames, [len(each.state) for each in episodes])))
+    _write(folder / _EPISODES, _table(_described(frames, [len(state) for state, _ in episodes])))
     _write(folder / _TASKS, _table({"task_index": np.zeros(1, np.int64)}).set_axis([_TASK]))
     atomic_write_text(folder / _STATS, json.dumps(_statistics(frames), indent=2))
     atomic_write_text(
@@ -81,16 +76,16 @@ def _episode(drive: RecordedDrive, rows: Any, period_s: float, end_s: float) -> 
     places = [np.interp(at_s, drive.pose_time_s, each) for each in drive.position_m.T]
     in_force = np.searchsorted(decided_s, at_s + 0.5 / _FPS, side="right") - 1
     actions = drive.intent_action[rows][np.maximum(in_force, 0)]
-    return _Episode(np.stack(places, axis=1), np.asarray(DIRECTION_VECTORS[actions], np.float64))
+    return np.stack(places, axis=1), np.asarray(DIRECTION_VECTORS[actions], np.float64)
 
 
 def _frames(episodes: Sequence[_Episode]) -> dict[str, Any]:
     """The columns of the data, a row per frame."""
-    lengths = [len(each.state) for each in episodes]
+    lengths = [len(state) for state, _ in episodes]
     frame = np.concatenate([np.arange(length) for length in lengths])
     return {
-        "observation.state": np.concatenate([each.state for each in episodes]).astype(np.float32),
-        "action": np.concatenate([each.action for each in episodes]).astype(np.float32),
+        "observation.state": np.concatenate([state for state, _ in episodes]).astype(np.float32),
+        "action": np.concatenate([action for _, action in episodes]).astype(np.float32),
         "timestamp": (frame / _FPS).astype(np.float32),
         "frame_index": frame,
         "episode_index": np.repeat(np.arange(len(lengths)), lengths),

@@ -72,7 +72,8 @@ def people_around(
     if crowd is not None:
         return lambda asked_s: list(crowd.others_at(drive, asked_s))
     time_s = np.array([one.time_s for one in sightings])
-    people_m = [_finite(one.people.position_m[:, :2]) for one in sightings]
+    places_m = (one.people.position_m[:, :2] for one in sightings)
+    people_m = [each[np.isfinite(each).all(axis=1)] for each in places_m]
     if np.any(np.diff(time_s) < 0):
         time_s = np.zeros(0)
     return lambda asked_s: _last_seen(asked_s, time_s, people_m)
@@ -125,10 +126,6 @@ def density_of_recordings(
             parts.append(_density(grid, decisions, around(decisions.time_s)))
     joined = joined_density(parts)
     return joined if joined.n_known else None
-
-
-def _finite(position_m: FloatArray) -> FloatArray:
-    return position_m[np.isfinite(position_m).all(axis=1)]
 
 
 def save_density(

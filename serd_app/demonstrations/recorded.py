@@ -4,7 +4,7 @@ The table of decisions is `NAME.csv`; what learning reads as well lies beside it
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,15 +13,13 @@ from pydantic import Field
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
-from serd_app.demonstrations.discretise import DiscretisationReport, Faults
-from serd_app.demonstrations.grid.flow_field import FlowField
-from serd_app.demonstrations.grid.flow_table import save_flow
+from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
+from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.grid.resolution import (
     ResolutionAdvice,
-    load_resolution,
+    ResolutionRow,
     resolution_advice,
-    save_resolution,
 )
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
@@ -32,27 +30,24 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from sim.scenario.grid import flow_of
 from sim.scenario.scenario import Scenario
-from storage.files import atomic_write_text, delete_file
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from storage.files import delete_file
+from storage.table import read_rows, write_rows
+from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 
 
-class BagRecord(StrictModel):
-    """What became of the intents of one bag; see `DiscretisationReport`.
+class _Bag(StrictModel):
+    """Of which `BagRecord` is, the first key."""
+
+    bag: str
+
+
+class BagRecord(DiscretisationReport, _Bag):
+    """What became of the intents of one bag.
 
     damage: sentences about what of the bag could not be read; n_lost: messages known to be lost;
     all_lost_known: whether that is all of them.
     """
 
-    bag: str
-    n_decisions: int = Field(ge=0)
-    n_episodes: int = Field(ge=0)
-    n_diagonal: int = Field(ge=0)
-    n_far: int = Field(ge=0)
-    dropped: dict[str, int]
-    n_bad_poses: int = Field(ge=0)
-    n_unplaced_poses: int = Field(0, ge=0)
-    n_bad_commands: int = Field(0, ge=0)
-    n_moving_waits: int = Field(0, ge=0)
     damage: tuple[str, ...] = ()
     n_lost: int = Field(0, ge=0)
     all_lost_known: bool = True
@@ -103,9 +98,9 @@ class RecordedDemonstrations:
         """The counts and the damage, as plain values."""
         return {
             "bag": str(self.bag),
-            **asdict(self.report),
+            **self.report.model_dump(),
             "n_intents": self.report.n_intents,
-            "fault_share": Faults.of(self.report).share,
+            "fault_share": self.report.fault_share,
             **self.recording.values(),
         }
 
@@ -190,22 +185,15 @@ def save_demonstrations(
     keep_scenario(output, own_scenario_yaml(place.scenario) if place.scenario else "")
     save_decisions(files["decisions"], concatenated(found))
     save_grid(files["grid"], place.grid, place.name)
-    atomic_write_text(files["record"], model_yaml(_record(place, found, advice)))
+    save_yaml_model(files["record"], _record(place, found, advice))
     for name in ("resolution", "resolution picture"):  # those of other recordings
         delete_file(files[name])
     if advice is not None:
-        save_resolution(files["resolution"], advice)
+        write_rows(files["resolution"], ResolutionRow, advice.rows)
     if flow is None:  # that of other recordings must not stay beside this table
         delete_file(files["flow"])
         return
-    save_flow(
-        files["flow"],
-        place.grid,
-        flow=flow.flow,
-        order=flow.order,
-        count=flow.count,
-        mean_velocity_mps=flow.mean_velocity_mps,
-    )
+    save_flow(files["flow"], place.grid, flow)
 
 
 def files_beside(table: Path) -> dict[str, Path]:
@@ -234,13 +222,12 @@ def _record(
         grid_fingerprint=place.grid.fingerprint(),
         decision_period_s=place.period_s,
         goal_entry_s=tuple(entry_s for each in found for entry_s in each.goal_entry_s),
-        bags=tuple(_bag_record(each) for each in found),
-        motion=None if advice is None else _motion(advice),
+        bags=tuple(
+            BagRecord(**{name: values[name] for name in BagRecord.model_fields})
+            for values in (each.values() for each in found)
+        ),
+        motion=MotionRecord.model_validate(advice, from_attributes=True) if advice else None,
     )
-
-
-def _motion(advice: ResolutionAdvice) -> MotionRecord:
-    return MotionRecord.model_validate(advice, from_attributes=True)
 
 
 def load_advice(table: Path) -> ResolutionAdvice | None:
@@ -249,18 +236,15 @@ def load_advice(table: Path) -> ResolutionAdvice | None:
     motion = load_yaml_model(files["record"], DemonstrationRecord).motion
     if motion is None:
         return None
-    return load_resolution(files["resolution"], motion.model_dump())
+    rows = read_rows(files["resolution"], ResolutionRow)
+    return ResolutionAdvice(rows, **motion.model_dump())
 
 
-def faults_of(table: Path) -> Faults | None:
-    """Those of the recordings of a table of decisions; None where its record is not kept."""
+def report_of_table(table: Path) -> DiscretisationReport | None:
+    """That of the recordings of a table of decisions; None where its record is not kept."""
     record = files_beside(table)["record"]
-    if not record.exists():
-        return None
-    bags = load_yaml_model(record, DemonstrationRecord).bags
-    return sum((Faults.of(bag) for bag in bags), Faults(0, 0, 0, 0))
-
-
-def _bag_record(found: RecordedDemonstrations) -> BagRecord:
-    values = found.values()
-    return BagRecord(**{name: values[name] for name in BagRecord.model_fields})
+    return (
+        joined_reports(load_yaml_model(record, DemonstrationRecord).bags)
+        if record.exists()
+        else None
+    )

@@ -43,13 +43,13 @@ def marks_of(data: bytes, time_ns: int | None = None) -> list[EpisodeMark]:
 
     Other statuses are ignored. time_ns: in place of the stamp.
     """
-    report = diagnostic_array(data)
-    time_s = (report.header.stamp_ns if time_ns is None else time_ns) / 1e9
+    stamp_ns, statuses = diagnostic_array(data)
+    time_s = (stamp_ns if time_ns is None else time_ns) / 1e9
     return [
         EpisodeMark(
             each.message, time_s, _number(each.values), outcome=each.values.get("outcome", "")
         )
-        for each in report.statuses
+        for each in statuses
         if each.name == EPISODE and each.message in (START, END)
     ]
 

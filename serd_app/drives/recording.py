@@ -14,10 +14,9 @@ from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
-from serd_app.drives.recorded_people import recorded_sightings
+from serd_app.drives.recorded_people import crowd_of_sightings, recorded_sightings
 from serd_app.drives.sessions import drives_in
 from serd_app.drives.table_drives import Crowd, drives_of_table, drives_of_tracks, is_table
-from serd_app.drives.tracked_people import crowd_of_sightings
 from serd_app.errors import AppError
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
@@ -65,8 +64,8 @@ def read_recording(
     """
     if mapping is None and is_table(bag):
         mapping = TableMapping()
-    if mapping is not None:
-        mapping = mapping.with_goal_area(goal_area_m)
+    if mapping is not None and not (mapping.goals_m or mapping.goal_area_m):
+        mapping = mapping.model_copy(update={"goal_area_m": goal_area_m})
     found = _recording(bag, period_s, mapping, tolerant)
     if not hidden:
         return found

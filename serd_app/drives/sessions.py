@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.plain import message_stamp_ns, pose_position, vector3_stamped
+from bags.messages.plain import decode, message_stamp_ns, pose_position
 from bags.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
@@ -46,7 +46,7 @@ class Session:
 
     def add_intent(self, data: bytes, time_ns: int) -> None:
         """A geometry_msgs/Vector3Stamped, placed at that time."""
-        vector = vector3_stamped(data)
+        vector = decode(data, "geometry_msgs/msg/Vector3Stamped").vector
         self._intents.extend((time_ns / 1e9, vector.x, vector.y))
 
     def add_marks(self, data: bytes, time_ns: int) -> bool:
@@ -210,15 +210,14 @@ class _Times:
         self.stamp_ns.append(stamp_ns)
         return None if stamp_ns else message.log_time_ns
 
-    def in_s(self) -> tuple[FloatArray, FloatArray]:
-        """Log times and stamps, (N,) each."""
-        return np.array(self.log_ns) / 1e9, np.array(self.stamp_ns) / 1e9
-
 
 def _stamps_agree(times: Mapping[str, _Times]) -> bool:
     """Whether the stamps of all topics are of one clock, which need not be that of the log times:
     the bag may be of a simulated world, recorded by the clock of the machine."""
-    in_s = {kind: each.in_s() for kind, each in times.items()}
+    in_s = {
+        kind: (np.array(each.log_ns) / 1e9, np.array(each.stamp_ns) / 1e9)
+        for kind, each in times.items()
+    }
     if agrees(*in_s[POSE]):
         return all(np.array_equal(placed_s(*each), each[1]) for each in in_s.values())
     clock = TimesOnClock(*in_s[POSE])

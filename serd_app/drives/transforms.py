@@ -114,18 +114,17 @@ class TransformTree:
 
     def carried(self) -> list[str]:
         """The lowest frames that travel: bodies, as wheels and lidars only turn on them."""
-        travelling = {child for child in self._parents if self._travelled_m(child) >= _TRAVEL_M}
+        travelling = {
+            child
+            for child in self._parents.keys() - self._static
+            if np.ptp(self._rows(child)[:, 2:5], axis=0).max() >= _TRAVEL_M
+        }
         above = {parent for child in travelling for parent in list(self._ancestry(child))[1:]}
         return sorted(travelling - above)
 
     def _moves(self, child: str) -> bool:
         rows = self._rows(child)[:, 2:]
         return child not in self._static and bool(np.ptp(rows, axis=0).max() > _STILL)
-
-    def _travelled_m(self, child: str) -> float:
-        if child in self._static:
-            return 0.0
-        return float(np.ptp(self._rows(child)[:, 2:5], axis=0).max())
 
     def times(self, target: str, source: str) -> FloatArray:
         """(N, 2) log times and stamps (s) of the edge between the frames that has most of them, in

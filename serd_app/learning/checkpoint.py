@@ -22,8 +22,7 @@ from serd_core.learners.fit_result import FitResult
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from storage.errors import FileError
-from storage.files import atomic_write_text
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 
 
 class LearnerCheckpoint(StrictModel):
@@ -74,7 +73,7 @@ class CheckpointFolder:
 
     def save(self, checkpoint: LearnerCheckpoint) -> None:
         """Write where the fit stands."""
-        atomic_write_text(self._checkpoint, model_yaml(checkpoint))
+        save_yaml_model(self._checkpoint, checkpoint)
 
     @property
     def _decisions(self) -> Path:

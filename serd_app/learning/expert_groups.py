@@ -118,11 +118,10 @@ def _outcome(
     found = groups.types
     fit = found.fit()
     drawn = found.draws(np.random.default_rng(settings.seed), N_DRAWS)
-    rows = [each.reward.tolist() for each in drawn]
-    kept = [
-        each.model_copy(update={"drawn_weights": tuple(map(tuple, weights))})
-        for each, weights in zip(groups.kept, rows, strict=True)
-    ]
+    kept = tuple(
+        each.model_copy(update={"drawn_weights": tuple(map(tuple, draws.reward.tolist()))})
+        for each, draws in zip(groups.kept, drawn, strict=True)
+    )
     model = model_of_fit(
         fit,
         task.problem,
@@ -139,10 +138,8 @@ def _outcome(
     return FitOutcome(
         fit,
         model,
-        None,
-        (),
         scenario_yaml=task.scenario_yaml,
-        groups=replace(groups, kept=tuple(kept)),
+        groups=replace(groups, kept=kept),
         belief=belief,
     )
 
@@ -157,16 +154,14 @@ def _types_of(
     names = found.objective.problem.feature_names
     tied = isinstance(found.objective.space.belief, TiedBelief)
     believed = found.believed_outcome_probabilities[:, :n_models].tolist()
-    factors = [None] * found.n_types
+    deviations, factors = found.reward_deviations, [None] * found.n_types
     if has_enough_times(decisions):
         factors = pace_of_types(found, decisions, experts).factors.tolist()
     return tuple(
         ModelType(
             share=float(found.shares[number]),
             reward_weights=dict(zip(names, found.reward_weights[number].tolist(), strict=True)),
-            reward_deviations=dict(
-                zip(names, found.reward_deviations[number].tolist(), strict=True)
-            ),
+            reward_deviations=dict(zip(names, deviations[number].tolist(), strict=True)),
             episodes=tuple(np.unique(decisions.episode[type_of == number]).tolist()),
             pace=factors[number],
             believed=() if tied else believed[number],

@@ -1,7 +1,9 @@
-"""Precision of each outcome model in a fit, its source, and what demonstration would add most."""
+"""What a fit knows: standard errors, what the decisions alone do not determine; precision of each
+outcome model, its source, and what demonstration would add most.
+"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
@@ -16,7 +18,10 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from storage.table import columns_of, read_rows, write_table
+from serd_core.uncertainty.identifiability import Identifiability, identifiability
+from serd_core.uncertainty.information import Information, fit_information
+from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
+from storage.table import read_rows, write_rows
 
 #: Share of the posterior within the intervals.
 MASS = 0.9
@@ -49,9 +54,6 @@ class GainRow:
     x_m: float
     y_m: float
     gain_nats: float
-
-
-OUTCOME_COLUMNS, GAIN_COLUMNS = columns_of(OutcomeRow), columns_of(GainRow)
 
 
 @dataclass(frozen=True)
@@ -136,19 +138,70 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
 
 def save_knowledge(files: Mapping[str, Path], known: Knowledge) -> None:
     """Write both tables."""
-    write_table(files["posterior"], OUTCOME_COLUMNS, map(astuple, known.outcomes))
-    write_table(files["gain"], GAIN_COLUMNS, map(astuple, known.gains))
+    write_rows(files["posterior"], OutcomeRow, known.outcomes)
+    write_rows(files["gain"], GainRow, known.gains)
 
 
 def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
     """What `save_knowledge` wrote for this grid; None where the fit had no posterior."""
     if not files["posterior"].exists():
         return None
-    outcomes = read_rows(files["posterior"], OutcomeRow, OUTCOME_COLUMNS)
-    gains = read_rows(files["gain"], GainRow, GAIN_COLUMNS)
+    outcomes = read_rows(files["posterior"], OutcomeRow)
+    gains = read_rows(files["gain"], GainRow)
     if len(gains) != grid.n_states:
         raise SerdError(
             f"{files['gain']} must have a row for each of {grid.n_states} cells, got {len(gains)}"
             "; learn again"
         )
     return Knowledge(outcomes, gains)
+
+
+@dataclass(frozen=True, eq=False)
+class Certainty:
+    """errors: with the prior's part, None where `problem` states why there are none.
+
+    identifiability: of the likelihood alone, None where the fit has none. open_rewards: features,
+    open_outcomes: (model, outcome) numbers that it leaves open; open_temperature: likewise.
+    """
+
+    errors: StandardErrors | None
+    problem: str = ""
+    identifiability: Identifiability | None = None
+    open_rewards: tuple[str, ...] = ()
+    open_outcomes: tuple[tuple[int, int], ...] = ()
+    open_temperature: bool = False
+
+
+def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
+    """Standard errors with the prior's part; what is identified by the decisions alone."""
+    try:
+        information = fit_information(problem, decisions, fit)
+    except SerdError as error:
+        return Certainty(None, str(error))
+    found = identifiability(information)
+    rows = _open_rows(information, found)
+    n_features, n_dynamics = len(fit.parameters.reward), len(fit.parameters.truth)
+    n_outcomes = problem.outcome_models.n_outcomes
+    dynamics = {
+        (row - n_features) % n_dynamics for row in rows if 0 <= row - n_features < 2 * n_dynamics
+    }
+    errors, reason = None, ""
+    try:
+        errors = standard_errors(problem, information, information.observed)
+    except SerdError as error:
+        reason = str(error)
+    return Certainty(
+        errors,
+        reason,
+        found,
+        tuple(fit.feature_names[row] for row in rows if row < n_features),
+        tuple(divmod(number, n_outcomes) for number in sorted(dynamics)),
+        any(row >= n_features + 2 * n_dynamics for row in rows),
+    )
+
+
+def _open_rows(information: Information, found: Identifiability) -> list[int]:
+    """Places in the row of all parameters that move along a null direction, ascending."""
+    names = {name for direction in found.null for name, _ in direction.loadings}
+    columns = [number for number, name in enumerate(information.names) if name in names]
+    return np.flatnonzero(information.jacobian[:, columns].any(axis=1)).tolist()

@@ -10,7 +10,7 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.goal import ending_in, n_reaching, until_goal, usual_goal_states
-from serd_app.demonstrations.grid.flow_table import load_flow
+from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
@@ -94,7 +94,7 @@ def read_learning_files(
     known = load_scenario(place) if place else None
     _require_one_place(files, record, grid, known)
     _require_states(table, decisions, grid)
-    usual = _usual_goal_states(grid, known, decisions)
+    usual = goal_states_of(known, grid) if known else usual_goal_states(decisions, grid)
     goals = _goal_states(grid, goals_m) if goals_m else usual
     chosen, source = _flow(files["flow"], grid, known, flow)
     all_decisions = decisions
@@ -114,16 +114,15 @@ def read_learning_files(
     )
     cells = kept
     if density:
-        problem, kept = _with_density(table, problem, all_decisions, kept)
+        problem, kept = _with_density(table, problem, all_decisions, cells)
     name = known.name if known else ""
     as_recorded = name == record.scenario and np.array_equal(goals, usual)
-    own_flow = source != "scenario"
     return LearningFiles(
         task=LearningTask(
             problem,
             name,
             record.decision_period_s,
-            own_flow=own_flow,
+            own_flow=source != "scenario",
             scenario_yaml=_scenario_yaml(known, problem, cells, record.decision_period_s),
         ),
         # Entry times hold for the recorded goal area only.
@@ -215,12 +214,6 @@ def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:
             f"{table}: states must be below {grid.n_states}, the number of cells of the grid"
             f" beside it, got {highest}; run 'serd demos' again"
         )
-
-
-def _usual_goal_states(grid: Grid, scenario: Scenario | None, decisions: Decisions) -> IntArray:
-    if scenario is None:
-        return usual_goal_states(decisions, grid)
-    return goal_states_of(scenario, grid)
 
 
 def _goal_states(grid: Grid, goals_m: tuple[tuple[float, float], ...]) -> IntArray:

@@ -24,6 +24,7 @@ from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
@@ -106,7 +107,7 @@ def mdce_serd_coupled(data: FitData) -> MethodResult:
 
 def mdce_serd_free(data: FitData) -> MethodResult:
     """MDCE SERD, belief independent of the truth."""
-    prior = uniform_prior_on_both(data.problem, data.settings.pseudo_count)
+    prior = _uniform_on_both(data)
     fit = _fit_serd(data, data.decisions, FreeBelief(), prior, data.reporter())
     return MethodResult(fit, _serd_prior(data))
 
@@ -182,6 +183,13 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     on_step = data.reporter(len(choices) + 1, len(choices) + 1)
     fit = _fit_relative_entropy(data, data.decisions, smoothing, share, on_step)
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
+
+
+def fit_by(method: MethodName, data: FitData) -> MethodResult:
+    """Fit with a method; AppError where it cannot learn from such decisions."""
+    density = isinstance(data.problem.outcome_models, CovariateModels)
+    require_learnable(method, hidden=bool(data.decisions.hidden.any()), density=density)
+    return METHODS[method](data)
 
 
 def require_learnable(method: MethodName, *, hidden: bool, density: bool = False) -> None:
@@ -260,10 +268,13 @@ def uniform_prior(problem: NavigationProblem, block: Block, pseudo_count: float)
     )
 
 
-def uniform_prior_on_both(problem: NavigationProblem, pseudo_count: float) -> Prior:
+def _uniform_on_both(data: FitData) -> Prior:
     """The same on the truth and on the belief, where these are two blocks."""
-    truth = uniform_prior(problem, Block.TRUTH, pseudo_count)
-    return truth + uniform_prior(problem, Block.BELIEF, pseudo_count)
+    truth, belief = (
+        uniform_prior(data.problem, block, data.settings.pseudo_count)
+        for block in (Block.TRUTH, Block.BELIEF)
+    )
+    return truth + belief
 
 
 def _with_best_weight(
@@ -299,7 +310,7 @@ def _with_best_weight(
 def _fit_coupled(
     data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
 ) -> FitResult:
-    prior = uniform_prior_on_both(data.problem, data.settings.pseudo_count)
+    prior = _uniform_on_both(data)
     return _fit_serd(data, decisions, CoupledBelief(prior_weight), prior, on_step)
 
 

@@ -1,6 +1,6 @@
 """What learning returns: the fit, its model file and how the fit went."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
 
@@ -17,9 +17,10 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.mixtures.expert_types import ExpertTypes
 from serd_core.posterior.parameters import Parameters
 from storage.files import atomic_write_text, delete_file
-from storage.model_file import ModelFile, ModelType, save_model
+from storage.model_file import ModelFile, ModelType
 from storage.quantities import counted
-from storage.table import Column, read_table
+from storage.table import Column, csv_text, read_table
+from storage.yaml_config import save_yaml_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +66,8 @@ class FitOutcome:
 
     fit: FitResult
     model: ModelFile
-    prior_weight: float | None
-    validation: tuple[tuple[float, float], ...]
+    prior_weight: float | None = None
+    validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     groups: ExpertGroups | None = None
@@ -75,7 +76,7 @@ class FitOutcome:
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
         rows = enumerate(self.fit.objective_trace.tolist(), start=1)
-        return "step,objective\n" + "".join(f"{step},{value!r}\n" for step, value in rows)
+        return csv_text(("step", "objective"), rows)
 
     def summary(self) -> str:
         """How the fit ended and what it found, in one line."""
@@ -90,8 +91,8 @@ class FitOutcome:
 
     def values(self) -> dict[str, object]:
         """The summary by name."""
-        fit = self.fit
-        return {
+        fit, known = self.fit, self.knowledge
+        found: dict[str, object] = {
             "method": self.model.method,
             "converged": fit.converged,
             "objective": fit.objective,
@@ -99,18 +100,15 @@ class FitOutcome:
             "n_episodes": self.model.fit.n_episodes,
             "n_decisions": fit.n_decisions,
             "n_steps": fit.n_steps,
-            **({} if self.prior_weight is None else {"prior_weight": self.prior_weight}),
-            **{f"weight.{name}": weight for name, weight in self.model.reward_weights.items()},
-            **({} if self.knowledge is None else _next_start(self.knowledge)),
-            **({} if self.groups is None else self.groups.values()),
-            **({"belief": self.belief} if self.belief else {}),
         }
-
-
-def _next_start(known: Knowledge) -> dict[str, float]:
-    """Where the next demonstration is expected to teach most."""
-    best = known.next_start
-    return {"next_x_m": best.x_m, "next_y_m": best.y_m, "next_gain_nats": best.gain_nats}
+        if self.prior_weight is not None:
+            found["prior_weight"] = self.prior_weight
+        found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
+        if known is not None:
+            found |= {f"next_{name}": each for name, each in asdict(known.next_start).items()}
+        if self.groups is not None:
+            found |= self.groups.values()
+        return found | ({"belief": self.belief} if self.belief else {})
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
@@ -127,7 +125,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
-    save_model(files["model"], outcome.model)
+    save_yaml_model(files["model"], outcome.model)
 
 
 def outcome_files(output: Path) -> dict[str, Path]:

@@ -5,17 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.grid.flow_table import load_flow
+from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.fit_data import ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import METHODS, require_learnable
+from serd_app.learning.methods import fit_by
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import Scenario
@@ -63,21 +62,17 @@ def learn(
     """
     require_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
-    require_learnable(
-        settings.method,
-        hidden=bool(decisions.hidden.any()),
-        density=isinstance(problem.outcome_models, CovariateModels),
-    )
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem, decisions, settings, rng, initial_weights=warm_weights, on_progress=on_progress
     )
-    found = METHODS[settings.method](data)
-    posterior, draws = posterior_of(problem, decisions, found.fit), None
-    if found.beliefs is not None:
+    found = fit_by(settings.method, data)
+    if found.beliefs is None:
+        posterior = posterior_of(problem, decisions, found.fit)
+        draws = None if posterior is None else laplace_draws(posterior, rng)
+    else:
         posterior, draws = found.beliefs.approximations[0], found.beliefs.draws(rng)
-    elif posterior is not None:
-        draws = laplace_draws(posterior, rng)
+    known = None if posterior is None else knowledge_of(problem, posterior)
     model = model_of_fit(
         found.fit,
         problem,
@@ -90,7 +85,6 @@ def learn(
         own_flow=task.own_flow,
         draws=draws,
     )
-    known = None if posterior is None else knowledge_of(problem, posterior)
     return FitOutcome(
         found.fit,
         model,

@@ -43,17 +43,14 @@ class ArrivalRow:
     predicted_share: OptionalFloat
 
 
-COLUMNS = columns_of(ArrivalRow)
-
-
 def append_arrival(path: str | Path, row: ArrivalRow) -> None:
     """Append one row, below the column names in a new file."""
-    append_row(path, COLUMNS, astuple(row))
+    append_row(path, columns_of(ArrivalRow), astuple(row))
 
 
 def load_arrivals(path: str | Path) -> tuple[ArrivalRow, ...]:
     """All whole rows; FileError names the line of a fault."""
-    return read_rows(path, ArrivalRow, COLUMNS, growing=True)
+    return read_rows(path, ArrivalRow, growing=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,14 @@
-"""A series of episodes of the strategy in process: world, planner and navigator of the nodes."""
+"""A series of episodes of the strategy in process: world, planner and navigator of the nodes.
 
+The folder of a drive belongs to the settings and the files that it was begun with.
+"""
+
+import hashlib
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from serd_app.errors import AppError
 from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
@@ -13,12 +18,15 @@ from sim.episodes.episode import run_episode
 from sim.episodes.result import result_of_record
 from sim.episodes.settings import WorldSettings
 from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
 from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
-from storage.episode_table import EpisodeResult, load_episodes, save_episodes
+from storage.episode_table import EpisodeResult, load_episodes
+from storage.files import read_text
+from storage.table import write_rows
+from storage.yaml_config import load_yaml_model, save_yaml_model
 
 
 class DriveSettings(NavigationSettings, WorldSettings):
@@ -28,6 +36,50 @@ class DriveSettings(NavigationSettings, WorldSettings):
         """The scenario with its people, and its own goal."""
         own = load_scenario(self.scenario)
         return own if self.people is None else own.with_pedestrian_count(self.people)
+
+
+class BegunDrive(DriveSettings):
+    """The settings of the drive, and digests of the content of its two files.
+
+    Folders of older versions have empty digests.
+    """
+
+    model_digest: str = ""
+    scenario_digest: str = ""
+
+
+def claim_folder(folder: Path, settings: DriveSettings) -> None:
+    """Take a new folder, or one that was begun with the same settings; AppError otherwise."""
+    file = folder / "navigate.yaml"
+    now = BegunDrive(
+        **settings.model_dump(),
+        model_digest=hashlib.sha256(read_text(settings.model).encode()).hexdigest()[:12],
+        scenario_digest=scenario_digest(settings.place()),
+    )
+    if file.is_file():
+        _require_same(folder, load_yaml_model(file, BegunDrive), now)
+        return
+    if folder.exists() and any(folder.iterdir()):
+        raise AppError(f"{folder} must be new, empty or an earlier run's; give another folder")
+    save_yaml_model(file, now)
+
+
+def _require_same(folder: Path, earlier: BegunDrive, now: BegunDrive) -> None:
+    for name in DriveSettings.model_fields:
+        if name != "episodes" and getattr(earlier, name) != getattr(now, name):
+            raise AppError(
+                f"{folder} was begun with {name} = {getattr(earlier, name)!r}, but "
+                f"{getattr(now, name)!r} is given; give another folder or the same settings"
+            )
+    for name, recorded, found in (
+        (now.model, earlier.model_digest, now.model_digest),
+        (now.scenario, earlier.scenario_digest, now.scenario_digest),
+    ):
+        if recorded != found:
+            raise AppError(
+                f"{folder} must hold drives of {name} as it is now ({found}), but was begun with "
+                f"{recorded or 'an unknown version'} of it; give another folder"
+            )
 
 
 def finished_episodes(settings: DriveSettings, output: Path | None) -> list[EpisodeResult]:
@@ -76,6 +128,6 @@ def drive(
             crossings.note_pose(world.observation)
             crossings.note_result(navigator.strategy, settings.lookahead_cells, results[-1])
             if output is not None:
-                save_episodes(output / "episodes.csv", results)
+                write_rows(output / "episodes.csv", EpisodeResult, results)
             on_episode(results[-1])
     return results

@@ -6,7 +6,7 @@ that tests run it against a stand-in.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 SUCCEEDED, CANCELED = 4, 5  # action_msgs/GoalStatus
 _WITHOUT_CODE = "failed without a code (another client's goal may have replaced it)"
@@ -16,21 +16,10 @@ _SAME_M = 0.05
 Target = tuple[float, float, float]
 
 
-class ActionClient(Protocol):
-    """What is used of rclpy.action.ActionClient."""
-
-    def server_is_ready(self) -> bool:
-        """Whether a server is available."""
-        ...
-
-    def send_goal_async(self, goal: Any) -> Any:
-        """A future of the goal handle."""
-        ...
-
-
 class Nav2Goals:
     """Keeps Nav2 on its way to the newest targets.
 
+    client: an rclpy.action.ActionClient, of which `server_is_ready` and `send_goal_async` are used.
     state: no goal, no server, sent, no answer, driving, arrived, rejected, canceled by another
     client, or failed with Nav2's error code or without one. timeout_s: without a waypoint, and for
     the server's answer to a goal.
@@ -38,7 +27,7 @@ class Nav2Goals:
 
     def __init__(
         self,
-        client: ActionClient,
+        client: Any,
         make_goal: Callable[[Sequence[Target], float], Any],
         *,
         timeout_s: float,

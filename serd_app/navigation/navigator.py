@@ -78,12 +78,13 @@ _NO_WAY = _Way(-1, Action.WAIT)
 class Navigator:
     """Drives by the policy of a model file; fits the `Driver` protocol.
 
-    forecast: that of the last decision. gave_up: the reason to give the episode up, None to go on.
+    model: path or name of the one in use. forecast: that of the last decision. gave_up: the reason
+    to give the episode up, None to go on.
     """
 
     def __init__(self, scenario: Scenario, settings: NavigationSettings) -> None:
         self._settings, self._own_scenario = settings, scenario
-        self._model = settings.model
+        self.name, self.model = "strategy", settings.model
         self._monitor = ProgressMonitor(settings)
         self.strategy = self._solved(settings.model, with_goal(scenario, settings.goal))
         self._driver = PolicyDriver(
@@ -91,22 +92,12 @@ class Navigator:
             self.strategy.policy.probabilities,
             seed=settings.seed,
             greedy=settings.policy == "optimal",
-            name="strategy",
+            name=self.name,
         )
         self._started_s: float | None = None
         self._way = _NO_WAY
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
-
-    @property
-    def name(self) -> str:
-        """Name for tables."""
-        return self._driver.name
-
-    @property
-    def model(self) -> str:
-        """Path or name of the model in use."""
-        return self._model
 
     @property
     def reason(self) -> str:
@@ -166,7 +157,7 @@ class Navigator:
         """Plan by a model under a name for tables; an equal model changes the name only."""
         if file != self.strategy.file:
             self._replace(self._solved(name, self.strategy.scenario, file))
-        self._model = name
+        self.model = name
 
     def way_m(self, observation: Observation) -> FloatArray:
         """(N, 2) the way of the greedy policy from here."""
@@ -175,7 +166,7 @@ class Navigator:
 
     def _plan_for(self, scenario: Scenario) -> None:
         """Plan by the model in use, whatever its file holds now."""
-        self._replace(self._solved(self._model, scenario, self.strategy.file))
+        self._replace(self._solved(self.model, scenario, self.strategy.file))
 
     def _solved(self, path: str, scenario: Scenario, file: ModelFile | None = None) -> Strategy:
         return load_strategy(
@@ -200,9 +191,8 @@ class Navigator:
             return ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
         if self.strategy.crossings is None:
             return self.strategy.law_s(self.strategy.arrival.from_state(state))
-        return self.strategy.crossings.from_pose(
-            state, self._way.entered, observation.x_m, observation.y_m
-        )
+        place_m = observation.x_m, observation.y_m
+        return self.strategy.crossings.from_pose(state, self._way.entered, *place_m)
 
     def _followed(self, state: int) -> _Way:
         """The way so far with the cell of this decision; it begins anew off the grid."""
@@ -211,10 +201,8 @@ class Navigator:
             return _Way(state, Action.WAIT)
         if state == before:
             return self._way
-        east, north = (
-            self.strategy.problem.grid.centers_m[state]
-            - self.strategy.problem.grid.centers_m[before]
-        )
+        centers_m = self.strategy.problem.grid.centers_m
+        east, north = centers_m[state] - centers_m[before]
         along = (np.sign(east), 0.0) if abs(east) > abs(north) else (0.0, np.sign(north))
         return _Way(state, action_of_direction(*along))
 

@@ -241,11 +241,6 @@ def start_distribution(scenario: Scenario, area: str) -> FloatArray:
     return np.bincount(states, minlength=grid.n_states) / len(states)
 
 
-def arrows_of(policy: Policy) -> list[Action]:
-    """The greedy action of each state."""
-    return [Action(int(action)) for action in policy.greedy]
-
-
 def require_same_scale(
     path: str | Path, file: ModelFile, where: str | Path, cell_size_m: float, period_s: float
 ) -> None:

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -13,18 +13,57 @@ from scipy.sparse.csgraph import shortest_path
 
 from serd_app.errors import AppError
 from serd_app.places.free_area import largest, outline_of_cells, rings_m
-from serd_app.places.settings import PlaceSettings
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
 from sim.scenario.goal import cell_area_m, goal_cell
 from sim.scenario.grid import grid_of
 from sim.scenario.polygon import contains, edges_of
-from sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
+from sim.scenario.rules import LEAST_PERIOD_S, MOST_CELLS, has_room, require_cell_count
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 from sim.scenario.walkable_cells import walkable_cells
-from storage.yaml_config import yaml_model
+from storage.settings import setting, setting_of
+from storage.yaml_config import StrictModel, yaml_model
+
+_CELL_RADII, _RADII_TO_WALL, _ROUNDING_M = 2.25, 1.1, 1e-4
+
+
+class PlaceSettings(StrictModel):
+    """The robot that drives there, and how finely it decides."""
+
+    robot_radius_m: float = setting_of(RobotSettings, "radius_m")
+    max_speed_mps: float = setting_of(RobotSettings, "max_vel_x_mps")
+    cell_size_m: float | None = setting(
+        None,
+        "side of the cells of decisions; by default 2.25 times the radius of the robot. Ways twice"
+        " as wide as a cell are open in any case",
+        unit="m",
+        gt=0,
+    )
+    period_s: float | None = setting(
+        None,
+        "decision period; by default that in which the robot drives 1.25 cells at full speed",
+        unit="s",
+        ge=LEAST_PERIOD_S,
+    )
+
+    @property
+    def cell_m(self) -> float:
+        """Side of the cells, by default in whole centimetres."""
+        return self.cell_size_m or math.ceil(100.0 * _CELL_RADII * self.robot_radius_m) / 100.0
+
+    @property
+    def clearance_m(self) -> float:
+        """Least distance of the centre of a cell from walls.
+
+        With half a cell, less 0.1 mm for rounding, no wall lies between two cells side by side but
+        for a tip as thin as that, and each way twice as wide as a cell has cells in it. The robot
+        needs its radius and room for its controller.
+        """
+        least_m = max(0.5 * self.cell_m - _ROUNDING_M, _RADII_TO_WALL * self.robot_radius_m)
+        return round(least_m, 4)
+
 
 #: Cells along a side of the areas of goal and start.
 _AREA_CELLS = 3
@@ -77,21 +116,11 @@ obstacles:{obstacles}
 """
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
+class _Task(NamedTuple):
     """Areas in which an episode ends and begins; n_steps: moves between them."""
 
     goal_m: Corners
     start_m: Corners
-    n_steps: int
-
-
-@dataclass(frozen=True)
-class _Ends:
-    """States of goal and start, and how many moves lead from one to the other."""
-
-    goal: int
-    start: int
     n_steps: int
 
 
@@ -129,7 +158,7 @@ def map_scenario_yaml(
     rooms = _rooms(grid, area, settings.robot_radius_m)
     goal = None if goal_m is None else goal_cell(grid, *goal_m)
     start = None if start_m is None else goal_cell(grid, *start_m, what="start")
-    ends = _ends(grid, rooms, goal, start)
+    goal, start, n_steps = _ends(grid, rooms, goal, start)
     least_s = _CELLS_AT_FULL_SPEED * cell_m / settings.max_speed_mps
     period_s = settings.period_s or _PERIOD_STEP_S * math.ceil(least_s / _PERIOD_STEP_S - 1e-9)
     return _text(
@@ -139,7 +168,7 @@ def map_scenario_yaml(
         cell_size_m=cell_m,
         clearance_m=clearance_m,
         period_s=period_s,
-        task=_Task(*_areas(grid, ends.goal, ends.start), ends.n_steps),
+        task=_Task(*_areas(grid, goal, start), n_steps),
         robot=(settings.robot_radius_m, settings.max_speed_mps),
     )
 
@@ -167,8 +196,7 @@ def grid_scenario(
     counts[goals] = 0
     start = int(np.argmax(counts)) if counts.any() else None
     try:
-        ends = _ends(grid, rooms, int(goals[0]), start)
-        start_m = cell_area_m(grid, ends.start)
+        _, start, n_steps = _ends(grid, rooms, int(goals[0]), start)
         text = _text(
             area,
             name=name,
@@ -176,7 +204,7 @@ def grid_scenario(
             cell_size_m=cell_m,
             clearance_m=None,
             period_s=period_s,
-            task=_Task(_outline_m(grid, goals), start_m, ends.n_steps),
+            task=_Task(_outline_m(grid, goals), cell_area_m(grid, start), n_steps),
             robot=(radius_m, speed_mps),
         )
         found = yaml_model(text, Scenario, name=name)
@@ -229,8 +257,11 @@ def _flow(corners: Iterable[tuple[float, float]]) -> str:
     return json.dumps([[float(x), float(y)] for x, y in corners])
 
 
-def _ends(grid: Grid, rooms: BoolArray, goal: int | None, start: int | None) -> _Ends:
-    """Goal and start; those that are not given are as far away as moves lead."""
+def _ends(
+    grid: Grid, rooms: BoolArray, goal: int | None, start: int | None
+) -> tuple[int, int, int]:
+    """(goal, start, moves from one to the other); goal and start that are not given are as far away
+    as moves lead."""
     if not rooms.any():
         raise AppError(
             "robot_radius_m must leave room in a cell for the robot to start, it touches a wall in"
@@ -247,7 +278,7 @@ def _ends(grid: Grid, rooms: BoolArray, goal: int | None, start: int | None) -> 
             f"start must be another cell than the goal, from which moves lead there, got that at"
             f" ({x_m:g}, {y_m:g}) m; name other cells or lower cell_size_m"
         )
-    return _Ends(goal, start, int(steps[start]))
+    return goal, start, int(steps[start])
 
 
 def _farthest(grid: Grid, state: int, among: BoolArray) -> tuple[int, FloatArray]:

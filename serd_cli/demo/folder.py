@@ -8,9 +8,8 @@ from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from sim.episodes.settings import EpisodeSettings
 from storage.episode_table import EpisodeResult, load_episodes
-from storage.files import atomic_write_text
 from storage.settings import setting, setting_of
-from storage.yaml_config import load_yaml_model, model_yaml
+from storage.yaml_config import load_yaml_model, save_yaml_model
 
 
 class DemoSettings(EpisodeSettings):
@@ -76,7 +75,7 @@ class DemoFolder:
 def new_folder(output: Path, settings: DemoSettings) -> DemoFolder:
     """The next free `run-N` below `output`, with the settings in it."""
     folder = DemoFolder(free_folder(output, "run"))
-    atomic_write_text(folder.settings, model_yaml(settings))
+    save_yaml_model(folder.settings, settings)
     return folder
 
 

@@ -14,7 +14,7 @@ from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.recorded import faults_of
+from serd_app.demonstrations.recorded import report_of_table
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.strategy import load_strategy, start_distribution
@@ -84,7 +84,7 @@ def report_inputs(
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
-        faults=faults_of(folder.decisions),
+        discretised=report_of_table(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
     )
 

@@ -11,7 +11,7 @@ from report.figures.map_axes import layout_of
 from report.figures.maps import draw_flow_map, draw_visitation
 from report.figures.resolution import draw_resolution
 from report.style import save_figure
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, Faults
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.measured_density import MeasuredDensity
@@ -52,9 +52,9 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
     """Why intents were dropped and what was left out, over all bags; warnings about each bag."""
     reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
     yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
-    faults = sum((Faults.of(each.report) for each in found), Faults(0, 0, 0, 0))
-    if faults.share:
-        yield f"{faults}; smaller periods or larger cells have fewer"
+    every = joined_reports([each.report for each in found])
+    if every.fault_share:
+        yield f"{every.faults}; smaller periods or larger cells have fewer"
     left_out = (
         ("pose", "with a number that is not finite", "n_bad_poses"),
         ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),

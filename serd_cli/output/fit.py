@@ -11,9 +11,8 @@ from typing import Any
 from rich.table import Table
 
 from report.style import in_words
-from serd_app.learning.certainty import Certainty
 from serd_app.learning.crossing_times import times_sentence, unseen_sentence
-from serd_app.learning.knowledge import knowledge_lines
+from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
 from serd_cli.output.terminal import console

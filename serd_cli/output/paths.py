@@ -1,11 +1,12 @@
 """Checks of output paths before a command works for minutes, and numbered output folders."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
 from serd_cli.errors import UsageError
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:
@@ -20,13 +21,9 @@ def free_folder(output: Path, name: str) -> Path:
     """Make the next free folder `name-N` below `output`; nothing is ever overwritten."""
     for number in count(1):
         root = output / f"{name}-{number}"
-        try:
+        with disk_errors("write", root), suppress(FileExistsError):
             root.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise disk_error("write", root, error) from None
-        break
+            break
     return root
 
 

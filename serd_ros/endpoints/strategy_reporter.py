@@ -7,7 +7,8 @@ from visualization_msgs.msg import MarkerArray
 
 from serd_app.navigation.forecast import traps_text
 from serd_app.navigation.navigator import Navigator
-from serd_app.navigation.strategy import Strategy, arrows_of
+from serd_app.navigation.strategy import Strategy
+from serd_core.grid.grid import Action
 from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.markers import (
@@ -86,7 +87,8 @@ class StrategyReporter:
         grid, policy = strategy.problem.grid, strategy.policy
         centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
         self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
-        self._arrows.publish(to_policy_markers(centers_m, arrows_of(policy), size_m, time_s))
+        arrows = [Action(int(each)) for each in policy.greedy]
+        self._arrows.publish(to_policy_markers(centers_m, arrows, size_m, time_s))
         self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
         trapped_m = centers_m[strategy.traps.states]
         self._traps.publish(to_trap_markers(trapped_m, size_m, time_s))

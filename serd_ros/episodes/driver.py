@@ -26,7 +26,8 @@ from sim.episodes.result import EpisodeStart, observed_result
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import DecisionClock
-from storage.episode_table import EpisodeResult, save_episodes
+from storage.episode_table import EpisodeResult
+from storage.table import write_rows
 
 Config = TypeVar("Config", bound=DriverConfig)
 _CLOCK_ROUNDING_S = 1e-6
@@ -291,7 +292,7 @@ class EpisodeDriverNode(ManagedNode[Config]):
     def save_results(self) -> None:
         """Write the table of all episodes so far."""
         if self.config.output:
-            save_episodes(Path(self.config.output) / "episodes.csv", self._results)
+            write_rows(Path(self.config.output) / "episodes.csv", EpisodeResult, self._results)
 
     def _log_result(self, result: EpisodeResult) -> None:
         ending = f"{result.outcome} ({result.reason})" if result.reason else result.outcome

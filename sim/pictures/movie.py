@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from sim.errors import SimError
 from sim.pictures.trajectory import Frame
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 
 def save_png(frame: Frame, path: str | Path) -> None:
@@ -72,11 +72,10 @@ def _whole(path: Path) -> Iterator[Path]:
     """A path beside this one to write to; moved here at the end, removed after an error."""
     part = path.with_name(f".part-{path.name}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise disk_error("write", path, error) from None
+        with disk_errors("write", path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield part
+            part.replace(path)
     finally:
         with suppress(NotADirectoryError):
             part.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ Rows are counted from 1, below the line of names.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
+from storage.trajectories.columns import Columns
 
 #: Share of rows, and number of them, above which ids that are in two places are rejected.
 _MANY, _FEW = 0.01, 3
@@ -27,16 +29,29 @@ _FEW_ROWS = 3
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """All rows: time, agent (R,), place (R, 2) as in the file.
+    """All rows: time, agent, episode (R,), place (R, 2) as in the file; agent: -1 where unknown.
 
-    in_file: (N,) those with numbers in their order, by_agent: sorted by agent and time.
+    names: of the agents, ids: theirs in the table, which may repeat in other episodes.
     """
 
+    columns: Columns
     time: FloatArray
-    agent: IntArray
     place: FloatArray
-    in_file: IntArray
-    by_agent: IntArray
+    agent: IntArray
+    episode: IntArray
+    names: list[str]
+    ids: list[str]
+
+    @cached_property
+    def good(self) -> BoolArray:
+        """(R,) those with numbers."""
+        return np.isfinite(self.time) & np.isfinite(self.place).all(axis=1) & (self.agent >= 0)
+
+    @cached_property
+    def by_agent(self) -> IntArray:
+        """(N,) those with numbers, sorted by agent and time."""
+        good = np.flatnonzero(self.good)
+        return good[np.lexsort((self.time[good], self.agent[good]))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +70,7 @@ class Points:
 
 
 def faults_of_rows(
-    path: Path,
-    rows: Rows,
-    names: Sequence[str],
-    scale: float,
-    speed_mps: float,
-    *,
-    has_ids: bool,
-    is_stated: bool,
+    path: Path, rows: Rows, scale: float, speed_mps: float, *, is_stated: bool
 ) -> tuple[str, ...]:
     """Sentences; FileError where one id is in two places too often, or a speed is impossible.
 
@@ -81,9 +89,9 @@ def faults_of_rows(
             f" {speed_mps:.3g} m/s or faster, as from row {a} to row {b}; state unit: and fps: in a"
             " --mapping file"
         )
-    found = [_out_of_order(rows, names)]
-    if has_ids:
-        found.append(_in_two_places(path, rows, names, scale))
+    found = [_out_of_order(rows)]
+    if rows.columns.agent >= 0:
+        found.append(_in_two_places(path, rows, scale))
     if is_stated and 0 < speed_mps < _SLOWEST_MPS:
         found.append(
             f"agents move at {speed_mps:.2g} m/s only: 'unit:' and 'fps:' in a --mapping file state"
@@ -101,19 +109,20 @@ def _usual_step(rows: Rows) -> tuple[int, int]:
     return int(order[step]) + 1, int(order[step + 1]) + 1
 
 
-def _out_of_order(rows: Rows, names: Sequence[str]) -> str:
-    order = rows.in_file[np.argsort(rows.agent[rows.in_file], kind="stable")]
+def _out_of_order(rows: Rows) -> str:
+    good = np.flatnonzero(rows.good)
+    order = good[np.argsort(rows.agent[good], kind="stable")]
     back = (np.diff(rows.agent[order]) == 0) & (np.diff(rows.time[order]) < 0)
     late = np.sort(order[1:][back])
     if not len(late):
         return ""
     return (
-        f"row {late[0] + 1}, of agent {names[rows.agent[late[0]]]}, goes back in time"
+        f"row {late[0] + 1}, of agent {rows.names[rows.agent[late[0]]]}, goes back in time"
         f"{and_others(len(late))}; rows are sorted by time"
     )
 
 
-def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -> str:
+def _in_two_places(path: Path, rows: Rows, scale: float) -> str:
     order = rows.by_agent
     again = (np.diff(rows.agent[order]) == 0) & (np.diff(rows.time[order]) == 0)
     apart = np.hypot(*np.diff(rows.place[order], axis=0).T) * scale > _SAME_PLACE_M
@@ -122,7 +131,7 @@ def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -
         return ""
     one, other = order[both[0]], order[both[0] + 1]
     what = (
-        f"agent {names[rows.agent[one]]} is in two places at time {rows.time[one]:g}, in row"
+        f"agent {rows.names[rows.agent[one]]} is in two places at time {rows.time[one]:g}, in row"
         f" {one + 1} and row {other + 1}"
     )
     if len(both) > max(_FEW, _MANY * len(order)):

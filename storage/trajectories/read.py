@@ -9,10 +9,9 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
 from storage.quantities import counted
-from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, Unit, located, metres_of, times_of
-from storage.trajectories.episodes import agents_of_episodes, episodes_of, on_one_clock
+from storage.trajectories.episodes import agents_of_episodes, episodes_of, on_one_clock, with_agents
 from storage.trajectories.faults import (
     Points,
     Rows,
@@ -83,85 +82,58 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     return _tracks(path, cells, values, columns, wanted)
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """All rows: time, agent, episode (R,), place (R, 2) as in the file; agent: -1 where unknown.
-
-    names: of the agents, ids: theirs in the table, which may repeat in other episodes.
-    """
-
-    columns: Columns
-    time: FloatArray
-    place: FloatArray
-    agent: IntArray
-    episode: IntArray
-    names: list[str]
-    ids: list[str]
-
-
 def _tracks(
     path: Path, cells: Cells, values: FloatArray, columns: Columns, wanted: TableColumns
 ) -> Trajectories:
-    table = _identified(path, cells, values, columns)
-    good = np.isfinite(table.time) & np.isfinite(table.place).all(axis=1) & (table.agent >= 0)
-    if not good.any():
+    rows = _identified(path, cells, values, columns)
+    if not rows.good.any():
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    points, assumed = _in_m_and_s(path, table, good, wanted.fps or cells.fps, wanted.unit)
+    points, assumed = _in_m_and_s(path, rows, wanted.fps or cells.fps, wanted.unit)
     kept, strays = without_strays(points)
     points = points.select(kept)
     part, jumps = np.zeros_like(points.agent), tuple[str, ...]()
-    if table.columns.agent >= 0:
-        part, jumps = parts_of_jumps(table.names, points)
-    tracks = _pieces(table, points, part, _kinds(cells))
+    if rows.columns.agent >= 0:
+        part, jumps = parts_of_jumps(rows.names, points)
+    tracks = _pieces(rows, points, part, _kinds(cells))
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    left_out = (*_lists(cells), *strays, *_without_numbers(good, cells.n_skipped))
-    n_bad = int((~good).sum() + (~kept).sum()) + cells.n_skipped
+    left_out = (*_lists(cells), *strays, *_without_numbers(rows.good, cells.n_skipped))
+    n_bad = int((~rows.good).sum() + (~kept).sum()) + cells.n_skipped
     return Trajectories(tracks, (*assumed, *jumps, *left_out), n_bad)
 
 
-def _identified(path: Path, cells: Cells, values: FloatArray, columns: Columns) -> _Table:
+def _identified(path: Path, cells: Cells, values: FloatArray, columns: Columns) -> Rows:
     """The rows with their agents and episodes."""
     time, columns = _time(cells.frame, values, columns)
     place = values[:, [columns.x, columns.y]]
     episode, columns = _divided(path, cells, time, place, columns)
     agent, ids = _agents(cells.frame, columns)
     agent, names, ids = agents_of_episodes(cells, columns, agent, ids, episode)
-    return _Table(columns, time, place, agent, episode, names, ids)
+    return Rows(columns, time, place, agent, episode, names, ids)
 
 
 def _in_m_and_s(
-    path: Path, table: _Table, good: BoolArray, fps: float | None, unit: Unit | None
+    path: Path, rows: Rows, fps: float | None, unit: Unit | None
 ) -> tuple[Points, tuple[str, ...]]:
     """The first row of each time of an agent, and sentences about assumptions and faults."""
-    columns, in_file = table.columns, np.flatnonzero(good)
-    by_agent = in_file[np.lexsort((table.time[in_file], table.agent[in_file]))]
-    rows = Rows(table.time, table.agent, table.place, in_file, by_agent)
-    another = np.diff(table.agent[by_agent]) != 0
-    later = np.diff(table.time[by_agent]) > 0
+    columns, by_agent = rows.columns, rows.by_agent
+    another = np.diff(rows.agent[by_agent]) != 0
+    later = np.diff(rows.time[by_agent]) > 0
     row = by_agent[np.concatenate([[True], another | later])]
-    time, place, agent = table.time[row], table.place[row], table.agent[row]
+    time, place, agent = rows.time[row], rows.place[row], rows.agent[row]
     same = np.diff(agent) == 0
     time_s, of_time = times_of(columns, time, np.diff(time)[same], fps)
-    time_s, own_clocks = on_one_clock(time_s, table.episode[row])
+    time_s, own_clocks = on_one_clock(time_s, rows.episode[row])
     speed = _speed(time_s, place, same)
     scale, of_place = metres_of(columns, speed, unit)
-    faults = faults_of_rows(
-        path,
-        rows,
-        table.names,
-        scale,
-        speed * scale,
-        has_ids=columns.agent >= 0,
-        is_stated=not of_place,
-    )
+    faults = faults_of_rows(path, rows, scale, speed * scale, is_stated=not of_place)
     units = _in_words(of_time | of_place, speed * scale)
     sentences = (*columns.assumed, *own_clocks, *units, *faults)
     return Points(row, agent, time_s, place * scale), sentences
 
 
 def _pieces(
-    table: _Table, points: Points, part: IntArray, kinds: list[list[str]]
+    rows: Rows, points: Points, part: IntArray, kinds: list[list[str]]
 ) -> tuple[Track, ...]:
     """A track of each part (N,) of an agent that has two points or more."""
     divided = set(points.agent[part > 0].tolist())
@@ -172,7 +144,7 @@ def _pieces(
             continue
         first = piece[0]
         agent, number = int(points.agent[first]), int(part[first])
-        name = table.names[agent]
+        name = rows.names[agent]
         tracks.append(
             Track(
                 f"{name} part {number + 1}" if number else name,
@@ -181,7 +153,7 @@ def _pieces(
                 kinds=tuple(each[points.row[first]] for each in kinds),
                 divided_from=name if agent in divided else "",
                 row=int(points.row[piece].min()) + 1,
-                name=table.ids[agent],
+                name=rows.ids[agent],
             )
         )
     return tuple(tracks)

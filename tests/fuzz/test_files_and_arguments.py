@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.grid.flow_table import load_flow, save_flow
+from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_app.demonstrations.grid.grid_file import load_grid, save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
-from serd_app.navigation.drive_folder import BegunDrive
+from serd_app.navigation.drive import BegunDrive
 from serd_app.places.area_file import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_cli.demo.folder import DemoSettings
@@ -30,10 +30,10 @@ from serd_ros.graph.graph import find_stack
 from sim.episodes.batch import COLUMNS, TASK_COLUMNS
 from sim.scenario.grid import flow_of, grid_of
 from sim.scenario.scenario import load_scenario
-from storage.episode_table import EpisodeResult, load_episodes, save_episodes
+from storage.episode_table import EpisodeResult, load_episodes
 from storage.model_file import load_model
 from storage.row_table import RowTable
-from storage.table import write_table
+from storage.table import write_rows, write_table
 from storage.trajectories.read import read_trajectories
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 from support.fuzzing import (
@@ -111,12 +111,14 @@ def _save_flow(path: Path) -> None:
     count = np.ones(_GRID.n_states, dtype=np.int64)
     velocity = np.ones((_GRID.n_states, 2))
     flow = flow_of(_CORRIDOR, _GRID)
-    save_flow(path, _GRID, flow=flow, order=count * 0.5, count=count, mean_velocity_mps=velocity)
+    save_flow(path, _GRID, FlowField(flow, velocity, count * 0.5, count))
 
 
 def _save_episodes(path: Path) -> None:
     measured = (9.5, 9.5, 8.0, 0, 0, 0, 0.5, 1.0)
-    save_episodes(path, [EpisodeResult(1, 3, "expert", "train", "arrived", *measured)] * 3)
+    write_rows(
+        path, EpisodeResult, [EpisodeResult(1, 3, "expert", "train", "arrived", *measured)] * 3
+    )
 
 
 def _save_arrivals(path: Path) -> None:

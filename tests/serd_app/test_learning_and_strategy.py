@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.grid.flow_table import save_flow
+from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
@@ -22,7 +22,8 @@ from serd_ros.graph.configs import LearnerConfig
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
-from storage.model_file import load_model, save_model
+from storage.model_file import load_model
+from storage.yaml_config import save_yaml_model
 
 HALLWAY = load_scenario("hallway")
 SHIPPED = Path(__file__).parents[2] / "bags" / "data" / "hallway" / "training"
@@ -74,7 +75,7 @@ def test_the_trace_lists_every_step_with_its_objective(outcome):
 
 def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
     path, fit = tmp_path / "model.yaml", outcome[0].fit
-    save_model(path, outcome[0].model)
+    save_yaml_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
     back = fit_of_file(load_model(path), strategy.problem, fit.objective_trace)
     assert np.array_equal(back.reward_weights, fit.reward_weights)
@@ -89,7 +90,7 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
 
 def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(path, outcome[0].model)
+    save_yaml_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
     grid = strategy.problem.grid
     way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
@@ -99,7 +100,7 @@ def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_pat
 
 def test_a_model_of_another_grid_is_refused_with_the_difference(outcome, tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(path, outcome[0].model)
+    save_yaml_model(path, outcome[0].model)
     with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
         load_strategy(str(path), load_scenario("corridor"), "optimal")
 
@@ -108,8 +109,8 @@ def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
     grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
     turned = np.roll(own.problem.flow, 1)
     zeros = np.zeros((grid.n_states, 2))
-    columns = {"order": zeros[:, 0], "count": zeros[:, 0].astype(int), "mean_velocity_mps": zeros}
-    save_flow(tmp_path / "flow.csv", grid, flow=turned, **columns)
+    count = np.zeros(grid.n_states, dtype=int)
+    save_flow(tmp_path / "flow.csv", grid, FlowField(turned, zeros, zeros[:, 0], count))
     found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
     assert (found.own_flow, own.own_flow) == (True, False)
     assert found.problem.flow.tolist() == turned.tolist()

@@ -11,7 +11,7 @@ from bags.writer import BagWriter
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
-from serd_app.demonstrations.recorded import faults_of
+from serd_app.demonstrations.recorded import report_of_table
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.phases import learn
@@ -40,7 +40,7 @@ def test_a_demo_with_density_learns_it_from_the_people_of_its_bag(tmp_path):
     decisions = load_decisions(folder.decisions)
     grid = load_grid(folder.decisions.with_suffix(".grid.yaml"))
     assert load_density(folder.decisions, grid, decisions).n_known == len(decisions) > 100
-    assert faults_of(folder.decisions).n_decisions == len(decisions)
+    assert report_of_table(folder.decisions).n_moves == len(decisions)
     # A bag is compared with the density of its own people.
     found = familiarity_of(folder.model, [folder.bag], n_simulated=5)
     assert len(found.decisions) == len(found.tails) == len(decisions)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.grid.resolution import COLUMNS, ResolutionRow
+from serd_app.demonstrations.grid.resolution import ResolutionRow
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.navigation.strategy import load_strategy
 from sim.scenario.scenario import load_scenario
@@ -81,7 +81,7 @@ def test_the_advice_warns_of_cells_that_the_robot_jumps_over(serd, place):
     assert fine.code == 0, fine.err
     assert "cells of 0.2 m and periods of 2 s: of the moves" in fine.out
     assert "fit better" in fine.out
-    rows = read_rows("decisions.resolution.csv", ResolutionRow, COLUMNS)
+    rows = read_rows("decisions.resolution.csv", ResolutionRow)
     used = next(row for row in rows if row.used)
     # At 0.4 m/s a period leads 0.8 m on, four cells.
     assert used.far > 0.9

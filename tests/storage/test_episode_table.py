@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from storage.episode_table import EpisodeResult, load_episodes, save_episodes
+from storage.episode_table import EpisodeResult, load_episodes
 from storage.errors import FileError
+from storage.table import write_rows
 
 
 def result(episode=0, outcome="arrived", time_of_arrival_s=0.1 + 0.2):
@@ -29,19 +30,19 @@ def result(episode=0, outcome="arrived", time_of_arrival_s=0.1 + 0.2):
 
 def test_a_distance_that_was_not_measured_survives(tmp_path):
     row = replace(result(), minimum_person_distance_m=math.nan)
-    save_episodes(tmp_path / "episodes.csv", [row])
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, [row])
     (found,) = load_episodes(tmp_path / "episodes.csv")
     assert math.isnan(found.minimum_person_distance_m)
 
 
 def test_rows_survive_exactly(tmp_path):
     rows = (result(0), result(1, time_of_arrival_s=47.0))
-    save_episodes(tmp_path / "episodes.csv", rows)
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, rows)
     assert load_episodes(tmp_path / "episodes.csv") == rows
 
 
 def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
-    save_episodes(tmp_path / "episodes.csv", [result(0, "timeout", math.nan)])
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, [result(0, "timeout", math.nan)])
     (row,) = load_episodes(tmp_path / "episodes.csv")
     assert math.isnan(row.time_of_arrival_s)
     assert not row.arrived
@@ -49,7 +50,7 @@ def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
 
 @pytest.mark.parametrize("time_s", [-1.5, math.inf])
 def test_a_time_of_arrival_that_cannot_be_is_named_by_file_and_line(tmp_path, time_s):
-    save_episodes(tmp_path / "episodes.csv", [result(), result(1, "arrived", time_s)])
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, [result(), result(1, "arrived", time_s)])
     with pytest.raises(
         FileError,
         match=rf"episodes.csv: line 3, time_of_arrival_s must be finite and not .* got {time_s};",
@@ -75,7 +76,7 @@ def test_a_time_of_arrival_that_cannot_be_is_named_by_file_and_line(tmp_path, ti
 )
 def test_a_spoilt_table_is_named_by_line(tmp_path, old, new, sentence):
     path = tmp_path / "episodes.csv"
-    save_episodes(path, [result()])
+    write_rows(path, EpisodeResult, [result()])
     text = path.read_text()
     path.write_text(text.replace(old, new, 1) if old == "episode," else spoil(text, old, new))
     with pytest.raises(FileError, match=sentence):
@@ -89,7 +90,7 @@ def spoil(text, old, new):
 
 
 def test_a_table_written_before_there_were_reasons_is_read(tmp_path):
-    save_episodes(tmp_path / "new.csv", [result()])
+    write_rows(tmp_path / "new.csv", EpisodeResult, [result()])
     lines = (tmp_path / "new.csv").read_text().splitlines()
     assert lines[0].endswith(",reason")
     older = [line.rsplit(",", 1)[0] for line in lines]

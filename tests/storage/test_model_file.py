@@ -15,8 +15,8 @@ from storage.model_file import (
     ModelFile,
     OutcomeModel,
     load_model,
-    save_model,
 )
+from storage.yaml_config import save_yaml_model
 
 GRID = Grid((0.0, 0.0), 1.0, np.ones((2, 3), dtype=bool))
 ROW = (0.1, 0.6, 0.1, 0.1, 0.1)
@@ -47,7 +47,7 @@ def model(**changes):
 
 
 def test_a_model_survives_a_round_trip(tmp_path):
-    save_model(tmp_path / "model.yaml", model())
+    save_yaml_model(tmp_path / "model.yaml", model())
     loaded = load_model(tmp_path / "model.yaml", expected_grid=GRID)
     assert loaded == model()
     assert loaded.feature_names == ("goal", "social_norm")
@@ -59,7 +59,7 @@ def test_a_model_survives_a_round_trip(tmp_path):
 
 def test_draws_survive_a_round_trip(tmp_path):
     draws = ModelDraws(reward_weights=((1 / 3, 2.0), (0.1, -1e-7)), learned=((ROW,), (ROW[::-1],)))
-    save_model(tmp_path / "model.yaml", model(draws=draws))
+    save_yaml_model(tmp_path / "model.yaml", model(draws=draws))
     assert load_model(tmp_path / "model.yaml").draws == draws
 
 
@@ -87,7 +87,7 @@ def test_draws_that_do_not_fit_the_model_are_rejected(weights, learned, sentence
     ],
 )
 def test_a_model_of_another_grid_is_refused_with_the_difference(tmp_path, changes, difference):
-    save_model(tmp_path / "model.yaml", model())
+    save_yaml_model(tmp_path / "model.yaml", model())
     other = dataclasses.replace(GRID, **changes)
     with pytest.raises(FileError, match=f"was made for another grid .*{difference}"):
         load_model(tmp_path / "model.yaml", expected_grid=other)
@@ -111,7 +111,7 @@ def test_another_kind_of_file_is_named_as_such(tmp_path):
 )
 def test_a_wrong_model_gets_a_sentence(tmp_path, old, new, sentence):
     path = tmp_path / "model.yaml"
-    save_model(path, model())
+    save_yaml_model(path, model())
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(FileError, match=sentence):

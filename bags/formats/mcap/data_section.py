@@ -19,14 +19,17 @@ from bags.formats.limits import LARGEST_CONTENT, most_records, most_unpacked
 from bags.formats.mcap.attachments import check_record
 from bags.formats.mcap.chunks import (
     CHUNK_PATTERN,
+    ENTRY_SIZE,
+    INDEX_HEAD_SIZE,
     LONGEST_HEAD,
     ChunkHead,
+    MessageIndexes,
     chunk_head,
+    entries_end,
     unpack_chunk,
 )
 from bags.formats.mcap.definitions import DEFINITIONS
 from bags.formats.mcap.file_end import FileEnd
-from bags.formats.mcap.message_index import ENTRY_SIZE, INDEX_HEAD_SIZE, MessageIndexes, entries_end
 from bags.formats.mcap.records import RECORD_HEAD
 from bags.formats.mcap.window import FileWindow
 
@@ -170,7 +173,8 @@ class DataSection:
         self.visited.add(offset)
         try:
             head = chunk_head(self._window.read(offset, LONGEST_HEAD))
-            if end > self._limit and self._is_torn(head) and not (is_guess or self._end.complete):
+            torn = offset + head.data_start + head.data_size > self._limit
+            if end > self._limit and torn and not (is_guess or self._end.complete):
                 self.note(f"the file ends within a record of {length} bytes")
                 yield self._torn(head)
                 self._offset = self._limit
@@ -219,9 +223,6 @@ class DataSection:
             self._offset += record_size
         self._chunk_end = self._offset
         return Area(records, start, start + head.size)
-
-    def _is_torn(self, head: ChunkHead) -> bool:
-        return self._offset + head.data_start + head.data_size > self._limit
 
     def _torn(self, head: ChunkHead) -> Area:
         """What is left of the records of a chunk whose end is missing; none of a compressed one."""

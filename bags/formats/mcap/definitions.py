@@ -1,7 +1,6 @@
 """Schemas and channels of one MCAP file, wherever they stand: data section, chunks or summary."""
 
 from functools import lru_cache
-from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
@@ -16,29 +15,16 @@ from bags.topic import Topic
 DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
 QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 _MOST_CONFLICTS = 1000
-
-
-class _Schema(NamedTuple):
-    name: str
-    encoding: str
-    text: str
-
-
-class _Channel(NamedTuple):
-    topic: str
-    schema: int
-    encoding: str
-    qos: str
-    type_hash: str
+_UNKNOWN = Schema(0, b"", "", "")
 
 
 class Definitions:
     """Numbers of channels and what they mean; one number never has two meanings."""
 
     def __init__(self) -> None:
-        self.schemas: dict[int, _Schema] = {}
-        self.channels: dict[int, _Channel] = {}
-        self._first: dict[str, _Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self._first: dict[str, Channel] = {}
         self._seen: dict[tuple[int, bytes], int] = {}
         self._size = self._n_conflicts = 0
 
@@ -51,7 +37,9 @@ class Definitions:
         if self._seen.get(key) == digest or self._n_conflicts > _MOST_CONFLICTS:
             return ""
         try:
-            self._check_size(len(content))
+            self._size += len(content)
+            if self._size > MOST_DEFINITIONS:
+                raise BagError(f"schemas and channels have more than {MOST_DEFINITIONS} bytes")
             same, what = self._add(opcode, content)
         except BagError as error:
             return str(error)
@@ -76,9 +64,9 @@ class Definitions:
         """Whether a channel has the type of the first one of its topic, if both are known."""
         channel = self.channels[number]
         own, first = self._schema(channel), self._schema(self._first[channel.topic])
-        if not (own.text and first.text):
+        if not (own.data and first.data):
             return True
-        return own.name == first.name and _fields(own.text) == _fields(first.text)
+        return own.name == first.name and _fields(own.data) == _fields(first.data)
 
     def names(self, number: int) -> tuple[str, str]:
         """(topic, type name) of a channel."""
@@ -89,37 +77,26 @@ class Definitions:
         """(whether it is new or the same as before, kind and number)."""
         if opcode == Opcode.SCHEMA:
             schema = read_record(Schema, content)
-            text = schema.data.decode("utf-8", errors="replace")
-            read = _Schema(schema.name, schema.encoding, text)
-            return self.schemas.setdefault(schema.id, read) == read, f"schema {schema.id}"
+            return self.schemas.setdefault(schema.id, schema) == schema, f"schema {schema.id}"
         channel = read_record(Channel, content)
-        described = _Channel(
-            channel.topic,
-            channel.schema_id,
-            channel.message_encoding,
-            channel.metadata.get(QOS, ""),
-            channel.metadata.get(TYPE_HASH, ""),
-        )
-        kept = self.channels.setdefault(channel.id, described)
+        kept = self.channels.setdefault(channel.id, channel)
         self._first.setdefault(kept.topic, kept)
-        return kept == described, f"channel {channel.id}"
+        return kept == channel, f"channel {channel.id}"
 
-    def _check_size(self, size: int) -> None:
-        self._size += size
-        if self._size > MOST_DEFINITIONS:
-            raise BagError(f"schemas and channels have more than {MOST_DEFINITIONS} bytes")
+    def _schema(self, channel: Channel) -> Schema:
+        return self.schemas.get(channel.schema_id, _UNKNOWN)
 
-    def _schema(self, channel: _Channel) -> _Schema:
-        return self.schemas.get(channel.schema, _Schema("", "", ""))
-
-    def _topic(self, channel: _Channel) -> Topic:
-        name, encoding, text = self._schema(channel)
-        recorded = MessageType(name, text, channel.type_hash, encoding)
-        return Topic(channel.topic, recorded, qos_of_text(channel.qos), channel.encoding)
+    def _topic(self, channel: Channel) -> Topic:
+        schema = self._schema(channel)
+        text = schema.data.decode("utf-8", errors="replace")
+        type_hash = channel.metadata.get(TYPE_HASH, "")
+        recorded = MessageType(schema.name, text, type_hash, schema.encoding)
+        qos = qos_of_text(channel.metadata.get(QOS, ""))
+        return Topic(channel.topic, recorded, qos, channel.message_encoding)
 
 
 @lru_cache(maxsize=256)
-def _fields(text: str) -> list[list[str]]:
+def _fields(definition: bytes) -> list[list[bytes]]:
     """The words of each line of a definition that has any but a comment."""
-    lines = (line.split("#")[0].split() for line in text.splitlines())
+    lines = (line.split(b"#")[0].split() for line in definition.splitlines())
     return [words for words in lines if words]

@@ -15,7 +15,7 @@ from bags.formats.limits import LARGEST_CONTENT
 from bags.formats.mcap.definitions import DEFINITIONS, Definitions
 from bags.formats.mcap.records import RECORD_HEAD, read_record
 from bags.formats.mcap.window import FileWindow
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 _FOOTER_FIELDS = struct.Struct("<QQI")
 _LONGEST_FOOTER = 256
@@ -36,16 +36,8 @@ class FileEnd:
         self.statistics: Statistics | None = None
         self.chunk_starts: list[int] = []
         self.faults = DamageLog(path)
-        try:
-            with path.open("rb", buffering=0) as stream:
-                self._read(FileWindow(stream))
-        except OSError as error:
-            raise BagError(str(disk_error("read", path, error))) from None
-
-    @property
-    def expected(self) -> int | None:
-        """Messages in the file, None where it has no count."""
-        return self.statistics.message_count if self.statistics else None
+        with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
+            self._read(FileWindow(stream))
 
     @property
     def names_all_topics(self) -> bool:

@@ -19,7 +19,7 @@ from bags.formats.mcap.file_end import FileEnd
 from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
 from bags.formats.mcap.window import FileWindow
 from bags.topic import RawMessage, Topic
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 _MESSAGE = int(Opcode.MESSAGE)
 
@@ -41,7 +41,8 @@ class McapScan:
         self._log = DamageLog(path)
         self._end = FileEnd(path)
         self._definitions = self._end.definitions
-        self.expected = self._end.expected
+        statistics = self._end.statistics
+        self.expected = statistics.message_count if statistics else None
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
         self._looked_in: Area | None = None
@@ -70,20 +71,16 @@ class McapScan:
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all."""
-        try:
-            with self.path.open("rb", buffering=0) as stream:
-                section = self._section_of(FileWindow(stream))
-                for area in section.areas():
-                    yield from self._messages(section, area, topics)
-                    del area  # before the next one is read
-                self.copied, self.has_checksums = section.copied, section.has_checksums
-                self._compare_with_end(section)
-        except OSError as error:
-            raise BagError(str(disk_error("read", self.path, error))) from None
-
-    def _section_of(self, window: FileWindow) -> DataSection:
-        size = window.size if self._recorded_size is None else self._recorded_size
-        return DataSection(window, self._end, self._log, size, thorough=self._thorough)
+        path = self.path
+        with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
+            window = FileWindow(stream)
+            size = window.size if self._recorded_size is None else self._recorded_size
+            section = DataSection(window, self._end, self._log, size, thorough=self._thorough)
+            for area in section.areas():
+                yield from self._messages(section, area, topics)
+                del area  # before the next one is read
+            self.copied, self.has_checksums = section.copied, section.has_checksums
+            self._compare_with_end(section)
 
     def _messages(
         self, section: DataSection, area: Area, topics: frozenset[str] | None
@@ -182,31 +179,25 @@ class McapScan:
             section.note("the summary at the end of the file is damaged")
         for each in self._end.faults.damage:
             section.note(each.what)
-        self._compare_counts(section)
-
-    def _compare_counts(self, section: DataSection) -> None:
         statistics, found = self._end.statistics, sum(self._counts.values())
         n_missing = len(set(self._end.chunk_starts) - section.visited)
         if n_missing:
             section.note(f"{n_missing} chunks of the summary are missing")
         if statistics is None:
             return
+        counts = statistics.channel_message_counts
         if statistics.message_count != found:
             section.note(f"{statistics.message_count} messages were written, {found} are readable")
-        elif not self._log:
-            self._compare_topics(section, statistics.channel_message_counts)
+        elif counts and not self._log:
+            for number, channel in self._definitions.channels.items():
+                n_written, n_read = counts.get(number, 0), self._counts[number]
+                if n_written != n_read:
+                    section.note(
+                        f"{n_written} messages were written on {channel.topic}, {n_read} are there"
+                    )
         n_copied = statistics.attachment_count + statistics.metadata_count
         if n_copied > len(self.copied):
             section.note(
                 f"{n_copied} attachments and metadata records were written,"
                 f" {len(self.copied)} are there"
             )
-
-    def _compare_topics(self, section: DataSection, counts: dict[int, int]) -> None:
-        """Compare each topic with the statistics, where they count topics."""
-        for number, channel in self._definitions.channels.items() if counts else ():
-            written, found = counts.get(number, 0), self._counts[number]
-            if written != found:
-                section.note(
-                    f"{written} messages were written on {channel.topic}, {found} are there"
-                )

@@ -6,6 +6,8 @@ summary and in chunks, under their checksums: in the three chunks from the first
 chunks that are lost cost no more than themselves, and then each time their number has doubled.
 """
 
+import contextlib
+import os
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -34,14 +36,15 @@ from mcap.records import (
 from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
+from bags.errors import BagError
 from bags.formats.mcap.attachments import index_of_record
-from bags.formats.mcap.disk_file import DiskFile
 from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
 from bags.formats.mcap.window import FileWindow
 from bags.formats.rosbag2.message_types import MessageType
 from bags.formats.rosbag2.metadata_file import FileSpan
 from bags.formats.rosbag2.qos import qos_text
 from bags.topic import Topic
+from storage.errors import disk_errors
 
 Compression = Literal["none", "zstd"]
 LIBRARY = "serd"
@@ -57,7 +60,7 @@ class McapWriter:
     """Appends messages to one file; what `flush` has written survives the death of the process."""
 
     def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
-        self._file = DiskFile(path, sync=sync)
+        self._file = _DiskFile(path, sync=sync)
         self._compression = compression
         self._schemas: dict[MessageType, Schema] = {}
         self._channels: list[Channel] = []
@@ -255,6 +258,48 @@ class McapWriter:
         unchecked = _encoded(Footer(start, offset_start, 0))[:-4]
         checksum = zlib.crc32(unchecked, zlib.crc32(summary))
         return bytes(summary) + _encoded(Footer(start, offset_start, checksum)) + MCAP0_MAGIC
+
+
+class _DiskFile:
+    """A file that only grows, in whole blocks: what was appended before a failure stays readable.
+
+    Unbuffered, so that a killed process loses nothing it has appended.
+    """
+
+    def __init__(self, path: Path, *, sync: bool) -> None:
+        self.path = path
+        self.size = 0
+        self._sync = sync
+        with disk_errors("write", path, BagError):
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+
+    def append(self, block: bytes | bytearray) -> None:
+        """Append the block; on BagError (disk full, ...) no part of it stays."""
+        with disk_errors("write", self.path, BagError):
+            try:
+                rest = memoryview(block)
+                while rest:
+                    rest = rest[os.write(self._descriptor, rest) :]
+                if self._sync:
+                    os.fdatasync(self._descriptor)
+            except OSError:
+                # Where even this fails, the reader finds the last whole block by itself.
+                with contextlib.suppress(OSError):
+                    os.ftruncate(self._descriptor, self.size)
+                    os.lseek(self._descriptor, self.size, os.SEEK_SET)
+                raise
+        self.size += len(block)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be appended."""
+        return self._descriptor >= 0
+
+    def close(self) -> None:
+        """Close the file; further calls do nothing."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
 
 def _encoded(record: McapRecord) -> bytes:

@@ -12,7 +12,7 @@ from bags.errors import BagError
 from bags.formats.limits import LARGEST_CONTENT, most_unpacked
 from bags.formats.rosbag2.layout import COMPRESSED_FILE
 from bags.topic import RawMessage
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 #: Bytes of which zstd makes 32 MiB at most.
 _PIECE = 1024
@@ -75,10 +75,11 @@ class DecompressedFiles:
             self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
         target = self._folder / f"{number}_{file.stem}"
         try:
-            self._decompress(file, target)
-        except OSError as error:
+            with disk_errors("unpack", file, BagError):
+                self._decompress(file, target)
+        except BagError:
             self.close()
-            raise BagError(str(disk_error("unpack", file, error))) from None
+            raise
         return target
 
     def _decompress(self, file: Path, target: Path) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from bags.errors import BagError
+from bags.formats.limits import yaml_values
 from bags.formats.rosbag2.metadata_file import FILE_NAME, ROOT_KEY
-from bags.formats.rosbag2.yaml_values import yaml_values
 from storage.errors import FileError
 from storage.files import read_text
 

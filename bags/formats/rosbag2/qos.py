@@ -8,7 +8,7 @@ from typing import Any, Literal
 import yaml
 
 from bags.errors import BagError
-from bags.formats.rosbag2.yaml_values import yaml_values
+from bags.formats.limits import yaml_values
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 _HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {

@@ -23,7 +23,7 @@ from bags.formats.rosbag2.message_types import ENCODING, MessageType
 from bags.formats.rosbag2.qos import qos_of_text
 from bags.formats.sqlite.pages import SqlitePages
 from bags.topic import CDR, RawMessage, Topic
-from storage.errors import disk_error
+from storage.errors import disk_errors
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
@@ -64,7 +64,9 @@ class SqliteScan:
             if fault:
                 self._note(fault)
             known = _topics(path)
-            wanted = None if topics is None else _numbers_of(known, topics)
+            wanted = None
+            if topics is not None:
+                wanted = [number for number, topic in known.items() if topic.name in topics]
             if not (wanted is None or fault):
                 self.counts.update(_counts(path, known, wanted))
             names = {number: (topic.name, topic.type_name) for number, topic in known.items()}
@@ -142,10 +144,6 @@ def _is_plain(connection: sqlite3.Connection, table: str) -> bool:
     return plain and all(hidden == 0 for *_, hidden in columns)
 
 
-def _numbers_of(known: dict[int, Topic], names: frozenset[str]) -> list[int]:
-    return [number for number, topic in known.items() if topic.name in names]
-
-
 def _counts(path: Path, topics: dict[int, Topic], left_out: list[int]) -> Counter[str]:
     """Messages of all other topics than those left out, of which nothing else is read."""
     found: Counter[str] = Counter()
@@ -218,13 +216,10 @@ def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Topi
 
 
 def _pages(path: Path) -> SqlitePages:
-    try:
-        with path.open("rb") as stream:
-            size = path.stat().st_size
-            content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
-            return SqlitePages(content)
-    except OSError as error:
-        raise BagError(str(disk_error("read", path, error))) from None
+    with disk_errors("read", path, BagError), path.open("rb") as stream:
+        size = path.stat().st_size
+        content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
+        return SqlitePages(content)
 
 
 @contextmanager

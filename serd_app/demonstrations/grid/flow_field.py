@@ -3,22 +3,40 @@
 The flow of a cell is the axis nearest to the sum of the velocities seen in it; there is none where
 fewer than a number of people were seen, or where they do not walk in one direction: the order
 |sum v| / sum |v| is 1 when all walk the same way and 0 when they cancel.
+
+Its table beside that of decisions has a row per state of the grid, in order: the centre of the
+cell, the flow (north, east, south, west or none) and the measurements that it was derived from.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
+from pathlib import Path
 
 import numpy as np
 
 from serd_app.drives.recorded_people import Sighting
 from serd_app.drives.recording import Recording
-from serd_app.drives.table_drives import Crowd
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid.grid import Grid, action_of_direction
+from serd_core.grid.grid import Action, Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW
+from storage.errors import FileError
+from storage.nearest import hint
+from storage.table import Column, read_table, write_table
 
 PEDESTRIANS = "pedestrians"
+_COLUMNS = (
+    Column("state", int),
+    Column("x_m", float),
+    Column("y_m", float),
+    Column("flow", str),
+    Column("order", float),
+    Column("count", int),
+    Column("vx_mps", float),
+    Column("vy_mps", float),
+)
+_FLOWS = {"none": NO_FLOW} | {action.name.lower(): int(action) for action in list(Action)[1:]}
+_NAMES = {flow: name for name, flow in _FLOWS.items()}
 
 
 @dataclass(frozen=True)
@@ -81,19 +99,55 @@ def flow_from_recordings(
     estimator = FlowEstimator(grid)
     seen: set[bytes] = set()
     for each, people in zip(recordings, sightings, strict=True):
-        if each.crowd is not None:
-            if each.crowd.people:
-                _add_crowd(estimator, each.crowd, seen)
-            continue
-        for one in people:
+        crowd = each.crowd
+        if crowd is not None and crowd.people:
+            digest = blake2b(crowd.position_m.tobytes(), digest_size=16).digest()
+            if digest not in seen:
+                seen.add(digest)
+                estimator.add(crowd.position_m, crowd.velocity_mps)
+        for one in () if crowd else people:
             if one.digest not in seen:
                 seen.add(one.digest)
                 estimator.add(one.people.position_m[:, :2], one.people.velocity_mps[:, :2])
     return estimator.field() if seen else None
 
 
-def _add_crowd(estimator: FlowEstimator, crowd: Crowd, seen: set[bytes]) -> None:
-    digest = blake2b(crowd.position_m.tobytes(), digest_size=16).digest()
-    if digest not in seen:
-        seen.add(digest)
-        estimator.add(crowd.position_m, crowd.velocity_mps)
+def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:
+    """Write one line per state."""
+    columns = (
+        grid.centers_m.tolist(),
+        [_NAMES[each] for each in field.flow.tolist()],
+        field.order.round(4).tolist(),
+        field.count.tolist(),
+        field.mean_velocity_mps.round(4).tolist(),
+    )
+    rows = (
+        (state, *center, name, sure, seen, *velocity)
+        for state, (center, name, sure, seen, velocity) in enumerate(zip(*columns, strict=True))
+    )
+    write_table(path, _COLUMNS, rows)
+
+
+def load_flow(path: str | Path, grid: Grid) -> IntArray:
+    """(S,) the direction in each state, -1 for none; FileError where it is of another grid."""
+    table = read_table(path, _COLUMNS)
+    if len(table) != grid.n_states:
+        raise FileError(
+            f"{path}: must have one line for each of the grid's {grid.n_states} states, got"
+            f" {len(table)}; it was made for another grid"
+        )
+    for line, name in enumerate(table["flow"], start=2):
+        if name not in _FLOWS:
+            raise FileError(
+                f"{path}: line {line}, flow must be a direction or none, got {name!r}"
+                f"; {hint(name, _FLOWS)}"
+            )
+    centers_m = table[["x_m", "y_m"]].to_numpy()
+    apart = np.abs(centers_m - grid.centers_m).max(axis=1) > 1e-6 * grid.cell_size_m
+    if apart.any():
+        state = int(np.argmax(apart))
+        raise FileError(
+            f"{path}: line {state + 2} must be the cell at {tuple(grid.centers_m[state].tolist())},"
+            f" got {tuple(centers_m[state].tolist())}; it was made for another grid"
+        )
+    return np.array([_FLOWS[name] for name in table["flow"]], dtype=np.int64)

@@ -7,9 +7,8 @@ from pydantic import Field, field_validator
 
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
-from storage.files import atomic_write_text
 from storage.grid_picture import BLOCKED, WALKABLE, walkable_of_picture, walkable_picture
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 
 
 class GridFile(StrictModel):
@@ -44,7 +43,7 @@ def save_grid(path: str | Path, grid: Grid, scenario: str = "") -> None:
         cell_size_m=grid.cell_size_m,
         cells=walkable_picture(grid),
     )
-    atomic_write_text(path, model_yaml(model))
+    save_yaml_model(path, model)
 
 
 def load_grid(path: str | Path) -> Grid:

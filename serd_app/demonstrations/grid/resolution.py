@@ -5,16 +5,14 @@ moves, those that end in a neighbour are completed; with large cells or short pe
 its cell, with small cells or long periods it goes farther than one cell, which no outcome explains.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray
-from storage.table import columns_of, read_rows, write_table
 
 #: Share of far moves above which cells are too small, or periods too long.
 MOST_FAR = 0.05
@@ -91,9 +89,6 @@ class ResolutionAdvice:
         return self.used.far > MOST_FAR
 
 
-COLUMNS = columns_of(ResolutionRow)
-
-
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
@@ -138,16 +133,6 @@ def fitting_cell_size_m(drives: Sequence[RecordedDrive], period_s: float) -> flo
     rows = [_row(moves, cell, period_s, used=False) for cell in _CELLS_M]
     few = [row for row in rows if row.far <= MOST_FAR] or rows[-1:]
     return max(few, key=lambda row: row.completed).cell_size_m
-
-
-def save_resolution(path: Path, advice: ResolutionAdvice) -> None:
-    """Write the rows."""
-    write_table(path, COLUMNS, map(astuple, advice.rows))
-
-
-def load_resolution(path: Path, motion: Mapping[str, float]) -> ResolutionAdvice:
-    """What `save_resolution` wrote; motion: the other numbers by name."""
-    return ResolutionAdvice(read_rows(path, ResolutionRow, COLUMNS), **motion)
 
 
 def _near(known: Sequence[float], used: float) -> list[float]:

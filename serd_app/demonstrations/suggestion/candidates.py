@@ -1,6 +1,6 @@
 """The likeliest topics of a bag for poses and commands, with their messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -24,7 +24,7 @@ from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_o
 
 PERIOD_S = 1.0
 _CELL_SIZES_M = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
-_MOST_CANDIDATES = 6
+_MOST = 6
 _FEWEST_POSES = 10
 _SHORTEST_WAY_M = 0.2
 _USUAL_SPEED_MPS = 0.05
@@ -61,12 +61,8 @@ class Candidates:
         self._source, self._known = source_of(reader.path), reader.topics
         self._damaged: dict[str, BagError] = {}
         self.rejected: list[str] = []
-        poses = pose_candidates(self._known.values())[:_MOST_CANDIDATES]
-        actions = command_candidates(self._known.values())[:_MOST_CANDIDATES]
-        pose_readers = {each.name: self._made(self._pose_reader, each) for each in poses}
-        self._poses = {name: each for name, each in pose_readers.items() if each is not None}
-        readers = {each.name: self._made(self._action_reader, each) for each in actions}
-        self.actions = {name: each for name, each in readers.items() if each is not None}
+        self._poses = self._readers(pose_candidates, self._pose_reader)
+        self.actions = self._readers(command_candidates, self._action_reader)
         self.own = self._own_messages()
         self._collect(reader)
         self.actions = {name: each for name, each in self.actions.items() if each.n_taken}
@@ -111,6 +107,13 @@ class Candidates:
         except BagError as error:
             self.rejected.append(str(error).removeprefix(f"{self._source}: "))
             return None
+
+    def _readers(
+        self, rank: Callable[[Iterable[Topic]], list[Topic]], make: Callable[[Topic], _Made]
+    ) -> dict[str, _Made]:
+        """By topic, of the likeliest ones."""
+        found = {each.name: self._made(make, each) for each in rank(self._known.values())[:_MOST]}
+        return {name: each for name, each in found.items() if each is not None}
 
     def _pose_reader(self, topic: Topic) -> MappedPoses:
         return MappedPoses(self._known, BagMapping(pose_topic=topic.name), self._source)

@@ -96,13 +96,32 @@ class MappedActions:
         """The decisions; BagError where the topic has no message."""
         if self._read is None:
             return posed_intents(self._mapping, track, spans, period_s)
+        mapping = self._mapping
         at_s, vectors, n_unclear = self.stated(track)
-        if self._mapping.action_from == "velocity":
-            return self._driven(
-                at_s, vectors, n_unclear, track, decision_times(spans, period_s), period_s
+        if mapping.action_from != "velocity":
+            dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+            if mapping.action_from == "intent":
+                return MappedIntents(at_s, actions_of_directions(vectors), dropped)
+            actions = actions_of_waypoints(
+                position_m=track.at(at_s), waypoint_m=vectors, reached_m=mapping.waypoint_reached_m
             )
-        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
-        return MappedIntents(at_s, self._actions(at_s, vectors, track), dropped)
+            return MappedIntents(at_s, actions, dropped)
+        decided_s = decision_times(spans, period_s)
+        actions, commanded = actions_of_velocities(
+            decision_time_s=decided_s,
+            period_s=period_s,
+            command_time_s=at_s + mapping.delay_s,
+            command_mps=vectors,
+            pose_time_s=track.time_s,
+            yaw_rad=track.poses[:, 2],
+            hold_s=mapping.hold_s or np.inf,
+            minimum_speed_mps=mapping.minimum_speed_mps,
+        )
+        if mapping.silence == "wait":
+            commanded = np.ones_like(commanded)
+        n_silent = int((~commanded).sum())
+        dropped = {NO_COMMAND: n_silent} if n_silent else {}
+        return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_unclear)
 
     @property
     def n_taken(self) -> int:
@@ -126,40 +145,6 @@ class MappedActions:
         at_s, vectors = rows[:, 0], rows[:, 1:]
         clear = np.isfinite(vectors).all(axis=1)
         return at_s[clear], vectors[clear], int((~clear).sum())
-
-    def _actions(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
-        if self._mapping.action_from == "intent":
-            return actions_of_directions(vectors)
-        return actions_of_waypoints(
-            position_m=track.at(at_s),
-            waypoint_m=vectors,
-            reached_m=self._mapping.waypoint_reached_m,
-        )
-
-    def _driven(
-        self,
-        at_s: FloatArray,
-        commands_mps: FloatArray,
-        n_bad_commands: int,
-        track: PoseTrack,
-        decided_s: FloatArray,
-        period_s: float,
-    ) -> MappedIntents:
-        actions, commanded = actions_of_velocities(
-            decision_time_s=decided_s,
-            period_s=period_s,
-            command_time_s=at_s + self._mapping.delay_s,
-            command_mps=commands_mps,
-            pose_time_s=track.time_s,
-            yaw_rad=track.poses[:, 2],
-            hold_s=self._mapping.hold_s or np.inf,
-            minimum_speed_mps=self._mapping.minimum_speed_mps,
-        )
-        if self._mapping.silence == "wait":
-            commanded = np.ones_like(commanded)
-        n_silent = int((~commanded).sum())
-        dropped = {NO_COMMAND: n_silent} if n_silent else {}
-        return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_bad_commands)
 
 
 def posed_intents(

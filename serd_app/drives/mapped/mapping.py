@@ -62,12 +62,6 @@ class DriveMapping(StrictModel):
             )
         return self
 
-    def with_goal_area(self, area_m: tuple[tuple[float, float], ...]) -> "DriveMapping":
-        """The mapping with the goal area of a scenario, where it states no goal itself."""
-        if self.goals_m or self.goal_area_m:
-            return self
-        return self.model_copy(update={"goal_area_m": area_m})
-
 
 class TableMapping(DriveMapping, TableColumns):
     """A table of trajectories."""

@@ -125,10 +125,15 @@ class MappedPoses:
         """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
         reach."""
         target, tree = self._target, self._tf.tree
-        if not target:
-            self._require_one_frame()
-            return poses.planar
         into = poses.planar
+        if not target and len(self._frames) > 1:
+            raise BagError(
+                f"{self._source}: poses on {self._topic} must be given in one frame where the"
+                f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
+                " the grid as frame"
+            )
+        if not target:
+            return into
         for name, number in self._frames.items():
             rows = np.flatnonzero(frame_of == number)
             if name != target and len(rows):
@@ -141,14 +146,6 @@ class MappedPoses:
                 " all the time, and on one clock with the poses"
             )
         return into
-
-    def _require_one_frame(self) -> None:
-        if len(self._frames) > 1:
-            raise BagError(
-                f"{self._source}: poses on {self._topic} must be given in one frame where the"
-                f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
-                " the grid as frame"
-            )
 
     def _placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
         """(N,) times of poses: their stamps also where these are of another clock than log times,

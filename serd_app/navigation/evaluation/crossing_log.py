@@ -6,15 +6,16 @@ import numpy as np
 
 from serd_app.demonstrations.crossing_table import (
     CrossedPlace,
+    Crossing,
     crossings_of_track,
     load_crossings,
     people_per_m2,
-    save_crossings,
 )
 from serd_app.navigation.strategy import Strategy
 from serd_core.grid.grid import Action
 from sim.world.observation import Observation
 from storage.episode_table import EpisodeResult
+from storage.table import write_rows
 
 #: Its file, in the folder of a drive.
 CROSSINGS = "crossings.csv"
@@ -63,5 +64,5 @@ class CrossingLog:
                 np.array(self._decided).reshape(-1, 2),
                 arrived=result.arrived,
             )
-            save_crossings(self._path, self._rows)
+            write_rows(self._path, Crossing, self._rows)
         self.begin()

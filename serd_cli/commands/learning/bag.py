@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +17,7 @@ from bags.command.commands import (
     show_checks,
     show_contents,
 )
-from bags.command.results import Line, Table
+from bags.command.results import Page
 from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
@@ -128,7 +127,7 @@ def suggest(
     text = found.yaml(output)
     atomic_write_text(output, text)
     if as_json:
-        reports = {str(period_s): asdict(each) for period_s, each in found.reports.items()}
+        reports = {str(period_s): each.model_dump() for period_s, each in found.reports.items()}
         values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
         print_json({**values, "comments": found.comments, "reports": reports, "file": output})
         return
@@ -158,29 +157,23 @@ class RichScreen:
         """All results as JSON."""
         print_json(values)
 
-    def heading(self, text: str) -> None:
-        """The line above a table."""
-        console.print(Text(text), soft_wrap=True)
-
-    def table(self, table: Table) -> None:
-        """A table whose names are folded first where it is wider than the terminal."""
+    def show(self, page: Page) -> None:
+        """A table whose names are folded first where it is wider than the terminal, sentences in
+        the colours of their styles; remarks on stderr."""
+        console.print(Text(page.heading), soft_wrap=True)
         shown = RichTable()
-        for number, name in enumerate(table.columns):
-            if number in table.texts:
+        for number, name in enumerate(page.table.columns):
+            if number in page.table.texts:
                 shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
             else:
                 shown.add_column(name, justify="right", no_wrap=True)
-        for row in table.rows:
+        for row in page.table.rows:
             shown.add_row(*row)
         console.print(shown)
-
-    def line(self, line: Line) -> None:
-        """A sentence in the colour of its style."""
-        console.print(Text(line.text, style=_COLOURS[line.style]), soft_wrap=True)
-
-    def remark(self, text: str) -> None:
-        """A sentence on stderr."""
-        progress_console.print(text, style="yellow", soft_wrap=True)
+        for line in page.lines:
+            console.print(Text(line.text, style=_COLOURS[line.style]), soft_wrap=True)
+        for remark in page.remarks:
+            progress_console.print(remark, style="yellow", soft_wrap=True)
 
 
 def play(

@@ -1,7 +1,7 @@
 """`serd compare`: how usual trajectories are for a learned model."""
 
 import math
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +21,7 @@ from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
 from storage.quantities import counted
-from storage.table import columns_of, write_table
+from storage.table import write_rows
 from storage.yaml_config import load_yaml_model
 
 #: Episodes listed on the terminal, those of the lowest ranks.
@@ -99,7 +99,7 @@ def compare(
     )
     layout = layout_of(found.files.scenario) if found.files.scenario else None
     rows = _rows(found, surprise)
-    write_table(output, columns_of(EpisodeRow), map(astuple, rows))
+    write_rows(output, EpisodeRow, rows)
     figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)
     save_figure(picture, figure)
     values = _values(found, rows, {"table": output, "picture": picture})

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 import typer
 
-from serd_app.demonstrations.crossing_table import save_crossings
+from serd_app.demonstrations.crossing_table import Crossing
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid, grid_of_area
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
@@ -54,6 +54,7 @@ from serd_core.grid.navigation import NO_FLOW
 from sim.scenario.grid import grid_of
 from sim.scenario.rules import LEAST_PERIOD_S
 from sim.scenario.scenario import load_scenario
+from storage.table import write_rows
 from storage.yaml_config import load_yaml_model
 
 #: Decision periods where none is given: with cells that fit them, and with given cells.
@@ -171,7 +172,7 @@ def demos(
     recorded_flow = np.full(grid.n_states, NO_FLOW) if flow is None else flow.flow
     own_flow = recorded_flow if place.flow is None else place.flow
     crossed = crossings_of_recordings(found, sightings, grid, own_flow)
-    save_crossings(files_beside(output)["crossings"], crossed)
+    write_rows(files_beside(output)["crossings"], Crossing, crossed)
     save_pictures(output, place, found, flow, advice)
     if lerobot is not None:
         _require_actions(found)

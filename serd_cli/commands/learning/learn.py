@@ -12,10 +12,10 @@ from report.model_inputs import inputs_of_model
 from report.style import save_figure
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
-from serd_app.learning.certainty import Certainty, certainty_of
 from serd_app.learning.crossing_times import load_times
 from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import (
     FlowSource,
     LearningFiles,

@@ -12,9 +12,8 @@ from report.figures.scenario_plan import draw_scenario_plan
 from report.style import save_figure
 from serd_app.places.area_file import is_area_file, read_area_m
 from serd_app.places.free_area import free_area_m
-from serd_app.places.map_scenario import map_scenario_yaml
+from serd_app.places.map_scenario import PlaceSettings, map_scenario_yaml
 from serd_app.places.ros_map import read_map
-from serd_app.places.settings import PlaceSettings
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.paths import require_apart, require_suffix

@@ -15,8 +15,7 @@ from report.figures.arrival import draw_arrival, measured_curve, predicted_curve
 from report.style import save_figure
 from serd_app.learning.crossing_times import unseen_sentence
 from serd_app.navigation.crossing_forecast import CrossingForecast
-from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
-from serd_app.navigation.drive_folder import claim_folder
+from serd_app.navigation.drive import DriveSettings, claim_folder, drive, finished_episodes
 from serd_app.navigation.evaluation.comparison import Comparison, compare, predicted_law
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bags.health.check import check_bag
-from bags.health.two_clocks import TwoClocks, two_clocks
+from bags.health.topic_check import TwoClocks, two_clocks
 from bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -5,26 +5,37 @@ import math
 import pytest
 
 from bags.errors import BagError
-from bags.messages.plain import diagnostic_array, pose_position, pose_stamped, vector3_stamped
+from bags.messages.plain import (
+    decode,
+    diagnostic_array,
+    header_of,
+    pose_position,
+    yaw_of_quaternion,
+)
+
+
+def vector3_stamped(data):
+    return decode(data, "geometry_msgs/msg/Vector3Stamped")
 
 
 @pytest.mark.parametrize("little_endian", [True, False])
 @pytest.mark.parametrize("frame", ["", "m", "map", "base_link", "a/very/long/frame"])
 def test_poses_and_vectors_read_as_written(messages, little_endian, frame):
     data = messages.pose(1.25, 3.5, -2.0, little_endian=little_endian, frame=frame)
-    pose = pose_stamped(data)
-    assert (pose.header.stamp_ns, pose.header.frame) == (1_250_000_000, frame)
-    assert (pose.x_m, pose.y_m) == (3.5, -2.0)
-    assert pose.yaw_rad == pytest.approx(math.pi / 2)
+    message = decode(data, "geometry_msgs/msg/PoseStamped")
+    header, turned = header_of(message.header), message.pose.orientation
+    assert (header.stamp_ns, header.frame) == (1_250_000_000, frame)
+    yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
+    assert yaw_rad == pytest.approx(math.pi / 2)
     assert pose_position(data) == (1_250_000_000, 3.5, -2.0)
-    vector = vector3_stamped(messages.intent(2.0, 0.0, -1.0, little_endian=little_endian))
-    assert (vector.header.stamp_ns, vector.x, vector.y) == (2_000_000_000, 0.0, -1.0)
+    message = vector3_stamped(messages.intent(2.0, 0.0, -1.0, little_endian=little_endian))
+    assert (message.vector.x, message.vector.y) == (0.0, -1.0)
+    assert header_of(message.header).stamp_ns == 2_000_000_000
 
 
 def test_diagnostics_read_as_written(messages):
-    report = diagnostic_array(messages.mark(3.0, "end", 7, "arrived"))
-    (status,) = report.statuses
-    assert report.header.stamp_ns == 3_000_000_000
+    stamp_ns, (status,) = diagnostic_array(messages.mark(3.0, "end", 7, "arrived"))
+    assert stamp_ns == 3_000_000_000
     assert (status.name, status.message) == ("episode", "end")
     assert status.values == {"episode": "7", "driver": "test", "outcome": "arrived"}
 

@@ -8,14 +8,15 @@ import pytest
 
 from serd_app.demonstrations.crossing_table import (
     CrossedPlace,
+    Crossing,
     crossings_of_track,
     load_crossings,
     people_per_m2,
-    save_crossings,
 )
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, Grid
 from storage.errors import FileError
+from storage.table import write_rows
 
 GRID = Grid((0.0, 0.0), 1.0, np.ones((4, 4), dtype=bool))
 PLACE = CrossedPlace(GRID, np.full(16, Action.EAST), 3, 0.5)
@@ -75,7 +76,7 @@ def test_a_waiting_robot_that_is_carried_on_has_no_outcome():
 def test_a_table_reads_back_and_names_the_line_of_a_fault(tmp_path):
     rows = crossings_of_track(PLACE, 0, EAST_THEN_NORTH, NOTHING, arrived=True)
     path = tmp_path / "crossings.csv"
-    save_crossings(path, rows)
+    write_rows(path, Crossing, rows)
     assert load_crossings(path) == tuple(rows)
     for change, message in (
         ({"dwell_s": 0.0}, r"line 3, dwell_s must be above 0, got 0.0"),
@@ -83,7 +84,7 @@ def test_a_table_reads_back_and_names_the_line_of_a_fault(tmp_path):
         ({"flow": "up"}, r"flow must be with_flow, against_flow or across_flow, got 'up'"),
         ({"lookahead_cells": 0}, "lookahead_cells must be at least 1, got 0"),
     ):
-        save_crossings(path, [rows[0], replace(rows[1], **change)])
+        write_rows(path, Crossing, [rows[0], replace(rows[1], **change)])
         with pytest.raises(FileError, match=message):
             load_crossings(path)
 

@@ -20,7 +20,6 @@ from serd_app.demonstrations.discretise import (
     REPEATED,
     UNEXPLAINED,
     DiscretisationReport,
-    Faults,
     decisions_from_drive,
     joined_reports,
     next_state_of,
@@ -50,6 +49,20 @@ def drive(places, intents, end_s=None, outcome="arrived"):
         episodes=(EpisodeSpan(3, 0.0, time_s[-1] if end_s is None else end_s, outcome),),
         source="hand",
     )
+
+
+def report_of(n_decisions, n_episodes, n_diagonal, n_far, dropped=(), *others, **counts):
+    """others: the counts from `n_bad_poses` on."""
+    counts |= zip(list(DiscretisationReport.model_fields)[5:], others, strict=False)
+    return DiscretisationReport(
+        n_decisions=n_decisions, n_episodes=n_episodes, n_diagonal=n_diagonal, n_far=n_far,
+        dropped=dict(dropped), **counts,
+    )  # fmt: skip
+
+
+def faults(report):
+    """(diagonal, far, unexplained, all) moves."""
+    return report.n_diagonal, report.n_far, report.dropped.get(UNEXPLAINED, 0), report.n_moves
 
 
 def only(recorded, grid=GRID):
@@ -95,8 +108,8 @@ def test_diagonal_and_far_moves_count_as_the_neighbour_of_the_larger_displacemen
     row, report = only(recorded)
     assert row[2] == GRID.state_at(*next_m)
     assert (report.n_diagonal, report.n_far) == (diagonal, far)
-    assert Faults.of(report) == Faults(diagonal, far, 0, 1)
-    assert Faults.of(report).share == diagonal + far
+    assert faults(report) == (diagonal, far, 0, 1)
+    assert report.fault_share == diagonal + far
 
 
 def test_the_decision_that_arrives_ends_at_the_arrival_and_nothing_follows():
@@ -300,18 +313,17 @@ def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
 
 
 def test_faults_of_several_recordings_are_added_and_their_share_has_a_sentence():
-    one, other = Faults(1, 2, 1, 20), Faults(0, 0, 0, 30)
-    assert (one + other).share == 4 / 50
-    assert str(one + other).startswith("8.0 % of 50 moves are no outcome of the grid (1 diagonal")
-    assert Faults(0, 0, 0, 0).share == 0.0
-    dropped = DiscretisationReport(9, 1, 0, 0, {UNEXPLAINED: 1, OFF_GRID: 5})
-    assert Faults.of(dropped) == Faults(0, 0, 1, 10)
+    both = joined_reports([report_of(19, 1, 1, 2, {UNEXPLAINED: 1}), report_of(30, 1, 0, 0)])
+    assert both.fault_share == 4 / 50
+    assert both.faults.startswith("8.0 % of 50 moves are no outcome of the grid (1 diagonal")
+    assert report_of(0, 0, 0, 0).fault_share == 0.0
+    assert faults(report_of(9, 1, 0, 0, {UNEXPLAINED: 1, OFF_GRID: 5})) == (0, 0, 1, 10)
 
 
 def test_reports_of_several_drives_are_added_count_by_count():
-    one = DiscretisationReport(9, 1, 2, 3, {OFF_GRID: 5}, 1, 2, 3, 4)
-    other = DiscretisationReport(1, 2, 1, 1, {OFF_GRID: 1, UNEXPLAINED: 7}, 10, 20, 30, 40)
-    both = DiscretisationReport(10, 3, 3, 4, {OFF_GRID: 6, UNEXPLAINED: 7}, 11, 22, 33, 44)
+    one = report_of(9, 1, 2, 3, {OFF_GRID: 5}, 1, 2, 3, 4)
+    other = report_of(1, 2, 1, 1, {OFF_GRID: 1, UNEXPLAINED: 7}, 10, 20, 30, 40)
+    both = report_of(10, 3, 3, 4, {OFF_GRID: 6, UNEXPLAINED: 7}, 11, 22, 33, 44)
     assert joined_reports([one, other]) == both
 
 
@@ -330,13 +342,13 @@ def test_nothing_but_the_number_of_decisions_is_counted_of_repeated_episodes():
     seen = set()
     every, report = decisions_from_drive(recorded, grid, PERIOD_S, seen)
     assert every.episode.tolist() == [3, 3, 4]
-    assert report == DiscretisationReport(3, 2, 1, 1, {UNEXPLAINED: 1}, n_moving_waits=3)
-    repeated = DiscretisationReport(0, 0, 0, 0, {REPEATED: 4})
+    assert report == report_of(3, 2, 1, 1, {UNEXPLAINED: 1}, n_moving_waits=3)
+    repeated = report_of(0, 0, 0, 0, {REPEATED: 4})
     assert decisions_from_drive(recorded, grid, PERIOD_S, seen)[1] == repeated
     second = set(discretise.episode_rows(every.select_episodes([4])).values())
     first, of_first = decisions_from_drive(recorded, grid, PERIOD_S, second)
     assert first.episodes.tolist() == [3]
-    assert Faults.of(of_first) == Faults(1, 1, 1, 3)
+    assert faults(of_first) == (1, 1, 1, 3)
     assert (of_first.dropped, of_first.n_moving_waits) == ({UNEXPLAINED: 1, REPEATED: 1}, 2)
 
 
@@ -390,9 +402,9 @@ def test_the_period_must_be_above_0():
 def test_what_was_left_out_while_reading_is_in_the_report_and_its_sentence():
     counts = {"n_bad_poses": 2, "n_unplaced_poses": 3, "n_bad_commands": 4}
     recorded = dataclasses.replace(drive([(0.5, 0.5)] * 4, [(0.0, 1), (9.0, 1)]), **counts)
-    report = dataclasses.replace(only(recorded)[1], n_moving_waits=5)
+    report = only(recorded)[1].model_copy(update={"n_moving_waits": 5})
     assert {name: getattr(report, name) for name in counts} == counts
-    assert str(dataclasses.replace(report, dropped={"a": 1, "b": 2})) == (
+    assert str(report.model_copy(update={"dropped": {"a": 1, "b": 2}})) == (
         "1 decisions in 1 episodes; assigned to a neighbour: 0 diagonal and 0 far moves;"
         " dropped: 1 a, 2 b; 2 poses not finite; 3 poses without /tf; 4 commands not finite;"
         " 5 waits while moving"

@@ -5,8 +5,7 @@ import pytest
 
 from bags.messages.people import SeenPeople
 from bags.messages.plain import Header
-from serd_app.drives.recorded_people import Sighting
-from serd_app.drives.tracked_people import crowd_of_sightings, tracks_of_sightings
+from serd_app.drives.recorded_people import Sighting, crowd_of_sightings, tracks_of_sightings
 from serd_app.errors import AppError
 
 

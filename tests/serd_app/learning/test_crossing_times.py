@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.crossing_table import Crossing, save_crossings
+from serd_app.demonstrations.crossing_table import Crossing
 from serd_app.errors import AppError
 from serd_app.learning.crossing_times import (
     fit_crossing_times,
@@ -17,6 +17,7 @@ from serd_app.learning.crossing_times import (
     unseen_sentence,
 )
 from serd_core.arrival.crossing_chain import Kind
+from storage.table import write_rows
 
 TABLE = np.array(
     [
@@ -128,7 +129,7 @@ def test_outcomes_of_several_densities_get_the_same_counts():
 
 def test_each_look_ahead_of_the_tables_has_times_of_its_own(tmp_path):
     for number, ahead in enumerate((3, 2)):
-        save_crossings(tmp_path / f"{number}.csv", drives(3, lookahead=ahead))
+        write_rows(tmp_path / f"{number}.csv", Crossing, drives(3, lookahead=ahead))
     found = load_times([tmp_path / "0.csv", tmp_path / "1.csv"])
     assert [each.lookahead_cells for each in found] == [2, 3]
     assert load_times([]) == ()
@@ -137,13 +138,13 @@ def test_each_look_ahead_of_the_tables_has_times_of_its_own(tmp_path):
 def test_too_few_drives_are_refused(tmp_path):
     with pytest.raises(AppError, match=r"at least 3 episodes per look-ahead, got 2; drive more"):
         fit_crossing_times([drives(2)])
-    save_crossings(tmp_path / "none.csv", [])
+    write_rows(tmp_path / "none.csv", Crossing, [])
     with pytest.raises(AppError, match=r"must hold crossings, got none in .*none\.csv"):
         load_times([tmp_path / "none.csv"])
 
 
 def test_a_table_that_is_named_twice_is_rejected(tmp_path):
     path = tmp_path / "crossings.csv"
-    save_crossings(path, drives(5))
+    write_rows(path, Crossing, drives(5))
     with pytest.raises(AppError, match="--times must name each table once, got"):
         load_times([path, tmp_path / "." / "crossings.csv"])

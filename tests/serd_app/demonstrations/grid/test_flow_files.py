@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_app.demonstrations.grid.flow_table import load_flow, save_flow
+from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
 from storage.grid_picture import flow_of_picture, flow_picture
@@ -17,7 +17,7 @@ GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]
 def save(path, grid, flow):
     zeros = np.zeros(grid.n_states, dtype=int)
     velocity = np.zeros((grid.n_states, 2))
-    save_flow(path, grid, flow=flow, order=zeros, count=zeros, mean_velocity_mps=velocity)
+    save_flow(path, grid, FlowField(flow, velocity, zeros, zeros))
 
 
 @settings(deadline=None)

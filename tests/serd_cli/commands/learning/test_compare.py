@@ -8,8 +8,8 @@ import pytest
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_core.grid.density import DENSITY_MODEL_NAMES
 from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelDraws, load_model, save_model
-from storage.yaml_config import model_yaml
+from storage.model_file import ModelDraws, load_model
+from storage.yaml_config import model_yaml, save_yaml_model
 
 
 def walks(path, y_m, seed, n=30):
@@ -115,7 +115,7 @@ def test_a_model_with_density_needs_people(serd, model, tmp_path):
         row.model_copy(update={"name": name})
         for name, row in zip(DENSITY_MODEL_NAMES, rows, strict=True)
     )
-    save_model(model, file.model_copy(update={"outcome_models": named, "draws": ModelDraws()}))
+    save_yaml_model(model, file.model_copy(update={"outcome_models": named, "draws": ModelDraws()}))
     people = walks(tmp_path / "again.csv", 0.5, seed=3)
     assert compared(serd, model, people, "--output", tmp_path / "out.csv")["n_decisions"] > 100
     alone = tmp_path / "alone.csv"

@@ -10,11 +10,10 @@ from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.discretise import Faults
-from serd_app.demonstrations.grid.flow_table import load_flow
+from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
-from serd_app.demonstrations.recorded import DemonstrationRecord, faults_of
+from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
@@ -109,12 +108,14 @@ def test_moves_that_no_outcome_is_are_counted_as_faults_and_kept(serd, drive_bag
     words = ("demos", drive_bag(), "--cell-size-m", "0.25", "--output", table)
     ended = serd(*words, "--json")
     assert json.loads(ended.out)["bags"][0]["fault_share"] == 1.0
-    assert faults_of(table) == Faults(0, 5, 0, 5)
+    report = report_of_table(table)
+    assert (report.n_diagonal, report.n_far, report.n_moves) == (0, 5, 5)
+    assert report.fault_share == 1.0
     assert "100.0 % of 5 moves are no outcome of the grid" in serd(*words).out
     ended = serd("demos", drive_bag("other"), "--scenario", "hallway", "--output", table)
     assert "no outcome of the grid" not in ended.out
-    assert faults_of(table).share == 0.0
-    assert faults_of(tmp_path / "another.csv") is None
+    assert report_of_table(table).fault_share == 0.0
+    assert report_of_table(tmp_path / "another.csv") is None
 
 
 def test_episodes_of_several_bags_stay_apart(serd, drive_bag):

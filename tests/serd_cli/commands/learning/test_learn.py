@@ -10,7 +10,7 @@ import pytest
 
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.grid.flow_table import save_flow
+from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.measured_density import MeasuredDensity, save_density
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
@@ -88,14 +88,8 @@ def demonstrations(tmp_path):
         if flow is not None:
             zeros = np.zeros((GRID.n_states, 2))
             file = tmp_path / "decisions.flow.csv"
-            save_flow(
-                file,
-                GRID,
-                flow=flow,
-                order=zeros[:, 0],
-                count=zeros[:, 0].astype(int),
-                mean_velocity_mps=zeros,
-            )
+            count = np.zeros(GRID.n_states, dtype=int)
+            save_flow(file, GRID, FlowField(flow, zeros, zeros[:, 0], count))
         return table
 
     return make
