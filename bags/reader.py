@@ -62,8 +62,10 @@ class BagReader:
             files.append(FileCount(file, n_read, scan.expected))
             if isinstance(scan, McapScan):
                 self.copied.append((scan.path, scan.copied))
-            faults = scan.damage + unpacking.damage(file)
-            self._report(faults, file)
+            self._report(scan.damage, file)
+            if unpacking.n_broken:
+                what = f"{unpacking.n_broken} compressed messages cannot be unpacked"
+                self._report([Damage(file, None, what)])
         self.losses = losses(self.layout, files)
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])

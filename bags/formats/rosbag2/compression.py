@@ -36,11 +36,6 @@ class Decompression:
                 message = message._replace(data=data)
             yield message
 
-    def damage(self, file: Path) -> list[Damage]:
-        """Of the messages of the file so far."""
-        what = f"{self.n_broken} compressed messages cannot be unpacked"
-        return [Damage(file, None, what)] if self.n_broken else []
-
 
 def _decompressed(data: bytes) -> bytes | None:
     """The content of one compressed message, None where it is damaged."""

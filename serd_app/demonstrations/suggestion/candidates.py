@@ -144,8 +144,8 @@ class Candidates:
 def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:
     """BagError where it shows no motion of one robot."""
     mapping = BagMapping(pose_topic=topic.name)
-    bodies = collected.bodies
-    frames = robot_frames(collected.frames) or (bodies if len(bodies) == 1 else [])
+    bodies = collected.tree.carried()
+    frames = robot_frames(collected.tree.frames) or (bodies if len(bodies) == 1 else [])
     if collected.from_tf and frames:
         mapping = mapping.model_copy(update={"robot_frame": frames[0]})
     track = _track(collected.under(mapping))

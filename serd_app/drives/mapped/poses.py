@@ -27,8 +27,8 @@ _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 class MappedPoses:
     """Collects messages of the pose topic and of /tf.
 
-    from_tf: whether the poses are those of `robot_frame`. has_heading: whether they have one.
-    n_bad: poses left out because a number in them is not finite; see `rows`.
+    from_tf: whether the poses are those of `robot_frame`. tree: of /tf so far. has_heading: whether
+    poses have one. n_bad: poses left out because a number in them is not finite; see `rows`.
     """
 
     def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
@@ -38,6 +38,7 @@ class MappedPoses:
         self.from_tf = known[self._topic].type_name in TF_TYPES
         tf = self._topic.removesuffix("_static") if self.from_tf else "/tf"
         self._tf = RecordedTransforms(known, tf)
+        self.tree = self._tf.tree
         self._read: FieldReader | None = None
         if not self.from_tf:
             self._read = field_reader(
@@ -54,20 +55,10 @@ class MappedPoses:
         return self._tf.topics | {self._topic}
 
     @property
-    def frames(self) -> tuple[str, ...]:
-        """Those of /tf so far."""
-        return self._tf.tree.frames
-
-    @property
-    def bodies(self) -> list[str]:
-        """Frames of /tf so far that travel and carry none that does."""
-        return self._tf.tree.carried()
-
-    @property
     def frame_that_corrects(self) -> str:
         """The frame in which /tf moves that of the poses, as a localisation does; else empty."""
         names = list(self._frames)
-        return self._tf.tree.frame_that_corrects(names[0]) if len(names) == 1 else ""
+        return self.tree.frame_that_corrects(names[0]) if len(names) == 1 else ""
 
     def under(self, mapping: BagMapping) -> "MappedPoses":
         """The same messages with another `frame` and `robot_frame`."""
@@ -104,13 +95,13 @@ class MappedPoses:
         if self._read is not None:
             return np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
         robot = self._mapping.robot_frame.lstrip("/")
-        if robot not in self._tf.tree.frames:
+        if robot not in self.tree.frames:
             raise BagError(
                 f"{self._source}: robot_frame must be a frame of {self._topic}, got {robot!r};"
-                f" {hint(robot, self._tf.tree.frames)}"
+                f" {hint(robot, self.tree.frames)}"
             )
         self._frames = {robot: 0}
-        times_s = self._tf.tree.times(self._target, robot)
+        times_s = self.tree.times(self._target, robot)
         return np.column_stack([times_s, np.tile((0.0, *_AT_FRAME), (len(times_s), 1))])
 
     @property
@@ -119,12 +110,12 @@ class MappedPoses:
         given = self._mapping.frame.lstrip("/")
         if given or not self.from_tf:
             return given
-        return self._tf.tree.root(self._mapping.robot_frame.lstrip("/"))
+        return self.tree.root(self._mapping.robot_frame.lstrip("/"))
 
     def _in_frame(self, poses: Poses, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
         """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
         reach."""
-        target, tree = self._target, self._tf.tree
+        target, tree = self._target, self.tree
         into = poses.planar
         if not target and len(self._frames) > 1:
             raise BagError(

@@ -3,8 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,10 +50,6 @@ class Comparison:
     traps: str
     transferred: bool
     n_people: int
-
-    def values(self) -> dict[str, Any]:
-        """The record as plain values."""
-        return asdict(self)
 
 
 def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResult]) -> Comparison:

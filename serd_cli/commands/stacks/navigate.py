@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -82,7 +83,7 @@ def navigate(
         figure = comparison_figure(strategy, settings, rows)
         save_figure(output / "arrival.png", figure)
     if as_json:
-        print_json({**settings.model_dump(), **found.values()})
+        print_json({**settings.model_dump(), **asdict(found)})
         return
     console.print(comparison_table(found))
     for line in remarks(found, settings, strategy):
