@@ -11,7 +11,7 @@ from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command as click_command
 
-from serd_cli.errors import BAD_INPUT, FAILED, INTERRUPTED, RunError
+from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
 from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
@@ -102,16 +102,17 @@ _REPEATED_AFTER_S = 0.05
 def run(app: typer.Typer) -> int:
     """Run the command; its exit code. An error of the project is one line on stderr."""
     sys.unraisablehook = _repeat_interrupt
+    exit_code = 0
     try:
         with written_output():
-            return int(app(standalone_mode=True) or 0)
+            exit_code = int(app(standalone_mode=True) or 0)
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
     except SerdError as error:
         progress_console.print(Text.assemble(("serd:", "red"), f" {error}"), soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
-    return FAILED
+    return exit_code
 
 
 def _repeat_interrupt(ignored: Any) -> None:

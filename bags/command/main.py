@@ -1,7 +1,6 @@
 """`serd-bag`: info, check, recover and convert on any machine, without ROS.
 
-Exit codes: 0 done, 1 a bag is not sound or whole, or the reader of the output has ended, 2 bad
-usage or input, 130 interrupted.
+Exit codes: 0 done, 1 a bag is not sound or whole, 2 bad usage or input, 130 interrupted.
 """
 
 import argparse
@@ -18,23 +17,24 @@ from bags.command.results import Page, Table
 from serd_core.errors import SerdError
 from storage.standard_output import written_output
 
-OUTPUT_ENDED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+BAD_INPUT, INTERRUPTED = 2, 130
 _LEAST_TEXT_WIDTH = 12
 _BETWEEN = "  "
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point."""
-    given = _parser().parse_args(arguments)
+    exit_code = 0
     try:
         with written_output():
-            return _done(given, PlainScreen(as_json=given.json))
+            given = _parser().parse_args(arguments)
+            exit_code = _done(given, PlainScreen(as_json=given.json))
     except SerdError as error:
         print(f"serd-bag: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
-    return OUTPUT_ENDED
+    return exit_code
 
 
 class PlainScreen:

@@ -26,6 +26,9 @@ from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.dirichlet import require_outcome_models
 from serd_core.priors.prior import LogPrior, Prior
 
+#: Largest mean, standard deviation and inverse of one, of which fourth powers are finite.
+_LARGEST = 1e50
+
 
 @dataclass(frozen=True)
 class GaussianPrior(Prior):
@@ -41,9 +44,10 @@ class GaussianPrior(Prior):
     def __post_init__(self) -> None:
         _require_deviations("GaussianPrior", self.standard_deviation)
         require_kind("block of GaussianPrior", self.block, (Block,), "Block.REWARD")
-        if not (is_number(self.mean) and np.isfinite(self.mean)):
+        if not (is_number(self.mean) and abs(self.mean) <= _LARGEST):
             raise SerdError(
-                f"mean of GaussianPrior must be finite, got {shown(self.mean)}; use for example 0"
+                f"mean of GaussianPrior must be from -{_LARGEST:g} to {_LARGEST:g}, got"
+                f" {shown(self.mean)}; use for example 0"
             )
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
@@ -135,6 +139,11 @@ class GaussianAroundTruth(Prior):
 
 
 def _require_deviations(name: str, given: float | tuple[float, ...]) -> None:
-    """SerdError unless all are finite and above 0."""
+    """SerdError unless all are above 0, and neither too small nor too large for arithmetic."""
     for value in number_array(f"standard_deviation of {name}", given).ravel():
         require_positive(f"standard_deviation of {name}", value)
+        if not 1.0 / _LARGEST <= value <= _LARGEST:
+            raise SerdError(
+                f"standard_deviation of {name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got"
+                f" {shown(value)}; use for example 1"
+            )

@@ -28,6 +28,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    number_array,
     require_share,
 )
 from serd_core.demonstrations.decisions import Decisions
@@ -124,7 +125,13 @@ def confidence_interval(
     estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
     """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
-    width = _normal_quantile(coverage) * np.asarray(errors)
+    table = number_array("errors", errors)
+    bad = first_index(table < 0)
+    if bad is not None:
+        raise SerdError(
+            f"errors{list(bad)} must be at least 0, got {table[bad]}; give standard errors"
+        )
+    width = _normal_quantile(coverage) * table
     return np.asarray(estimate) - width, np.asarray(estimate) + width
 
 

@@ -98,12 +98,23 @@ def test_a_full_disk_under_the_output_is_one_line(small_bag):
     assert done.stderr == f"serd-bag: {sentence}\n"
 
 
-def test_a_reader_that_has_ended_is_no_error(small_bag):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(["info"], 0), (["check"], 0), (["check", "--require", "/odom"], 1), (["--help"], 0)],
+)
+def test_a_reader_that_has_ended_is_no_error_and_changes_no_exit_code(
+    small_bag, words, code, unbuffered
+):
     reader, writer = os.pipe()
     os.close(reader)
-    done = run("info", small_bag(), stdout=writer, stderr=subprocess.PIPE)
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    streams = {"stdout": writer, "stderr": subprocess.PIPE, "env": environment}
+    done = run(*words, small_bag(), **streams)
     os.close(writer)
     assert done.stderr == b""
+    # Without a buffer, the command ends before it has checked anything.
+    assert done.returncode == (0 if unbuffered else code)
 
 
 def run(*words, **streams):

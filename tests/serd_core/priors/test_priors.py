@@ -259,6 +259,16 @@ def test_no_preference_has_the_value_and_the_derivatives_zero():
             "^standard_deviation of GaussianPrior must be an",
         ),
         (
+            lambda: GaussianPrior(1e-300, Block.REWARD),
+            "Prior must be from 1e-50 to 1e.50, got 1e-3",
+        ),
+        (lambda: GaussianPrior((1.0, 1e300), Block.REWARD), "must be from 1e-50 to 1e.50, got 1e+"),
+        (
+            lambda: GaussianPrior(1.0, Block.REWARD, mean=-1e300),
+            "from -1e.50 to 1e.50, got -1e.300",
+        ),
+        (lambda: GaussianAroundTruth(1e-300), "Truth must be from 1e-50 to 1e.50, got 1e-300"),
+        (
             lambda: GaussianPrior(1.0, "reward"),
             "^block of GaussianPrior .* Block object, got 'rewa",
         ),
@@ -285,6 +295,20 @@ def test_no_preference_has_the_value_and_the_derivatives_zero():
 def test_wrong_settings_are_refused_by_name(make, sentence):
     with pytest.raises(SerdError, match=sentence):
         make()
+
+
+@pytest.mark.parametrize("deviation", [1e-50, 1e50])
+@pytest.mark.parametrize("mean", [-1e50, 1.0])
+def test_the_strongest_and_the_widest_normal_prior_have_finite_derivatives(deviation, mean):
+    prior, here = GaussianPrior(deviation, Block.REWARD, mean), at(reward=(1.0, 2.0))
+    found = prior.evaluate(MODEL, here)
+    assert np.isfinite(found.value)
+    assert np.isfinite(found.gradient.vector).all()
+    assert np.isfinite(prior.hessian(MODEL, here)).all()
+    assert np.isfinite(prior.log_constant(MODEL, here))
+    around = GaussianAroundTruth(deviation)
+    assert np.isfinite(around.evaluate(MODEL, here).value)
+    assert np.isfinite(around.hessian(MODEL, here)).all()
 
 
 def test_a_weight_of_zero_is_allowed_and_leaves_no_preference():

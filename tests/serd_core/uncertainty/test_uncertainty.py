@@ -395,3 +395,7 @@ def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
     np.testing.assert_allclose(narrow, [-1.0], atol=1e-6)
     with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
         confidence_interval(np.zeros(1), np.ones(1), coverage=95)
+    with pytest.raises(
+        SerdError, match=r"^errors\[1\] must be at least 0, got -2.0; give standard"
+    ):
+        confidence_interval(np.zeros(2), np.array([1.0, -2.0]))
