@@ -117,6 +117,18 @@ class LearnerMemory:
         return self.n_decisions != self._checkpoint.n_learned
 
     @property
+    def start_remark(self) -> str:
+        """Why the next fit cannot begin at the weights that were kept; empty where it can."""
+        weights = self._checkpoint.reward_weights
+        if not weights or set(weights) == set(FEATURE_NAMES):
+            return ""
+        return (
+            f"{self.folder.path}: reward_weights of its checkpoint must be those of"
+            f" {', '.join(FEATURE_NAMES)}, got {', '.join(weights)}; the next fit"
+            " begins without them"
+        )
+
+    @property
     def warm_weights(self) -> FloatArray | None:
         """(F,) where the newest fit stood, None before the first."""
         weights = self._checkpoint.reward_weights

@@ -8,16 +8,20 @@ frame prefix. What one of the nodes takes from another must have one name in bot
 
 import os
 import sys
+from collections import Counter
 from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
+from serd_ros.endpoints.world.worlds import publishers_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import COMPOSABLE
 from serd_ros.process.composition import Composition
 from serd_ros.process.executable import node_maker
 from serd_ros.process.serd_node import SerdNode
 from storage.nearest import choice_rule
+
+_LOOK_PERIOD_S = 1.0
 
 
 def nodes_of_arguments(_: str) -> SerdNode[Any]:
@@ -56,7 +60,32 @@ def make_nodes(names: list[str]) -> SerdNode[Any]:
         raise
     for each in made[1:]:
         made[0].add_companion(each)
+    others = _OtherPublishers(made[0], composition)
+    made[0].create_timer(_LOOK_PERIOD_S, others.look, clock=made[0].wall_clock)
     return made[0]
+
+
+class _OtherPublishers:
+    """Warns, once for each topic, of publishers of other processes, which the nodes do not hear."""
+
+    def __init__(self, node: SerdNode[Any], composition: Composition) -> None:
+        self._node, self._composition = node, composition
+        self._reported: set[str] = set()
+
+    def look(self) -> None:
+        """Compare the graph with the publishers of this process."""
+        for topic, own in self._composition.publishers().items():
+            if topic in self._reported or self._node.count_publishers(topic) <= len(own):
+                continue
+            others = Counter(publishers_of(self._node, topic)) - Counter(own)
+            if others:
+                self._reported.add(topic)
+                self._node.get_logger().warning(
+                    f"{topic} of {', '.join(others)} is not received, because nodes of one process"
+                    " take this topic from each other only; end that publisher, or start the nodes"
+                    " apart, as serd launch does without composed:=true (one that was killed"
+                    " remains for 20 s)"
+                )
 
 
 def _require_plain(node: SerdNode[Any]) -> None:

@@ -89,6 +89,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         folder = _checkpoint_folder(self.config)
         memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
+        if memory.start_remark:
+            self.get_logger().warning(memory.start_remark)
         return memory
 
     def _listen(self, memory: LearnerMemory) -> None:

@@ -36,7 +36,7 @@ class Composition:
         described = [load_graph().nodes[node] for node in nodes]
         published = {topic for each in described for topic in each.publishes}
         self._topics = published & {topic for each in described for topic in each.subscribes}
-        self._published: set[str] = set()
+        self._publishers: dict[str, list[str]] = {}
         self._subscriptions: dict[str, list[LocalSubscription]] = {}
         self._waiting: deque[tuple[LocalSubscription, Any]] = deque()
         self._is_delivering = False
@@ -62,13 +62,17 @@ class Composition:
         found.remove(subscription)
         return True
 
-    def add_publisher(self, topic_name: str) -> None:
-        """A node of the process publishes a topic."""
-        self._published.add(topic_name)
+    def add_publisher(self, topic_name: str, node_name: str) -> None:
+        """A node of the process publishes a topic; both names in full."""
+        self._publishers.setdefault(topic_name, []).append(node_name)
+
+    def publishers(self) -> dict[str, tuple[str, ...]]:
+        """Topics of local subscriptions, each with the nodes of the process that publish it."""
+        return {topic: tuple(self._publishers.get(topic, ())) for topic in self._subscriptions}
 
     def unpublished(self) -> list[str]:
         """Topics of local subscriptions that no node of the process publishes."""
-        return sorted(set(self._subscriptions) - self._published)
+        return sorted(set(self._subscriptions) - self._publishers.keys())
 
     def n_subscriptions(self, topic_name: str) -> int:
         """How many there are to a topic."""

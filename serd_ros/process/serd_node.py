@@ -98,7 +98,7 @@ class SerdNode(Node, Generic[Config]):
         """Let the publisher reach subscriptions of this process too, and count them."""
         topic, publish = publisher.topic_name, publisher.publish
         count = publisher.get_subscription_count
-        composition.add_publisher(topic)
+        composition.add_publisher(topic, self.get_fully_qualified_name())
 
         def to_all(message: Any) -> None:
             publish(message)

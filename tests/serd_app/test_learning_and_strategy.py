@@ -141,6 +141,19 @@ def test_a_fit_that_found_no_end_is_no_start_for_the_next(outcome, tmp_path):
     assert memory.warm_weights is None
 
 
+def test_weights_of_other_features_are_no_start_and_the_memory_states_the_reason(tmp_path):
+    folder = tmp_path / "state"
+    memory = LearnerMemory(HALLWAY, folder)
+    assert memory.start_remark == ""
+    kept = memory.folder.new().model_copy(update={"reward_weights": {"speed": 1.0}})
+    memory.folder.save_decisions(first_episodes(1).decisions)
+    memory.folder.save(kept)
+    again = LearnerMemory(HALLWAY, folder)
+    assert again.warm_weights is None
+    assert again.start_remark.startswith(f"{folder}: reward_weights of its checkpoint must be")
+    assert again.start_remark.endswith("got speed; the next fit begins without them")
+
+
 def test_a_candidate_fit_leaves_the_weights_of_the_checkpoint_as_they_are(outcome, tmp_path):
     memory = LearnerMemory(HALLWAY, tmp_path / "state")
     memory.save_learned(outcome[0].fit)

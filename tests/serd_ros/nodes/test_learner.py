@@ -1,12 +1,18 @@
 """The learner's parameter `actions`: what it subscribes to, and the methods it accepts."""
 
+from types import SimpleNamespace
+
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.errors import AppError
+from serd_app.learning.checkpoint import LearnerMemory
+from serd_core.demonstrations.decisions import Decisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
+from serd_ros.process.serd_node import SerdNode
+from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
@@ -75,3 +81,17 @@ def test_a_learner_waits_for_a_replay_that_pauses(tmp_path):
             running.wait(10.0)
             running.call_timers()
         assert not node.finished.done()
+
+
+def test_a_learner_logs_why_it_does_not_begin_at_the_weights_that_were_kept(tmp_path, monkeypatch):
+    hallway, warnings = load_scenario("hallway"), []
+    memory = LearnerMemory(hallway, tmp_path / "m_learner")
+    kept = memory.folder.new().model_copy(update={"reward_weights": {"speed": 1.0}})
+    memory.folder.save_decisions(Decisions([0], [0.0], [0], [0], [0], "a test"))
+    memory.folder.save(kept)
+    logger = SimpleNamespace(warning=warnings.append, info=lambda *_, **__: None)
+    monkeypatch.setattr(SerdNode, "get_logger", lambda _: logger)
+    given = {"output": str(tmp_path / "m.yaml"), "learn_on": "call"}
+    with node_in_process("learner", **given):
+        (warning,) = warnings
+    assert "reward_weights of its checkpoint must be those of" in warning

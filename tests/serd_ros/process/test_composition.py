@@ -1,8 +1,11 @@
 """Nodes of one process exchange messages, in order and with all, without the middleware."""
 
+from types import SimpleNamespace
+
 import pytest
 import rclpy
 from domain_coordinator import domain_id
+from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -13,6 +16,8 @@ from serd_ros.process.composition import Composition
 from serd_ros.process.serd_node import SerdNode
 from sim.safety.reasons import Source
 from sim.world.command import Command
+from support.nodes_in_process import NodeInProcess
+from support.waiting import wait_until
 
 TRIO = ("hallway_sim", "local_planner", "guard")
 
@@ -185,4 +190,26 @@ def test_what_a_node_publishes_reaches_the_other_as_the_same_object():
     ((source, (time_ns, _)),) = guard._waiting.items()
     assert (source, time_ns) == (Source.COMMAND, 1_500_000_000)
     for each in (guard, planner):
+        each.destroy_node()
+
+
+@pytest.mark.usefixtures("ros")
+def test_a_publisher_of_another_process_is_warned_of_once(monkeypatch):
+    warnings = []
+    planner = make_nodes(["local_planner", "guard"])
+    (guard,) = planner.companions
+    running = NodeInProcess(planner)
+    logger = SimpleNamespace(warning=warnings.append)
+    monkeypatch.setattr(planner, "get_logger", lambda: logger)
+    running.call_timers()
+    assert warnings == []
+    other = Node("my_driver", namespace="/floor1")
+    other.create_publisher(TwistStamped, "/cmd_vel_raw", 1)
+    other.create_publisher(TwistStamped, "/cmd_vel", 1)
+    wait_until(lambda: planner.count_publishers("/cmd_vel_raw") == 2)
+    for _ in range(2):
+        running.call_timers()
+    (warning,) = warnings
+    assert warning.startswith("/cmd_vel_raw of /floor1/my_driver is not received, because")
+    for each in (other, guard, planner):
         each.destroy_node()
