@@ -57,7 +57,7 @@ def read_result(file: Path, kind: type[Content]) -> Content:
     except (ValueError, RecursionError):
         raise damaged(file) from None
     # Files of earlier versions have no second line.
-    if not isinstance(content, kind) or (digest and digest != _digest(text)):
+    if not isinstance(content, kind) or (digest and digest != digest_of(text)):
         raise damaged(file)
     return content
 
@@ -65,7 +65,7 @@ def read_result(file: Path, kind: type[Content]) -> Content:
 def write_result(file: Path, content: Mapping[str, Any] | list[Any]) -> None:
     """Write what a task found as a line of JSON, and its digest below."""
     text = json.dumps(content)
-    atomic_write_text(file, f"{text}\n{_digest(text)}")
+    atomic_write_text(file, f"{text}\n{digest_of(text)}")
 
 
 def damaged(file: Path) -> SerdError:
@@ -76,7 +76,8 @@ def damaged(file: Path) -> SerdError:
     )
 
 
-def _digest(text: str) -> str:
+def digest_of(text: str) -> str:
+    """By which a change of a text is recognised, as JSON."""
     return json.dumps(hashlib.sha256(text.encode()).hexdigest())
 
 

@@ -17,14 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.study.products import Task, load_recorded
+from experiments.study.products import Task, load_recorded, save_recorded
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from serd_app.demonstrations.decision_table import (
     concatenate_renumbered,
-    save_decisions,
 )
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import OFF_GRID, DiscretisationReport
@@ -83,7 +82,7 @@ def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file:
     """Drive one set and write its table; or take it from bags, where people drove."""
     settings = study.settings
     if expert == PEOPLE and settings.demonstrations.bags:
-        save_decisions(file, getattr(sets_from_bags(study, repetition), role))
+        save_recorded(file, getattr(sets_from_bags(study, repetition), role))
         return
     seed = world_seed(settings.seed, expert, repetition, ROLES[role])
     drives = drive_episodes(
@@ -93,7 +92,7 @@ def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file:
         episodes=range(getattr(settings.demonstrations, role)),
         start_area=start_area_of(role),
     )
-    save_decisions(file, drives.decisions)
+    save_recorded(file, drives.decisions)
 
 
 def sets_from_bags(study: StudyWorld, repetition: int) -> DemonstrationSets:

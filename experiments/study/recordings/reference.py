@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from experiments.study.products import Task, load_recorded
+from experiments.study.products import Task, load_recorded, save_recorded
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
@@ -18,7 +18,6 @@ from report.summary import decisions_per_model
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
-    save_decisions,
 )
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
@@ -92,7 +91,7 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
         )
         for episode in range(first, last)
     ]
-    save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
+    save_recorded(file, concatenate(tuple(each.decisions for each in drives)))
 
 
 def reference_decisions(study: StudyWorld) -> Decisions:

@@ -2,8 +2,7 @@ from functools import partial
 
 import pytest
 
-from experiments.study.products import Stage, Task, load_recorded, make_products
-from serd_app.demonstrations.decision_table import save_decisions
+from experiments.study.products import Stage, Task, load_recorded, make_products, save_recorded
 from serd_core.demonstrations.tables import decisions_from_episodes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
@@ -43,14 +42,31 @@ def test_interrupted_it_goes_on_where_it_stopped(tmp_path):
     assert not again.missing
 
 
-@pytest.mark.parametrize("changed", ["", "episode,time_s\n", None])
+RECORDED = decisions_from_episodes([([0, 1], [2])])
+TO_BE_MADE_ANEW = r"training.csv must hold what .* delete it and run the"
+
+
+@pytest.mark.parametrize("changed", ["", "episode,time_s\n", ",x,", ",3,"])
 def test_a_damaged_recording_is_to_be_made_anew(tmp_path, changed):
     file = tmp_path / "people_00_training.csv"
-    save_decisions(file, decisions_from_episodes([([0, 1], [2])]))
+    save_recorded(file, RECORDED)
     assert len(load_recorded(file)) == 1
-    file.write_text(file.read_text().replace(",1,", ",x,") if changed is None else changed)
-    with pytest.raises(SerdError, match=r"training.csv must hold what .* delete it and run the"):
+    is_cell = changed.startswith(",")
+    file.write_text(file.read_text().replace(",1,", changed) if is_cell else changed)
+    with pytest.raises(SerdError, match=TO_BE_MADE_ANEW):
         load_recorded(file)
+    save_recorded(file, RECORDED)
+    assert len(load_recorded(file)) == 1
+
+
+def test_a_damaged_digest_is_that_of_its_table_and_an_earlier_version_wrote_none(tmp_path):
+    file = tmp_path / "people_00_training.csv"
+    save_recorded(file, RECORDED)
+    file.with_suffix(".json").write_text("{}")
+    with pytest.raises(SerdError, match=TO_BE_MADE_ANEW):
+        load_recorded(file)
+    file.with_suffix(".json").unlink()
+    assert len(load_recorded(file)) == 1
 
 
 def test_products_of_other_settings_are_refused(tmp_path):
