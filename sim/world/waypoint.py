@@ -4,19 +4,29 @@ import math
 from dataclasses import dataclass
 
 from serd_core.grid.grid import Action, Grid
+from sim.errors import SimError
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 
 #: A waypoint this near (m) gives no direction.
 _THERE_M = 0.05
+#: Squares of distances to one that is farther (m) overflow.
+_FARTHEST_M = 1e100
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A point of the map."""
+    """A point of the map; SimError where it is none."""
 
     x_m: float
     y_m: float
+
+    def __post_init__(self) -> None:
+        if not (abs(self.x_m) <= _FARTHEST_M and abs(self.y_m) <= _FARTHEST_M):
+            raise SimError(
+                f"a waypoint must be finite and at most {_FARTHEST_M:g} m from the origin, got"
+                f" ({self.x_m}, {self.y_m}); give a point of the map"
+            )
 
 
 def is_decision_tick(observation: Observation, scenario: Scenario) -> bool:

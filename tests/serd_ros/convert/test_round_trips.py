@@ -131,6 +131,37 @@ def test_people_survive_in_single_precision(rows):
     assert np.array_equal(back.identity, people.identity)
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.1e6])
+def test_people_whose_place_or_velocity_is_no_number_are_refused_by_its_name(wrong):
+    for column, name in enumerate(("x", "y", "vx", "vy")):
+        values = np.ones((3, 4))
+        values[1, column] = wrong
+        message = to_people_message(People(values[:, :2], values[:, 2:], np.arange(3)), 0.0)
+        with pytest.raises(MessageError, match=f"^{name} must be finite and at most 1e.06"):
+            from_people_message(message)
+
+
+@pytest.mark.parametrize("part", ["position.x", "position.y", "orientation.z", "orientation.w"])
+def test_a_pose_that_is_no_number_is_refused(part):
+    pose = to_pose_stamped((1.0, 2.0, 0.3), 0.5)
+    odometry = to_odometry(observation_at(1.0, 2.0, 0.3), (1.0, 2.0, 0.3))
+    for inner in (pose.pose, odometry.pose.pose):
+        group, name = part.split(".")
+        setattr(getattr(inner, group), name, math.nan)
+    with pytest.raises(MessageError, match=f"{group} must be .* got .*nan"):
+        from_pose_stamped(pose)
+    with pytest.raises(MessageError, match=f"{group} must be .* got .*nan"):
+        from_odometry(odometry)
+
+
+def test_speeds_that_are_no_numbers_are_refused():
+    for part, name in (("linear", "x"), ("angular", "z")):
+        odometry = to_odometry(observation_at(1.0, 2.0), (1.0, 2.0, 0.0))
+        setattr(getattr(odometry.twist.twist, part), name, math.nan)
+        with pytest.raises(MessageError, match=r"must be finite and at most 1e.06, got nan"):
+            from_odometry(odometry)
+
+
 def test_people_of_another_layout_are_refused_by_name():
     message = to_people_message(People(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1)), 0.0)
     message.fields = message.fields[:3]

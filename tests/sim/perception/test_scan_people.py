@@ -48,6 +48,19 @@ def test_noise_of_many_rays_shows_few_people_and_the_nearest():
     assert centers[0] == pytest.approx([5.2, 8.0], abs=0.05)
 
 
+def test_rays_that_are_no_numbers_are_rays_without_a_return():
+    pose, people = (3.0, 8.0, 0.4), np.array([[1.5, 8.0], [4.5, 9.0]])
+    lidar = Lidar(LidarSettings(), HALLWAY.wall_segments_m, 0.25)
+    ranges, centers = lidar.scan(pose, people[:, 0], people[:, 1]), []
+    for lost in (np.nan, np.inf):
+        ranges = ranges.copy()
+        ranges[::7] = lost
+        centers.append(people_in_scan(ranges, lidar.angles_rad, pose, WALLS, 0.25))
+    assert len(centers[0]) == 2
+    np.testing.assert_array_equal(*centers)
+    assert len(people_in_scan(ranges * np.nan, lidar.angles_rad, pose, WALLS, 0.25)) == 0
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 3.1, -1.5])
 def test_people_around_the_robot_are_found_where_they_are(yaw_rad):
     people = np.array([[1.5, 8.0], [4.5, 9.0], [3.0, 5.5], [2.0, 11.0]])

@@ -39,6 +39,16 @@ L_SHAPE = [[5, 5], [6, 5], [6, 5.2], [5.2, 5.2], [5.2, 6], [5, 6]]
             r"obstacles\[0\]: outline_m must be convex where mass_kg is given",
         ),
         (
+            CHAIR | {"outline_m": [[9, float("nan")], [9.4, 5], [9.4, 5.4], [9, 5.4]]},
+            "physical",
+            r"obstacles\[0\].outline_m\[0\]\[1\] must be a finite number, got nan",
+        ),
+        (
+            DOOR | {"hinge_m": [float("inf"), 5]},
+            "physical",
+            r"obstacles\[0\].hinge_m\[0\] must be a finite number, got inf",
+        ),
+        (
             CHAIR,
             "kinematic",
             r"obstacles\[0\].mass_kg must be left out where robot.drive is kinematic, got 5; set"

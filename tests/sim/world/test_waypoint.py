@@ -1,8 +1,12 @@
 """From a decision to a waypoint."""
 
+import math
+import re
+
 import pytest
 
 from serd_core.grid.grid import Action
+from sim.errors import SimError
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import (
@@ -55,3 +59,10 @@ def test_an_observation_that_comes_again_is_decided_again():
     assert [clock.begins(observation_at(1, 1, tick=tick)) for tick in ticks] == [
         True, True, False, True, True, False,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1e300])
+def test_a_waypoint_that_is_no_point_is_refused(wrong):
+    for x_m, y_m in ((wrong, 1.0), (1.0, wrong)):
+        with pytest.raises(SimError, match=re.escape(f"got ({x_m}, {y_m})")):
+            Waypoint(x_m, y_m)
