@@ -12,8 +12,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from bags.command.commands import convert_bags, recover_bags, show_checks, show_contents
-from bags.command.results import Page, Table
+from bags.command.commands import (
+    Page,
+    Table,
+    convert_bags,
+    recover_bags,
+    show_checks,
+    show_contents,
+)
 from serd_core.errors import SerdError
 from storage.standard_output import written_output
 

@@ -23,6 +23,9 @@ from serd_app.errors import AppError
 from serd_core.arrays import BoolArray, FloatArray
 from storage.trajectories.read import Track
 
+#: Between two messages: a person who is not seen for longer, or jumps farther, is another one.
+_LONGEST_S, _FARTHEST_M = 1.0, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
@@ -94,10 +97,6 @@ def _in_frame(sightings: list[Sighting], tree: TransformTree, frame: str) -> lis
             )
             placed[row] = replace(sightings[row], people=moved)
     return placed
-
-
-#: Between two messages: a person who is not seen for longer, or jumps farther, is another one.
-_LONGEST_S, _FARTHEST_M = 1.0, 0.5
 
 
 def crowd_of_sightings(sightings: Sequence[Sighting], source: str) -> Crowd:

@@ -29,6 +29,16 @@ _FEW_REPEATED = 0.01
 _BACK = 0.5
 #: Pause put between episodes whose times overlap, so that agents of one are not seen in another.
 _APART_S = 100.0
+#: Share of different times below which rows are of several agents.
+_MOSTLY_DIFFERENT = 0.9
+#: Share of jumps above which they are.
+_MANY_JUMPS = 0.2
+#: A jump is longer than so many distances to the nearest of the next rows.
+_FAR = 5.0
+_LEAST_ROWS_ON = 8
+_MOST_ROWS = 20_000
+#: Of the steps without ids: those along the ids of agents are shorter.
+_SHORTER = 1 / 3
 
 
 def episodes_of(cells: Cells, time: FloatArray, columns: Columns) -> tuple[IntArray, Columns]:
@@ -115,18 +125,6 @@ def on_one_clock(time_s: FloatArray, episode: IntArray) -> tuple[FloatArray, tup
     shift_s[there] = np.concatenate([[0.0], last_s[:-1]]) - begin_s[there] + begin_s[there[0]]
     sentence = f"times of {len(there)} episodes overlap, so each has a clock of its own"
     return time_s + shift_s[episode], (sentence,)
-
-
-#: Share of different times below which rows are of several agents.
-_MOSTLY_DIFFERENT = 0.9
-#: Share of jumps above which they are.
-_MANY_JUMPS = 0.2
-#: A jump is longer than so many distances to the nearest of the next rows.
-_FAR = 5.0
-_LEAST_ROWS_ON = 8
-_MOST_ROWS = 20_000
-#: Of the steps without ids: those along the ids of agents are shorter.
-_SHORTER = 1 / 3
 
 
 def with_agents(

@@ -21,7 +21,7 @@ from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
 from serd_app.navigation.drive import BegunDrive
-from serd_app.places.area_file import read_area_m
+from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes

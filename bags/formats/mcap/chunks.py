@@ -30,6 +30,12 @@ CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3}", re.DOTALL
 )
 LONGEST_HEAD = RECORD_HEAD.size + _FIELDS.size + _LONGEST_NAME + _SIZE.size
+#: channel, size of the entries in bytes; log time, offset
+INDEX_HEAD_SIZE = 6
+ENTRY_SIZE = 16
+_MESSAGE = int(Opcode.MESSAGE)
+#: (number of messages, 3): channel, log time, offset in the chunk
+_Positions = NDArray[np.uint64]
 
 
 class ChunkHead(NamedTuple):
@@ -115,15 +121,6 @@ def _unpacked_lz4(head: ChunkHead, data: memoryview) -> bytes:
     if not decompressor.eof and records.tell() <= head.size:
         raise BagError("a chunk cannot be unpacked (it ends early)")
     return records.getvalue()
-
-
-#: channel, size of the entries in bytes; log time, offset
-INDEX_HEAD_SIZE = 6
-ENTRY_SIZE = 16
-_MESSAGE = int(Opcode.MESSAGE)
-
-#: (number of messages, 3): channel, log time, offset in the chunk
-_Positions = NDArray[np.uint64]
 
 
 def entries_end(content: bytes) -> int:

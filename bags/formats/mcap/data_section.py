@@ -16,7 +16,6 @@ from mcap.writer import MCAP0_MAGIC
 from bags.damage import DamageLog
 from bags.errors import BagError
 from bags.formats.limits import LARGEST_CONTENT, most_records, most_unpacked
-from bags.formats.mcap.attachments import check_record
 from bags.formats.mcap.chunks import (
     CHUNK_PATTERN,
     ENTRY_SIZE,
@@ -30,7 +29,7 @@ from bags.formats.mcap.chunks import (
 )
 from bags.formats.mcap.definitions import DEFINITIONS
 from bags.formats.mcap.file_end import FileEnd
-from bags.formats.mcap.records import RECORD_HEAD
+from bags.formats.mcap.records import RECORD_HEAD, check_record
 from bags.formats.mcap.window import FileWindow
 
 #: Records that an area outside of chunks can hold.

@@ -37,8 +37,7 @@ from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
 from bags.errors import BagError
-from bags.formats.mcap.attachments import index_of_record
-from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
 from bags.formats.mcap.window import FileWindow
 from bags.formats.rosbag2.message_types import MessageType
 from bags.formats.rosbag2.metadata_file import FileSpan

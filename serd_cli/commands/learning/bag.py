@@ -12,12 +12,12 @@ from rich.text import Text
 
 from bags.command.commands import (
     Compression,
+    Page,
     convert_bags,
     recover_bags,
     show_checks,
     show_contents,
 )
-from bags.command.results import Page
 from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping

@@ -35,7 +35,7 @@ from serd_app.demonstrations.recorded_crossings import crossings_of_recordings
 from serd_app.demonstrations.recordings import Recordings, read_recordings
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
-from serd_app.places.area_file import read_area_m, require_area_file
+from serd_app.places.free_area import read_area_m, require_area_file
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (

@@ -10,8 +10,7 @@ from rich.table import Table
 
 from report.figures.scenario_plan import draw_scenario_plan
 from report.style import save_figure
-from serd_app.places.area_file import is_area_file, read_area_m
-from serd_app.places.free_area import free_area_m
+from serd_app.places.free_area import free_area_m, is_area_file, read_area_m
 from serd_app.places.map_scenario import PlaceSettings, map_scenario_yaml
 from serd_app.places.ros_map import read_map
 from serd_cli.errors import UsageError
