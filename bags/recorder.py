@@ -33,7 +33,6 @@ class RecorderStatus:
     n_lost: int
     size_bytes: int
     free_bytes: int
-    episodes_started: int
     episodes_ended: int
     outcomes: dict[str, int]
 
@@ -69,7 +68,6 @@ class BagRecorder:
         self._recording = True
         self._problem = ""
         self._n_lost = 0
-        self._n_started = 0
         self._outcome_of: dict[str, str] = {}
         self._free_bytes = 0
         self._check_disk()
@@ -123,7 +121,6 @@ class BagRecorder:
             n_lost=self._n_lost,
             size_bytes=self._writer.size,
             free_bytes=self._free_bytes,
-            episodes_started=self._n_started,
             episodes_ended=len(self._outcome_of),
             outcomes=dict(Counter(self._outcome_of.values())),
         )
@@ -168,8 +165,6 @@ class BagRecorder:
         except BagError:
             return
         for status in statuses:
-            if status.name == _EPISODE:
-                self._n_started += status.message == "start"
-                if status.message == "end":  # a later one replaces it
-                    number = status.values.get("episode", "")
-                    self._outcome_of[number] = status.values.get("outcome", "")
+            if status.name == _EPISODE and status.message == "end":  # a later one replaces it
+                number = status.values.get("episode", "")
+                self._outcome_of[number] = status.values.get("outcome", "")

@@ -10,14 +10,14 @@ from pathlib import Path
 from bags.errors import BagError
 from bags.formats.mcap.window import FileWindow
 from bags.formats.mcap.writer import Compression, McapWriter
-from bags.formats.rosbag2.message_types import MessageType, message_type
-from bags.formats.rosbag2.metadata_file import (
+from bags.formats.rosbag2.layout import (
     FILE_NAME,
     ROOT_KEY,
     FileSpan,
     bag_metadata,
     metadata_text,
 )
+from bags.formats.rosbag2.message_types import MessageType, message_type
 from bags.formats.rosbag2.qos import RELIABLE, QosProfile
 from bags.topic import Topic
 from storage.errors import FileError, disk_errors

@@ -10,14 +10,8 @@ from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW
 
 WALKABLE, BLOCKED = ".", "#"
-_FLOW_SIGNS = {
-    NO_FLOW: ".",
-    int(Action.NORTH): "^",
-    int(Action.EAST): ">",
-    int(Action.SOUTH): "v",
-    int(Action.WEST): "<",
-}
-_FLOWS = {sign: flow for flow, sign in _FLOW_SIGNS.items()}
+#: Of no flow, north, east, south and west.
+_FLOW_SIGNS = ".^>v<"
 
 
 def walkable_picture(grid: Grid) -> tuple[str, ...]:
@@ -33,7 +27,7 @@ def walkable_of_picture(rows: Sequence[str]) -> BoolArray:
 def flow_picture(grid: Grid, flow: IntArray) -> tuple[str, ...]:
     """Rows of `^ > v <`, `.` where there is no flow, `#` where a cell is blocked."""
     signs = np.full(grid.walkable.shape, BLOCKED)
-    signs[grid.walkable] = [_FLOW_SIGNS[each] for each in flow.tolist()]
+    signs[grid.walkable] = [_FLOW_SIGNS[max(each, Action.WAIT)] for each in flow.tolist()]
     return _rows(signs)
 
 
@@ -45,8 +39,8 @@ def flow_of_picture(rows: Sequence[str], grid: Grid) -> IntArray | None:
     signs = _signs(rows)
     if not np.array_equal(signs != BLOCKED, grid.walkable):
         return None
-    found = [_FLOWS.get(sign) for sign in signs[grid.walkable].tolist()]
-    return None if None in found else np.array(found, dtype=np.int64)
+    found = np.array([_FLOW_SIGNS.find(sign) for sign in signs[grid.walkable].tolist()])
+    return None if (found < 0).any() else np.where(found == Action.WAIT, NO_FLOW, found)
 
 
 def _rows(signs: NDArray[np.str_]) -> tuple[str, ...]:

@@ -12,9 +12,8 @@ from typing import Any, Literal, Protocol, TypeVar
 from bags.command.rewrite import RewriteReport, convert, recover
 from bags.errors import BagError
 from bags.formats.rosbag2.layout import storage_name
-from bags.health.check import BagCheck, check_bag
+from bags.health.check import BagCheck, TopicCheck, check_bag
 from bags.health.contents import BagContents, contents_of_bag
-from bags.health.topic_check import TopicCheck
 from serd_core.errors import printable
 from storage.quantities import counted, seconds_in_words
 

@@ -73,7 +73,8 @@ def demonstrations_of_drives(
     seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
-    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen=seen))
+    seen = set() if seen is None else seen
+    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen))
 
 
 def joined_demonstrations(
@@ -87,8 +88,8 @@ def demonstrations_of_each(
     drives: Sequence[RecordedDrive],
     grid: Grid,
     decision_period_s: float,
+    seen: set[bytes],
     *,
-    seen: set[bytes] | None = None,
     agents: bool = False,
 ) -> list[tuple[Demonstrations, DiscretisationReport]]:
     """Those of each drive of one recording.
@@ -96,7 +97,6 @@ def demonstrations_of_each(
     seen: see `fresh_from_drive`; agents: the drives are of different agents, of whom two may decide
     the same at the same times, so that those of the same places alone are repeated.
     """
-    seen = set() if seen is None else seen
     known = frozenset(seen)
     found = []
     for drive in drives:

@@ -132,7 +132,7 @@ def demonstrations_of_all(
     found = []
     for each in recordings:
         agents = each.crowd is not None or is_table(each.bag)
-        parts = demonstrations_of_each(each.drives, grid, period_s, seen=seen, agents=agents)
+        parts = demonstrations_of_each(each.drives, grid, period_s, seen, agents=agents)
         here, report = joined_demonstrations(parts)
         n_of_drives = tuple(len(part.decisions) for part, _ in parts)
         tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))

@@ -39,8 +39,8 @@ from mcap.writer import MCAP0_MAGIC
 from bags.errors import BagError
 from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
 from bags.formats.mcap.window import FileWindow
+from bags.formats.rosbag2.layout import FileSpan
 from bags.formats.rosbag2.message_types import MessageType
-from bags.formats.rosbag2.metadata_file import FileSpan
 from bags.formats.rosbag2.qos import qos_text
 from bags.topic import Topic
 from storage.errors import disk_errors

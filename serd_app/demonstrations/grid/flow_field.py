@@ -25,6 +25,7 @@ from storage.nearest import hint
 from storage.table import Column, read_table, write_table
 
 PEDESTRIANS = "pedestrians"
+_LEAST_ORDER = 0.5
 _COLUMNS = (
     Column("state", int),
     Column("x_m", float),
@@ -37,14 +38,6 @@ _COLUMNS = (
 )
 _FLOWS = {"none": NO_FLOW} | {action.name.lower(): int(action) for action in list(Action)[1:]}
 _NAMES = {flow: name for name, flow in _FLOWS.items()}
-
-
-@dataclass(frozen=True)
-class FlowRule:
-    """minimum_count: sightings below which a cell has no flow; minimum_order: 0 to 1."""
-
-    minimum_count: int = 20
-    minimum_order: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +68,11 @@ class FlowEstimator:
         np.add.at(self._speed_mps, state, np.hypot(velocity[:, 0], velocity[:, 1]))
         np.add.at(self._count, state, 1)
 
-    def field(self, rule: FlowRule | None = None) -> FlowField:
-        """The flow so far."""
-        rule = rule or FlowRule()
+    def field(self, minimum_count: int = 20) -> FlowField:
+        """The flow so far; minimum_count: sightings below which a cell has none."""
         length = np.hypot(self._sum_mps[:, 0], self._sum_mps[:, 1])
         order = np.divide(length, self._speed_mps, out=np.zeros_like(length), where=length > 0)
-        known = (self._count >= rule.minimum_count) & (order >= rule.minimum_order) & (length > 0)
+        known = (self._count >= minimum_count) & (order >= _LEAST_ORDER) & (length > 0)
         flow = np.full(self._grid.n_states, NO_FLOW, dtype=np.int64)
         for state in np.flatnonzero(known):
             flow[state] = action_of_direction(*(self._sum_mps[state] / length[state]))

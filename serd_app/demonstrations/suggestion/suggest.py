@@ -24,10 +24,10 @@ from serd_app.demonstrations.suggestion.candidates import (
     Candidates,
     PoseCandidate,
     cell_size_m,
+    in_one_namespace,
     minimum_speed_mps,
 )
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
-from serd_app.demonstrations.suggestion.names import in_one_namespace
 from serd_app.drives.episode_mark import EPISODE
 from serd_app.drives.mapped.actions import MappedActions
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping

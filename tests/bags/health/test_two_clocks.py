@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bags.health.check import check_bag
-from bags.health.topic_check import TwoClocks, two_clocks
+from bags.health.check import TwoClocks, check_bag, two_clocks
 from bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -9,7 +9,7 @@ from bags.damage import Losses
 from bags.errors import BagError
 from bags.messages.plain import decode, points_of
 from bags.writer import BagWriter
-from serd_app.demonstrations.grid.flow_field import FlowEstimator, FlowRule, flow_from_recordings
+from serd_app.demonstrations.grid.flow_field import FlowEstimator, flow_from_recordings
 from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Action, Grid
@@ -77,7 +77,7 @@ def test_each_cell_gets_the_direction_its_people_walk_in():
     assert field.count.tolist() == [50, 50, 50, 0]
     assert field.order[0] > 0.9 > 0.5 > field.order[2]
     np.testing.assert_allclose(field.mean_velocity_mps[1], [0, -1], atol=0.1)
-    assert estimator.field(FlowRule(minimum_count=51)).flow.tolist() == [-1] * 4
+    assert estimator.field(minimum_count=51).flow.tolist() == [-1] * 4
 
 
 def test_strays_and_strange_numbers_are_left_out():

@@ -11,7 +11,7 @@ from bags.reader import BagReader
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
-from serd_app.demonstrations.suggestion.names import robot_frames
+from serd_app.demonstrations.suggestion.candidates import robot_frames
 from serd_app.demonstrations.suggestion.suggest import suggest_mapping
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recording import read_recording
