@@ -112,28 +112,34 @@ def sending(shown, server):
         thread.join()
 
 
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = start_chromium(tmp_path_factory.mktemp("browser"))
+    yield browser
+    browser.quit()
+
+
 @pytest.fixture
-def shown(tmp_path):
-    with opened(tmp_path, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
+def shown(browser):
+    with opened(browser, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
         wait_until(page.browser.find_element(By.ID, "save").is_enabled)  # this page drives
         yield page
 
 
 @pytest.fixture
-def replayed(tmp_path):
+def replayed(browser):
     replay = {"duration_s": 600.0, "episodes": [[0.0, 90.0, "arrived"], [100.0, 200.0, "timeout"]]}
     scene = watched_scene_of(HALLWAY, grid_of(HALLWAY), replay)
     shown = {"at_s": 65.0, "rate": 1.0, "playing": True}
-    with opened(tmp_path, scene, STATE | {"replay": shown, "recorder": None}) as page:
+    with opened(browser, scene, STATE | {"replay": shown, "recorder": None}) as page:
         wait_until(lambda: page.text("shown-time") == "1:05 / 10:00")
         yield page
 
 
 @contextmanager
-def opened(tmp_path, scene, state):
-    """A page of the scene that shows a state."""
+def opened(browser, scene, state):
+    """A page of the scene that shows a state; its server, and so its origin, is a new one."""
     server = PageServer(scene, PageAccess("127.0.0.1", ""), 0)
-    browser = start_chromium(tmp_path)
     page = ShownPage(server, browser)
     page.state = state
     try:
@@ -143,7 +149,8 @@ def opened(tmp_path, scene, state):
             wait_until(lambda: page.text("phase") == "episode 3", seen=lambda: page.text("phase"))
             yield page
     finally:
-        browser.quit()
+        ActionChains(browser).reset_actions()  # releases keys that a failed test holds
+        browser.get("about:blank")
         server.close()
 
 
