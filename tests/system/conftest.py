@@ -23,7 +23,10 @@ from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support import standin_robot
 from support.changed_scenario import changed_scenario
+from support.node_processes import NodeProcess, is_node
 from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S, wait_until
+
+Process = NodeProcess | subprocess.Popen[bytes]
 
 
 class Nodes:
@@ -31,14 +34,19 @@ class Nodes:
 
     def __init__(self, environment: dict[str, str], logs: Path) -> None:
         self._environment, self._logs = environment, logs
-        self._started: dict[str, subprocess.Popen[bytes]] = {}
+        self._started: dict[str, Process] = {}
         self._commands: dict[str, list[str]] = {}
 
-    def start(self, command: list[str], name: str) -> subprocess.Popen[bytes]:
-        with (self._logs / f"{name}.log").open("ab") as log:
-            process = subprocess.Popen(
-                command, env=self._environment, stdout=log, stderr=subprocess.STDOUT
-            )
+    def start(self, command: list[str], name: str, *, forked: bool = True) -> Process:
+        """Run a command of a node; not forked: by its executable, in an interpreter of its own."""
+        path = self._logs / f"{name}.log"
+        if forked and is_node(command):
+            process: Process = NodeProcess(command, self._environment, path)
+        else:
+            with path.open("ab") as log:
+                process = subprocess.Popen(
+                    command, env=self._environment, stdout=log, stderr=subprocess.STDOUT
+                )
         self._started[name], self._commands[name] = process, command
         return process
 
@@ -53,7 +61,7 @@ class Nodes:
 
     def start_stack(
         self, stack: str, *, composed: bool = False, **given: object
-    ) -> dict[str, subprocess.Popen[bytes]]:
+    ) -> dict[str, Process]:
         """Start every node of a stack; a parameter of one node is written node__parameter.
 
         A world in lock-step waits as long as a test for commands that a busy machine delays.
@@ -135,10 +143,10 @@ def quick_hallway(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def start_robot(nodes: Nodes) -> Callable[..., subprocess.Popen[bytes]]:
+def start_robot(nodes: Nodes) -> Callable[..., Process]:
     """Starts the stand-in robot with these options."""
 
-    def start(*options: object) -> subprocess.Popen[bytes]:
+    def start(*options: object) -> Process:
         script = str(Path(standin_robot.__file__))
         return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
 

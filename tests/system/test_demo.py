@@ -26,6 +26,8 @@ NEAR = {
     "count: 24": "count: 6",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
 }
+#: Where many episodes follow, each may take less.
+QUICK = {"control_period_s: 0.05": "control_period_s: 0.1", "drive: physical": "drive: kinematic"}
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
@@ -51,9 +53,9 @@ class Demo:
         wait_until(running_and_condition, seen=self._log.read_text)
 
 
-def near(folder):
-    """File of the hallway with the changes of NEAR."""
-    return str(changed_scenario(folder, "hallway", NEAR))
+def near(folder, further=()):
+    """File of the hallway with the changes of NEAR and further ones."""
+    return str(changed_scenario(folder, "hallway", NEAR | dict(further)))
 
 
 def processes_of(folder):
@@ -116,7 +118,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
 @pytest.mark.parametrize("name", ["composed", "scripted_expert"])
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path))
+    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     node = next(
         int(entry.name)
@@ -132,7 +134,7 @@ def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
 
 def test_a_killed_demo_leaves_no_node_behind(tmp_path):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path))
+    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     demo.process.kill()
     demo.process.wait()

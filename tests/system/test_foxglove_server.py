@@ -66,7 +66,7 @@ class Client:
 
 def test_a_client_receives_topics_with_their_types_and_latched_ones_late(nodes, probe, ros_env):
     command = node_command("foxglove_server", {"port": 0}, {}, ros_env)
-    nodes.start(command, "foxglove_server")
+    nodes.start(command, "foxglove_server", forked=False)
     wait_until(lambda: "open ws://" in nodes.log_of("foxglove_server"))
     port = re.search(r"open ws://127\.0\.0\.1:(\d+)", nodes.log_of("foxglove_server"))[1]
     grid, odometry = OccupancyGrid(), Odometry()

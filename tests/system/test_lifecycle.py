@@ -35,9 +35,9 @@ def start(nodes, ros_env, tmp_path, save_model_of):
         "learner": {"output": str(tmp_path / "learned.yaml")},
     }
 
-    def start(kind, **given):
+    def start(kind, forked=True, **given):
         parameters = {"managed": True, **needed.get(kind, {}), **given}
-        return nodes.start(node_command(kind, parameters, {}, ros_env), kind)
+        return nodes.start(node_command(kind, parameters, {}, ros_env), kind, forked=forked)
 
     return start
 
@@ -48,7 +48,7 @@ def start(nodes, ros_env, tmp_path, save_model_of):
 def test_a_managed_node_goes_through_its_states_and_has_its_topics_while_active(
     kind, start, nodes, probe
 ):
-    process, manager = start(kind), LifecycleManager(probe, kind)
+    process, manager = start(kind, forked=False), LifecycleManager(probe, kind)
 
     def topics():
         found = probe.node.get_publisher_names_and_types_by_node(kind, "/")

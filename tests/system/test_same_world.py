@@ -1,5 +1,7 @@
 """One seed gives one trajectory, in process and through ROS in lock-step, bit for bit."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -19,6 +21,7 @@ SEED, EPISODES, TIMEOUT_S = 11, 2, 16.0
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
+@cache
 def drive_in_process():
     scenario = load_scenario("hallway")
     poses, records = [], []

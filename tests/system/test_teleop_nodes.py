@@ -28,11 +28,13 @@ from support.wheeled_robots import STOPPED_MPS
 pytestmark = pytest.mark.ros
 
 
-def start(nodes, environment, names, **given):
+def start(nodes, environment, names, *, forked=True, **given):
     """Start some nodes of the teleop stack."""
     part = find_stack("teleop").model_copy(update={"nodes": names})
-    commands = stack_processes(part, given, environment)
-    return {each.name: nodes.start(list(each.command), each.name) for each in commands}
+    return {
+        each.name: nodes.start(list(each.command), each.name, forked=forked)
+        for each in stack_processes(part, given, environment)
+    }
 
 
 class Commander:
@@ -143,7 +145,7 @@ def test_commands_have_stamps_where_the_file_sets_it(nodes, probe, ros_env, tmp_
 
 
 def test_a_joystick_drives_while_its_enable_button_is_held(nodes, probe, ros_env):
-    start(nodes, ros_env, ("teleop_joy",))
+    start(nodes, ros_env, ("teleop_joy",), forked=False)
     received = []
     probe.node.create_subscription(Twist, "cmd_vel_joy", received.append, qos.COMMAND)
     publisher = probe.node.create_publisher(Joy, "joy", qos.COMMAND)

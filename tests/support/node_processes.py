@@ -1,0 +1,90 @@
+"""Processes of nodes that are forked from a server with all modules loaded.
+
+An executable of a node computes for about a second before its node exists, nearly all of it in
+imports. A process from the server runs the same `main`, with its own arguments, environment and
+log, and ends by the same code. The server starts with the first of them, once per test worker.
+"""
+
+import importlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from serd_ros.graph.graph import PACKAGE
+from serd_ros.process import executable
+from support import standin_robot
+
+_CONTEXT = multiprocessing.get_context("forkserver")
+_CONTEXT.set_forkserver_preload(
+    [
+        "serd_ros.process.run_node",
+        *sorted({executable.module_of(each) for each in executable.NODES}),
+    ]
+)
+
+
+class NodeProcess:
+    """As `subprocess.Popen` with a command; `is_node` says of which commands."""
+
+    def __init__(self, command: Sequence[str], environment: dict[str, str], log: Path) -> None:
+        self.args = [*command]
+        log.touch()
+        self._process = _CONTEXT.Process(
+            target=_run, args=(self.args, environment, log), daemon=True
+        )
+        self._process.start()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def returncode(self) -> int | None:
+        return self._process.exitcode
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired(self.args, timeout)
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+
+def is_node(command: Sequence[str]) -> bool:
+    """Whether a command starts a node of ours or the stand-in robot."""
+    return Path(command[0]).parent.name == PACKAGE or _is_standin(command)
+
+
+def _is_standin(command: Sequence[str]) -> bool:
+    return [*command[:2]] == [sys.executable, standin_robot.__file__]
+
+
+def _run(command: list[str], environment: dict[str, str], log: Path) -> None:
+    os.environ.clear()
+    os.environ.update(environment)
+    descriptor = os.open(log, os.O_WRONLY | os.O_APPEND)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(descriptor, stream.fileno())
+    os.close(descriptor)
+    if _is_standin(command):
+        sys.argv = command[1:]
+        importlib.import_module(standin_robot.__name__).main()
+        return
+    sys.argv = command
+    executable.main()
