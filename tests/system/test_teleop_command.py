@@ -20,38 +20,6 @@ from support.waiting import PATIENCE_S, wait_until
 SERD = str(Path(sys.executable).with_name("serd"))
 
 
-def serd(*arguments, env, cwd):
-    return subprocess.run(
-        [SERD, "teleop", *arguments],
-        env=env,
-        cwd=cwd,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-    )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (("--scenario", "hallwy"), "did you mean 'hallway'?"),
-        (("--address", "0.0.0.0"), "unless a token is given"),
-        (("--no-page",), "needs a terminal as standard input"),
-        (("--token-file", "nowhere"), "nowhere"),
-        (("--keybord",), "--keyboard"),
-    ],
-)
-def test_what_cannot_be_done_exits_with_2_and_makes_no_folder(
-    arguments, sentence, ros_env, tmp_path
-):
-    done = serd(*arguments, env=ros_env, cwd=tmp_path)
-    assert done.returncode == 2
-    assert sentence in done.stderr
-    assert "Traceback" not in done.stderr
-    assert list(tmp_path.glob("teleop_output/*")) == []
-
-
 class Session:
     """`serd teleop` in a separate terminal."""
 
