@@ -12,7 +12,7 @@ import rclpy.lifecycle.node
 import yaml
 from catkin_pkg.package import parse_package
 
-from serd_ros.endpoints.topic_types import known_topics, topic_type
+from serd_ros.endpoints.topic_types import TYPES, topic_type
 
 try:
     import tomllib
@@ -98,7 +98,7 @@ def test_the_ros_package_depends_on_what_nodes_launch_files_and_topics_use(root)
     used = {name for text in texts for name in imported_packages(text)}
     used -= {*sys.stdlib_module_names, *(path.name for path in root.iterdir())}
     used |= {name for text in texts for name in re.findall(r'ros_type\("(\w+)\.', text)}
-    kinds = [topic_type(topic, stamped_cmd_vel=False) for topic in known_topics()]
+    kinds = [topic_type(topic, stamped_cmd_vel=False) for topic in TYPES]
     used |= {kind.name.partition("/")[0] for kind in kinds}
     assert {"rclpy", "launch", "launch_ros", "nav2_msgs", "tf2_msgs", "yaml"} <= used
     keys = {each.name.removesuffix("-pip") for each in package.exec_depends}

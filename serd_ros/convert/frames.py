@@ -7,6 +7,7 @@ published it has stopped.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -149,10 +150,7 @@ class Frames:
             )
 
     def _product(self, chain: list[str]) -> FloatArray:
-        matrix = np.eye(4)
-        for child in chain:
-            matrix = self._edges[child][1] @ matrix
-        return matrix
+        return reduce(lambda matrix, child: self._edges[child][1] @ matrix, chain, np.eye(4))
 
     def _ancestry(self, frame: str) -> list[str]:
         found = self._chain(frame)

@@ -36,10 +36,7 @@ def _numbers(names: Sequence[str]) -> list[PointField]:
     ]
 
 
-_FIELDS = [
-    *_numbers(_NAMES),
-    PointField(name="id", offset=20, datatype=PointField.INT32, count=1),
-]
+_FIELDS = [*_numbers(_NAMES), PointField(name="id", offset=20, datatype=PointField.INT32, count=1)]
 _BUMPER_FIELDS = _numbers(_BUMPER_NAMES)
 
 

@@ -16,12 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from serd_ros.endpoints.qos import (
-    common_qos,
-    less_demanding,
-    recording_qos,
-    requests_too_much,
-)
+from serd_ros.endpoints.qos import common_qos, less_demanding, recording_qos, requests_too_much
 from serd_ros.endpoints.topic_types import TopicType
 
 #: Messages of a latched publisher that are compared, which two subscriptions receive.

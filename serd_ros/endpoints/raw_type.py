@@ -10,7 +10,6 @@ Structures: `rosidl_runtime_c/message_type_support_struct.h` and
 """
 
 import ctypes
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -137,8 +136,7 @@ def _hash(text: str) -> _Hash:
 def _returns(value: ctypes.Structure) -> Any:
     """A C function of the support that returns the address of the value."""
     address = ctypes.addressof(value)
-    function: Callable[[int], int] = lambda _: address  # noqa: E731
-    return _OfSupport(function)
+    return _OfSupport(lambda _: address)
 
 
 def _unbounded(bounds: Any) -> int:

@@ -42,7 +42,14 @@ class StrategyReporter:
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
         """Publish a new plan and log its traps; began_s: wall time when planning began."""
-        self._publish_plan(strategy)
+        grid, policy = strategy.problem.grid, strategy.policy
+        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
+        self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
+        arrows = [Action(int(each)) for each in policy.greedy]
+        self._arrows.publish(to_policy_markers(centers_m, arrows, size_m, time_s))
+        self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
+        trapped_m = centers_m[strategy.traps.states]
+        self._traps.publish(to_trap_markers(trapped_m, size_m, time_s))
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
         if traps := traps_text(strategy.traps):
@@ -82,13 +89,3 @@ class StrategyReporter:
     def report_give_up(self, reason: str) -> None:
         """Report the end of a drive that did not arrive."""
         self._node.report(self.time_s, {"reason": reason}, level=WARN, message="gave up")
-
-    def _publish_plan(self, strategy: Strategy) -> None:
-        grid, policy = strategy.problem.grid, strategy.policy
-        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
-        self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
-        arrows = [Action(int(each)) for each in policy.greedy]
-        self._arrows.publish(to_policy_markers(centers_m, arrows, size_m, time_s))
-        self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
-        trapped_m = centers_m[strategy.traps.states]
-        self._traps.publish(to_trap_markers(trapped_m, size_m, time_s))

@@ -55,7 +55,8 @@ _POSE, _BOOL = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Bool"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _TF = "tf2_msgs/msg/TFMessage"
 _MARKERS = "visualization_msgs/msg/MarkerArray"
-_TYPES = {
+#: Of the topics of this stack.
+TYPES = {
     topics.CLOCK: TopicType("rosgraph_msgs/msg/Clock", qos.CLOCK),
     topics.ODOM: TopicType("nav_msgs/msg/Odometry", qos.STATE),
     topics.ROBOT_POSE: TopicType(_POSE, qos.STATE),
@@ -94,21 +95,16 @@ _TYPES = {
 }
 
 
-def known_topics() -> list[str]:
-    """Names of the topics of this stack."""
-    return list(_TYPES)
-
-
 def topic_type(topic: str, *, stamped_cmd_vel: bool) -> TopicType:
     """What travels on a topic of ours; NodeError with the nearest name for any other."""
     if topic in (topics.CMD_VEL, topics.CMD_VEL_RAW) and stamped_cmd_vel:
         return TopicType(_TWIST_STAMPED, qos.STATE)
-    if topic not in _TYPES:
+    if topic not in TYPES:
         raise NodeError(
             f"topics must be topics of this stack, or written topic:package/msg/Type,"
-            f" got {topic!r}; {hint(topic, _TYPES)}"
+            f" got {topic!r}; {hint(topic, TYPES)}"
         )
-    return _TYPES[topic]
+    return TYPES[topic]
 
 
 def named_topic(text: str, *, stamped_cmd_vel: bool) -> tuple[str, TopicType]:

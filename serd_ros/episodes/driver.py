@@ -5,7 +5,7 @@ The scripted expert and the strategy are this node with different drivers and st
 
 from abc import abstractmethod
 from pathlib import Path
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -38,7 +38,12 @@ _LOOK_PERIOD_S = 1.0
 
 
 class EpisodeDriverNode(ManagedNode[Config]):
-    """Runs `episodes` episodes one after the other, then ends its process."""
+    """Runs `episodes` episodes one after the other, then ends its process.
+
+    needs_people: whether decisions depend on people.
+    """
+
+    needs_people: ClassVar[bool] = True
 
     def configure(self) -> None:
         """Load the scenario and make the driver."""
@@ -166,11 +171,6 @@ class EpisodeDriverNode(ManagedNode[Config]):
     def driving(self) -> bool:
         """Whether an episode is running."""
         return self._running is not None
-
-    @property
-    def needs_people(self) -> bool:
-        """Whether decisions depend on people."""
-        return True
 
     @property
     def resets_world(self) -> bool:

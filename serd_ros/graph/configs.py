@@ -167,10 +167,8 @@ class LocalPlannerConfig(PlannerSettings, ObservationConfig, ManagedConfig):
 
     def planned_scenario(self) -> Scenario:
         """The scenario with the planner's parameters of this node."""
-        planner = PlannerSettings(
-            **{name: getattr(self, name) for name in PlannerSettings.model_fields}
-        )
-        return load_scenario(self.scenario).with_local_planner(planner)
+        own = self.model_dump(include=set(PlannerSettings.model_fields))
+        return load_scenario(self.scenario).with_local_planner(PlannerSettings(**own))
 
 
 class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
@@ -244,7 +242,7 @@ class GuardConfig(GuardSettings, LidarConfig):
 
     def guard(self) -> GuardSettings:
         """The settings of the guard itself."""
-        return GuardSettings(**{name: getattr(self, name) for name in GuardSettings.model_fields})
+        return GuardSettings(**self.model_dump(include=set(GuardSettings.model_fields)))
 
 
 class DriverConfig(EpisodeSettings, ObservationConfig, ManagedConfig):

@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy
 from bags.errors import BagError
 from bags.formats.rosbag2.message_types import ENCODING, message_type
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
-from serd_ros.endpoints.topic_types import TopicType, known_topics
+from serd_ros.endpoints.topic_types import TYPES, TopicType
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import FoxgloveServerConfig
 from serd_ros.process.serd_node import SerdNode
@@ -49,7 +49,7 @@ class FoxgloveServerNode(SerdNode[FoxgloveServerConfig]):
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
         self._sdk, config = _sdk(), self.config
-        names = [each for each in config.topics if each] or known_topics()
+        names = [each for each in config.topics if each] or list(TYPES)
         self._waiting = [self.resolve_topic_name(name) for name in names]
         self._followed: dict[str, FollowedTopic] = {}
         self._channels: dict[str, Any] = {}

@@ -25,7 +25,7 @@ from serd_ros.process.serd_node import SerdNode
 from sim.safety.guard import Guard, GuardOutput
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import People
 
@@ -40,7 +40,8 @@ class GuardNode(SerdNode[GuardConfig]):
         super().__init__(kind)
         config = self.config
         self._guard = Guard(config.guard())
-        self._scenario = self._scenario_in_lockstep()
+        # Whose ticks have scans or not.
+        self._scenario = load_scenario(config.scenario or "hallway") if config.lockstep else None
         self._waiting: dict[Source, tuple[int, Callable[[], None]]] = {}
         self._answer: tuple[int, Command] | None = None
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
@@ -60,12 +61,6 @@ class GuardNode(SerdNode[GuardConfig]):
             self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
             self.create_timer(period_s, self._watch)
-
-    def _scenario_in_lockstep(self) -> Scenario | None:
-        """The scenario, whose ticks have scans or not; needed in lock-step only."""
-        if not self.config.lockstep:
-            return None
-        return load_scenario(self.config.scenario or "hallway")
 
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self.frames)

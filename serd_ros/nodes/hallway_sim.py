@@ -55,7 +55,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         ]
         loop = LockstepLoop if self.config.lockstep else LiveLoop
         self._loop: WorldLoop = loop(self, self._clock_publisher, self._world, self._robots)
-        self.create_service(SetBool, topics.PAUSE, self._on_pause)
+        self.serve(SetBool, topics.PAUSE, self._on_pause)
         OtherClocks(self, lambda: self._clock_publisher.n_sent, self._begin_live)
 
     def _check_names(self, names: list[str]) -> None:
@@ -128,8 +128,6 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     def _look(self) -> None:
         self._loop.look()
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _on_pause(self, request: SetBool.Request) -> str:
         self._loop.paused = bool(request.data)
-        response.success = True
-        response.message = "paused" if self._loop.paused else "running"
-        return response
+        return "paused" if self._loop.paused else "running"

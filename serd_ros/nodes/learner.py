@@ -25,7 +25,7 @@ from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
-from serd_ros.errors import MessageError
+from serd_ros.errors import MessageError, NodeError
 from serd_ros.graph.configs import LearnerConfig
 from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
@@ -68,7 +68,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         if self._memory is not None:
             self._listen(self._memory)
         self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
-        self.create_service(Trigger, topics.LEARN, self._on_learn)
+        self.serve(Trigger, topics.LEARN, self._on_learn)
         self.create_timer(_LOOK_PERIOD_S, self._look)
         if self._memory is None or (self._memory.unlearned and self.config.learn_on == "episode"):
             self._begin(anew=False)
@@ -86,7 +86,9 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         return self.config.actions == "hidden"
 
     def _earlier_memory(self) -> LearnerMemory:
-        folder = _checkpoint_folder(self.config)
+        output = Path(self.config.output)
+        beside = output.with_name(f"{output.stem}_learner")
+        folder = Path(self.config.state) if self.config.state else beside
         memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         if memory.start_remark:
@@ -98,11 +100,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
             self.create_subscription(
-                kind.message,
-                topic,
-                partial(self._take, memory, topic),
-                qos.LOSSLESS,
-                raw=True,
+                kind.message, topic, partial(self._take, memory, topic), qos.LOSSLESS, raw=True
             )
         if self.config.exit_with_publishers:
             self.create_subscription(
@@ -186,21 +184,17 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         self.get_logger().info(f"in this session {memory.drive.report}")
         return demonstrations
 
-    def _on_learn(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_learn(self, _: Trigger.Request) -> str:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
         try:
             if self._memory is not None:
                 require_enough(self._gather(self._memory, unfinished=True), self.config)
         except SerdError as error:
             self._refuse(str(error))
-            response.success, response.message = False, f"not learned: {error}"
-            return response
-        self._begin_anew = response.success = True
+            raise NodeError(f"not learned: {error}") from None
+        self._begin_anew = True
         when = "when the fit under way has ended" if self._worker.busy else "now"
-        response.message = (
-            f"learning begins {when}; progress and result are published on diagnostics"
-        )
-        return response
+        return f"learning begins {when}; progress and result are published on diagnostics"
 
     def _begin(self, *, anew: bool) -> None:
         self._again = self._begin_anew = False
@@ -276,11 +270,3 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         self._refusal = reason
         self.get_logger().warning(f"not learned: {reason}")
         self.report(0.0, {"model": self.config.output}, level=WARN, message=reason)
-
-
-def _checkpoint_folder(config: LearnerConfig) -> Path:
-    """The parameter `state`, or a folder named after the output."""
-    if config.state:
-        return Path(config.state)
-    output = Path(config.output)
-    return output.with_name(f"{output.stem}_learner")

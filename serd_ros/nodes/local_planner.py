@@ -168,8 +168,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         if silent_s <= self.config.input_timeout_s:
             return
         self.get_logger().warning(
-            f"no pose or people received for {silent_s:.1f} s: stopping",
-            throttle_duration_sec=2.0,
+            f"no pose or people received for {silent_s:.1f} s: stopping", throttle_duration_sec=2.0
         )
         self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
         self._send(STOP, observation.time_s)

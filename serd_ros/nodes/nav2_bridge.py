@@ -14,12 +14,7 @@ from nav_msgs.msg import Odometry, Path
 
 from serd_app.navigation.nav2_goals import Nav2Goals, Target
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import (
-    PlanarPose,
-    from_odometry,
-    from_pose_stamped,
-    to_pose_stamped,
-)
+from serd_ros.convert.pose import PlanarPose, from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
@@ -38,11 +33,10 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
         """Look up the action."""
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
-        name = "navigate_through_poses" if through else "navigate_to_pose"
         self._kind = kind
-        self._action = name
+        self._action = "navigate_through_poses" if through else "navigate_to_pose"
         self._goals = Nav2Goals(
-            self.action_client(kind, name),
+            self.action_client(kind, self._action),
             self._goal_message,
             timeout_s=self.config.waypoint_timeout_s,
         )
@@ -50,9 +44,9 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     def activate(self) -> None:
         """Send goals from now on."""
         if self.config.mode == "through_poses":
-            self.create_subscription(Path, topics.PLAN, self._on_plan, qos.COMMAND)
+            self.create_subscription(Path, topics.PLAN, self._take, qos.COMMAND)
         else:
-            self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
+            self.create_subscription(PoseStamped, topics.WAYPOINT, self._take, qos.COMMAND)
         self._odom_pose: PlanarPose | None = None
         self._stamp_clock = StampClock()
         if self.config.publish_tf:
@@ -66,13 +60,8 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
         """Do not leave Nav2 driving."""
         self._goals.cancel()
 
-    def _on_waypoint(self, message: PoseStamped) -> None:
-        self._take([message])
-
-    def _on_plan(self, message: Path) -> None:
-        self._take(message.poses)
-
-    def _take(self, poses: Sequence[PoseStamped]) -> None:
+    def _take(self, message: PoseStamped | Path) -> None:
+        poses = message.poses if isinstance(message, Path) else [message]
         stamped = [from_pose_stamped(each, self.frames) for each in poses]
         if stamped:
             targets = [pose for _, pose in stamped]

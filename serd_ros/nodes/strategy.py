@@ -7,7 +7,7 @@ milliseconds, so callbacks plan directly.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
@@ -41,6 +41,7 @@ _FROM_LEARNER = "model of the learner"
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     """Steers by `waypoint`: the centre of the cell the policy chooses next."""
 
+    needs_people: ClassVar[bool] = False  # the policy depends on the robot's cell alone
     _navigator: Navigator
 
     def configure(self) -> None:
@@ -115,11 +116,6 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     def episode_observed(self, observation: Observation) -> None:
         """Keep where the robot was."""
         self._crossings.note_pose(observation)
-
-    @property
-    def needs_people(self) -> bool:
-        """The policy depends on the robot's cell alone."""
-        return False
 
     @property
     def resets_world(self) -> bool:

@@ -36,11 +36,10 @@ def main(*topics: str) -> int:
         if sentence := _others(nodes[0], topics):
             print(f"waiting up to {LONGEST_END_S:g} s: {sentence}", file=sys.stderr, flush=True)
         wait_at_most(LONGEST_END_S, lambda: not _others(nodes[0], topics))
-        if sentence := _others(nodes[0], topics):
+        sentence = _others(nodes[0], topics)
+        if sentence:
             print(sentence, flush=True)
-            exit_code = BAD_INPUT
-        else:
-            exit_code = 0
+        exit_code = BAD_INPUT if sentence else 0
     finally:
         with process_ends_within(exit_code):
             for node in nodes:

@@ -171,6 +171,19 @@ class SerdNode(Node, Generic[Config]):
         guarded = self.callbacks.of_requests(srv_name, callback)
         return super().create_service(srv_type, srv_name, guarded, *args, **options)
 
+    def serve(self, srv_type: Any, name: str, answer: Callable[[Any], str]) -> None:
+        """Serve a Trigger or SetBool.
+
+        answer: called with each request; returns the message, or raises a SerdError, whose sentence
+        is the message of a response without success.
+        """
+
+        def respond(request: Any, response: Any) -> Any:
+            response.success, response.message = True, answer(request)
+            return response
+
+        self.create_service(srv_type, name, respond)
+
     def create_timer(
         self, timer_period_sec: float, callback: Callable[[], None], *args: Any, **options: Any
     ) -> Timer:

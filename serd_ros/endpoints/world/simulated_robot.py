@@ -11,6 +11,7 @@ from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world.world_publisher import WorldPublisher
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
@@ -42,17 +43,15 @@ class SimulatedRobot:
         on_goal: Callable[[], None],
     ) -> None:
         self.node, self.world = node, world
-        self.asked, self.begun, self._has_ever_asked = False, None, False
+        self.asked = self._has_ever_asked = False
+        self.begun: EpisodeStart | None = None
         self._is_answered, self._start_pose = False, (0.0, 0.0, 0.0)
         self.publisher = WorldPublisher(node, world)
         self._readiness = Readiness(node, node.config.required_nodes, node.wall_s())
         self._on_ask, self._on_goal_moved = on_ask, on_goal
-        node.create_service(Trigger, topics.RESET, self._on_reset)
+        node.serve(Trigger, topics.RESET, self._on_reset)
         node.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
         node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
-
-    asked: bool
-    begun: EpisodeStart | None
 
     @property
     def has_driver(self) -> bool:
@@ -96,16 +95,17 @@ class SimulatedRobot:
         stands = np.allclose(self.world.observation.pose, self._start_pose, rtol=0.0, atol=_SETTLES)
         return self._is_answered and not (stands and self.has_driver)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_reset(self, _: Trigger.Request) -> str:
         missing = self._readiness.missing(self.node.wall_s())
         if not missing and (self.begun is None or self._is_new_request):
             self.asked, self.begun, self._has_ever_asked = True, None, True
             missing = self._on_ask()
-        response.success = not missing
-        response.message = missing
-        if not missing and self.begun is not None:
-            response.message, self._is_answered = self.begun.model_dump_json(), True
-        return response
+        if missing:
+            raise NodeError(missing)
+        if self.begun is None:
+            return ""
+        self._is_answered = True
+        return self.begun.model_dump_json()
 
     def _on_mark(self, message: DiagnosticArray) -> None:
         """A mark of the episode shows that its driver received the response."""

@@ -1,19 +1,13 @@
 """The topics of a simulated robot: observation, scan, map, URDF, markers, diagnostics; clock."""
 
 from nav_msgs.msg import OccupancyGrid
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, LaserScan, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
-from serd_ros.convert.sensors import (
-    to_bumper_message,
-    to_imu_message,
-    to_occupancy_grid,
-    to_scan,
-)
+from serd_ros.convert.sensors import to_bumper_message, to_imu_message, to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
@@ -50,21 +44,16 @@ class WorldPublisher:
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
         self._node, self._world = node, world
         self._observation = ObservationPublisher(node)
-        self._scan: Publisher = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
-        self._imu: Publisher = node.create_publisher(Imu, topics.IMU, qos.STATE)
+        self._scan = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
+        self._imu = node.create_publisher(Imu, topics.IMU, qos.STATE)
         self._bumper = node.create_publisher(PointCloud2, topics.BUMPER, qos.STATE)
-        self._people: Publisher = node.create_publisher(
-            MarkerArray, topics.MARKERS_PEOPLE, qos.STATE
-        )
-        self._obstacles: Publisher = node.create_publisher(
-            MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE
-        )
+        self._people = node.create_publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
+        self._obstacles = node.create_publisher(MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
         self._publish_description()
-        model = model_named(world.scenario.pedestrians.model)
-        self._person_radius_m = model.body_radius_m
+        self._person_radius_m = model_named(world.scenario.pedestrians.model).body_radius_m
 
     def _publish_description(self) -> None:
         """Send the URDF of the robot and where its links are."""
@@ -80,21 +69,17 @@ class WorldPublisher:
             self._publish_rarely(observation)
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
             self.report()
-        self._publish_body(observation.time_s)
+        if self._imu.get_subscription_count():
+            scenario, time_s = self._world.scenario, observation.time_s
+            period_s = scenario.control_period_s
+            self._imu.publish(to_imu_message(self._world.imu, scenario.imu, period_s, time_s))
+        if touches := self._world.bumper:
+            self._bumper.publish(to_bumper_message(touches, observation.time_s))
         if self._transforms is not None:
             self._transforms.publish(
                 observation.pose, self._world.odometry_pose, observation.time_s
             )
         self._observation.publish(observation, self._world.odometry_pose)
-
-    def _publish_body(self, time_s: float) -> None:
-        """Send IMU and bumper."""
-        if self._imu.get_subscription_count():
-            scenario = self._world.scenario
-            period_s = scenario.control_period_s
-            self._imu.publish(to_imu_message(self._world.imu, scenario.imu, period_s, time_s))
-        if touches := self._world.bumper:
-            self._bumper.publish(to_bumper_message(touches, time_s))
 
     def _publish_rarely(self, observation: Observation) -> None:
         if self._scan.get_subscription_count():
@@ -104,7 +89,6 @@ class WorldPublisher:
             self._people.publish(
                 to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
-
         if self._world.obstacle_poses and self._obstacles.get_subscription_count():
             outlines_m = self._world.obstacle_outlines_m
             self._obstacles.publish(to_obstacle_markers(outlines_m, observation.time_s))

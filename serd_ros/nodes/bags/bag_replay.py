@@ -127,7 +127,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._playback = self._from_the_beginning()
         # No call may fail from here on: the terminal would stay in raw mode.
         self._keys = ReplayKeys() if config.keys else None
-        self.create_service(SetBool, topics.PAUSE, self._on_pause)
+        self.serve(SetBool, topics.PAUSE, self._on_pause)
         self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
         self.create_timer(_TURN_S, self._turn)
         self.create_timer(_REPORT_PERIOD_S, self._report_playback)
@@ -195,17 +195,11 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             self._report_playback()
 
     def _pause(self, paused: bool) -> None:
-        now_s = self.wall_s()
-        if paused:
-            self._playback.pause(now_s)
-        else:
-            self._playback.resume(now_s)
+        (self._playback.pause if paused else self._playback.resume)(self.wall_s())
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _on_pause(self, request: SetBool.Request) -> str:
         self._pause(bool(request.data))
-        response.success = True
-        response.message = "paused" if self._playback.paused else "playing"
-        return response
+        return "paused" if self._playback.paused else "playing"
 
     def _send_clock(self) -> None:
         if self._waiting_until_s is None:

@@ -18,7 +18,6 @@ from bags.messages.plain import message_stamp_ns
 from bags.messages.times import RecordingClock
 from bags.recorder import BagRecorder
 from bags.recorder_settings import RecorderSettings
-from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
@@ -60,8 +59,8 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
         self._recorder: BagRecorder | None = None
         self._recording_clock: RecordingClock | None = None
         self._topics = {name: self._followed(name, kind) for name, kind in self._kinds.items()}
-        self.create_service(Trigger, topics.START_RECORDING, self._on_start)
-        self.create_service(Trigger, topics.STOP_RECORDING, self._on_stop)
+        self.serve(Trigger, topics.START_RECORDING, self._on_start)
+        self.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
         self.create_timer(_POLL_PERIOD_S, self._poll)
         self.create_timer(_REPORT_PERIOD_S, self._report)
         if self.config.record_at_start:
@@ -164,30 +163,24 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
             return output
         return next(name for name in names if not name.exists())
 
-    def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._recorder is None
-        try:
-            if self._recorder is None:
-                self._start()
-        except SerdError as error:
-            response.success, response.message = False, str(error)
-            return response
+    def _on_start(self, _: Trigger.Request) -> str:
+        if self._recorder is not None:
+            raise NodeError(f"recording into {self._recorder.directory}")
+        self._start()
         assert self._recorder is not None
-        response.message = f"recording into {self._recorder.directory}"
-        return response
+        return f"recording into {self._recorder.directory}"
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_stop(self, _: Trigger.Request) -> str:
         """What came in before the call is in the bag, in whatever order it is looked at."""
         recorder = self._recorder
         if recorder is None:
-            response.success, response.message = False, "nothing is being recorded"
-            return response
+            raise NodeError("nothing is being recorded")
         self._record_what_waits()
         self._finish_bag()
         status = recorder.status
-        response.success = not status.problem
-        response.message = status.problem or f"{status.n_messages} messages in {recorder.directory}"
-        return response
+        if status.problem:
+            raise NodeError(status.problem)
+        return f"{status.n_messages} messages in {recorder.directory}"
 
     def _report(self) -> None:
         self._look_at(self._topics.values())

@@ -38,8 +38,8 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
             self.create_subscription(kind, source.topic, partial(self._take, name), qos.COMMAND)
         for name, lock in settings.locks.items():
             self.create_subscription(Bool, lock.topic, partial(self._lock, name), qos.COMMAND)
-        self.create_subscription(Bool, topics.E_STOP, self._on_e_stop, qos.COMMAND)
-        self.create_service(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
+        self.create_subscription(Bool, topics.E_STOP, self._take_e_stop, qos.COMMAND)
+        self.serve(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
         kind = TwistStamped if config.stamped_cmd_vel else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
         self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
@@ -51,20 +51,13 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
     def _lock(self, name: str, message: Bool) -> None:
         self._mux.receive_lock(name, bool(message.data), self.wall_s())
 
-    def _on_e_stop(self, message: Bool) -> None:
-        self._set_e_stop(bool(message.data))
-
-    def _on_set_e_stop(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        self._set_e_stop(bool(request.data))
-        response.success = True
-        response.message = "stopped until released" if request.data else "released"
-        return response
-
-    def _set_e_stop(self, engaged: bool) -> None:
-        self._mux.set_e_stop(engaged)
+    def _take_e_stop(self, wanted: Bool | SetBool.Request) -> None:
+        self._mux.set_e_stop(bool(wanted.data))
         self._step()
+
+    def _on_set_e_stop(self, request: SetBool.Request) -> str:
+        self._take_e_stop(request)
+        return "stopped until released" if request.data else "released"
 
     def _step(self) -> None:
         now_s = self.wall_s()
