@@ -1,7 +1,7 @@
 """Command options made from settings, with their default, help and range, and shared options."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import GenericAlias
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -55,23 +55,35 @@ def with_settings(model: type[BaseModel], **flags: str) -> Callable[[Command], C
     """
 
     def decorate(command: Command) -> Command:
-        own = inspect.signature(command, eval_str=True).parameters
-        kinds = {name: each.annotation for name, each in own.items() if name != "options"}
-        defaults = {name: each.default for name, each in own.items()}
-        for name, field in model.model_fields.items():
-            if name not in kinds:
-                kinds[name] = _option_type(field.annotation)
-                defaults[name] = option(model, name, *([flags[name]] if name in flags else []))
-        only_by_name = inspect.Parameter.KEYWORD_ONLY
-        parameters = [
-            inspect.Parameter(name, only_by_name, default=defaults[name], annotation=kind)
-            for name, kind in kinds.items()
-        ]
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = kinds
-        return command
+        settings = {
+            name: (
+                _option_type(field.annotation),
+                option(model, name, *([flags[name]] if name in flags else [])),
+            )
+            for name, field in model.model_fields.items()
+        }
+        return with_parameters(command, settings)
 
     return decorate
+
+
+def with_parameters(command: Command, more: Mapping[str, tuple[Any, Any]]) -> Command:
+    """The command with `**options`, which receives more parameters by name.
+
+    more: their types and defaults; those that the command has itself are left as they are.
+    """
+    own = inspect.signature(command, eval_str=True).parameters.values()
+    named = {each.name: each for each in own if each.kind is not inspect.Parameter.VAR_KEYWORD}
+    found = {name: (each.annotation, each.default) for name, each in named.items()}
+    found = {**found, **{name: each for name, each in more.items() if name not in found}}
+    only_by_name = inspect.Parameter.KEYWORD_ONLY
+    parameters = [
+        inspect.Parameter(name, only_by_name, default=default, annotation=kind)
+        for name, (kind, default) in found.items()
+    ]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {name: kind for name, (kind, _) in found.items()}
+    return command
 
 
 def _option_type(kind: Any) -> Any:

@@ -79,8 +79,8 @@ def keep_demo(run: Path, kept: Path) -> None:
     (kept / "decisions.csv").write_text(text.replace(f"{folder.bag}", "demo"), encoding="utf-8")
     rows = [
         (episode, round(x_m, 3), round(y_m, 3))
-        for episode, track in enumerate(read_recording(folder.bag).tracks_m)
-        for x_m, y_m in shapely.LineString(track).simplify(_TRACK_M).coords
+        for episode, track in enumerate(read_recording(folder.bag).poses)
+        for x_m, y_m in shapely.LineString(track[:, :2]).simplify(_TRACK_M).coords
     ]
     np.savetxt(kept / "tracks.csv", rows, fmt="%g", delimiter=",", header="episode,x_m,y_m")
 

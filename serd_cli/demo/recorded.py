@@ -26,11 +26,6 @@ class Recording:
     times_s: tuple[NDArray[np.float64], ...]
     poses: tuple[NDArray[np.float64], ...]
 
-    @property
-    def tracks_m(self) -> tuple[NDArray[np.float64], ...]:
-        """(T, 2) positions of each episode."""
-        return tuple(poses[:, :2] for poses in self.poses)
-
 
 def read_recording(bag: Path) -> Recording:
     """All robot poses of a bag; the clock jumps between episodes."""

@@ -73,7 +73,7 @@ def report_inputs(
         scenario=scenario,
         problem=strategy.problem,
         demonstrations=load_decisions(folder.decisions),
-        demonstration_tracks_m=recording.tracks_m,
+        demonstration_tracks_m=tuple(poses[:, :2] for poses in recording.poses),
         fit=fit_of_file(model, strategy.problem, load_trace(folder.learning)),
         policy=strategy.policy,
         episodes=folder.episodes(folder.navigation),

@@ -23,6 +23,7 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
+from serd_cli.output.terminal import table_of
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
@@ -35,10 +36,8 @@ _MANY_OUTSIDE = 0.1
 
 def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
     """One row per bag."""
-    table = Table(title="Decisions", title_justify="left")
-    table.add_column("bag", overflow="fold")
-    for name in ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves"):
-        table.add_column(name, justify="right")
+    names = ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves")
+    table = table_of("Decisions", "bag", names)
     for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
         report = each.report
         dropped = report.n_intents - report.n_decisions

@@ -15,7 +15,7 @@ from serd_app.learning.crossing_times import times_sentence, unseen_sentence
 from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
-from serd_cli.output.terminal import console
+from serd_cli.output.terminal import console, finite, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -73,10 +73,10 @@ def learned_values(
         "validation_log_likelihoods": dict(outcome.validation),
         "crossing_times": [each.model_dump() for each in outcome.model.crossing_times],
         "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
-        "standard_errors": None if errors is None else [_plain(each) for each in errors.reward],
+        "standard_errors": None if errors is None else [finite(each) for each in errors.reward],
         "outcome_standard_errors": None
         if errors is None
-        else [[_plain(each) for each in row] for row in errors.outcome_probabilities],
+        else [[finite(each) for each in row] for row in errors.outcome_probabilities],
         "identified_without_prior": None if found is None else found.identified,
         "open_directions": [] if found is None else [str(each) for each in found.null],
         "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
@@ -93,7 +93,7 @@ def learned_values(
 
 def _weights_table(fit: FitResult, certainty: Certainty) -> Table:
     """One row per feature."""
-    table = _table("Reward weights", "feature", ("weight", "standard error"))
+    table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(fit.feature_names):
         error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
         table.add_row(in_words(name), f"{fit.reward_weights[row]:+.2f}", _number(error))
@@ -104,7 +104,7 @@ def _types_table(types: Sequence[ModelType]) -> Table:
     """One row per type of experts: its share, episodes, pace, and weights with deviations."""
     features = [in_words(name) for name in types[0].reward_weights]
     columns = ("share in %", "episodes", "pace", *features)
-    table = _table("Types of experts (weight ± posterior deviation)", "type", columns)
+    table = table_of("Types of experts (weight ± posterior deviation)", "type", columns)
     for number, each in enumerate(types, start=1):
         weights = zip(each.reward_weights.values(), each.reward_deviations.values(), strict=True)
         table.add_row(
@@ -120,7 +120,7 @@ def _types_table(types: Sequence[ModelType]) -> Table:
 def _outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certainty) -> Table:
     """One row per outcome model: probability and standard error of each outcome."""
     names = [outcome.name.lower() for outcome in Outcome]
-    table = _table("Outcomes of a decision period, in % ± standard error", "model", names)
+    table = table_of("Outcomes of a decision period, in % ± standard error", "model", names)
     for model in problem.used_models.tolist():
         cells = []
         for outcome in range(len(names)):
@@ -153,19 +153,7 @@ def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[
         yield f"{in_words(problem.model_names[model])} ({', '.join(names)})"
 
 
-def _plain(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _number(value: float, digits: int = 2) -> str:
     if math.isnan(value):
         return "not known"
     return "open" if math.isinf(value) else f"{value:.{digits}f}"
-
-
-def _table(title: str, first: str, columns: Iterable[str]) -> Table:
-    table = Table(title=title, title_justify="left")
-    table.add_column(first)
-    for name in columns:
-        table.add_column(name, justify="right")
-    return table

@@ -3,6 +3,7 @@
 import json
 import math
 import time
+from collections.abc import Iterable
 from datetime import timedelta
 from typing import Any
 
@@ -17,6 +18,7 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.table import Table
 from rich.text import Text
 
 # Without markup, for names of files and topics may have brackets; `Text` has the styles.
@@ -29,12 +31,25 @@ def print_json(values: Any) -> None:
     print(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str))
 
 
+def finite(value: float) -> float | None:
+    """The number; None for NaN and infinity, which JSON does not have."""
+    return float(value) if math.isfinite(value) else None
+
+
 def finite_values(values: dict[str, Any]) -> dict[str, Any]:
-    """The values with null for NaN and infinity, which JSON does not have."""
+    """The values with None for floats that are not finite."""
     return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values.items()
+        name: finite(value) if isinstance(value, float) else value for name, value in values.items()
     }
+
+
+def table_of(title: str, first: str, numbers: Iterable[str], **options: Any) -> Table:
+    """A table with a column of text, which is folded, and columns of numbers."""
+    table = Table(title=title, title_justify="left")
+    table.add_column(first, overflow="fold")
+    for name in numbers:
+        table.add_column(name, justify="right", **options)
+    return table
 
 
 _LINE_EVERY_S = 30.0

@@ -12,6 +12,7 @@ from typing import Any
 
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
+from serd_cli.processes.workspace import PREFIXES, paths_in
 from serd_ros.graph.graph import COMPOSABLE, COMPOSED, PACKAGE, Stack, load_graph
 from serd_ros.graph.placement import PlacedNode, placed_nodes
 from storage.errors import shortened
@@ -74,8 +75,7 @@ def executables_of(prefix: Path, package: str) -> list[str]:
 
 
 def _prefixes(environment: Mapping[str, str]) -> list[Path]:
-    text = environment.get("AMENT_PREFIX_PATH", "")
-    return [Path(part) for part in text.split(os.pathsep) if part]
+    return [Path(each) for each in paths_in(environment, PREFIXES)]
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

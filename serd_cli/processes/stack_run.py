@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from subprocess import PIPE, run
@@ -16,10 +16,10 @@ from rich.table import Column
 from serd_cli.errors import BAD_INPUT, RunError
 from serd_cli.output.terminal import WorkProgress
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.supervisor import Line, run_together
+from serd_cli.processes.supervisor import Line, Process, run_together
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, full_namespace, load_graph
-from serd_ros.process.progress import VARIABLE, parse_progress
+from serd_ros.process.progress import VARIABLE, Progress, parse_progress
 
 _LONGEST = 62
 
@@ -92,6 +92,24 @@ def run_stack(
 
         run_together(processes, environment, take)
         bar.update(task, completed=total)
+
+
+def run_alone(
+    node: str,
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    take: Callable[[Progress], object],
+) -> None:
+    """Run one node; take: called with its reports. Its other lines go to stderr."""
+
+    def take_line(_: str, line: str) -> None:
+        progress = parse_progress(line)
+        if progress is None:
+            print(line, file=sys.stderr, flush=True)
+        else:
+            take(progress)
+
+    run_together([Process(node, command)], {**environment, VARIABLE: "1"}, take_line)
 
 
 @contextmanager

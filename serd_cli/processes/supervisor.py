@@ -221,7 +221,5 @@ def run_together(
 def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:
     name = next(name for name, each in codes.items() if each == code)
     ending = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-    output = f"{os.linesep}  ".join(tails.get(name, ()))
-    return (
-        f"{name} {ending}; its last output:{os.linesep}  {output}" if output else f"{name} {ending}"
-    )
+    lines = [f"{name} {ending}; its last output:", *tails.get(name, ())]
+    return f"{os.linesep}  ".join(lines) if len(lines) > 1 else f"{name} {ending}"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
 LOOPBACK_PROFILE = PROJECT / "serd_ros" / "process" / "fastdds_loopback.xml"
-_PREFIXES = "AMENT_PREFIX_PATH"
+PREFIXES = "AMENT_PREFIX_PATH"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -32,9 +32,9 @@ def ros_environment(base: Mapping[str, str]) -> dict[str, str]:
     """
     environment = dict(base)
     for variable, value in _added(workspace_install()):
-        _prepend(environment, variable, value)
+        _add(environment, variable, value)
     if (Path(sys.prefix) / "share/ament_index").is_dir():
-        _append(environment, _PREFIXES, sys.prefix)
+        _add(environment, PREFIXES, sys.prefix, last=True)
     if not {_RANGE, _PROFILE} & environment.keys():
         environment |= {_RANGE: "SYSTEM_DEFAULT", _PROFILE: str(LOOPBACK_PROFILE)}
     environment.setdefault("PYTHONUNBUFFERED", "1")
@@ -51,17 +51,12 @@ def _added(install: Path) -> Iterator[tuple[str, str]]:
                 yield variable, str(prefix / path) if path else str(prefix)
 
 
-def _prepend(environment: dict[str, str], variable: str, value: str) -> None:
-    parts = _parts(environment, variable)
-    if value not in parts:
-        environment[variable] = os.pathsep.join([value, *parts])
+def _add(environment: dict[str, str], variable: str, path: str, *, last: bool = False) -> None:
+    paths = paths_in(environment, variable)
+    if path not in paths:
+        environment[variable] = os.pathsep.join([*paths, path] if last else [path, *paths])
 
 
-def _append(environment: dict[str, str], variable: str, value: str) -> None:
-    parts = _parts(environment, variable)
-    if value not in parts:
-        environment[variable] = os.pathsep.join([*parts, value])
-
-
-def _parts(environment: Mapping[str, str], variable: str) -> list[str]:
-    return [part for part in environment.get(variable, "").split(os.pathsep) if part]
+def paths_in(environment: Mapping[str, str], variable: str) -> list[str]:
+    """The paths that a variable lists."""
+    return [path for path in environment.get(variable, "").split(os.pathsep) if path]

@@ -26,11 +26,9 @@ from serd_cli.options import AsJson, option, validated
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json, progress_console
 from serd_cli.processes.node_commands import node_command
-from serd_cli.processes.stack_run import require_free
-from serd_cli.processes.supervisor import Process, run_together
+from serd_cli.processes.stack_run import require_free, run_alone
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig
-from serd_ros.process.progress import VARIABLE, parse_progress
 from storage.files import atomic_write_text
 from storage.quantities import counted
 
@@ -227,23 +225,9 @@ def play(
         require_free(environment, f"/{played_clock.lstrip('/')}")
     if not as_json:
         os.execve(command[0], command, environment)
-    played = _Played()
-    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, played.take)
-    print_json({"bag": bag.resolve(), "messages": played.n_messages})
-
-
-class _Played:
-    """How many messages the node reports to have played; its other lines go to stderr."""
-
-    n_messages = 0
-
-    def take(self, _: str, line: str) -> None:
-        """Print a line of the node."""
-        progress = parse_progress(line)
-        if progress is None:
-            print(line, file=sys.stderr, flush=True)
-        elif progress.n_messages is not None:
-            self.n_messages = progress.n_messages
+    played = [0]
+    run_alone(_NODE, command, environment, lambda progress: played.append(progress.n_messages or 0))
+    print_json({"bag": bag.resolve(), "messages": max(played)})
 
 
 def _remappings(pairs: Sequence[str]) -> dict[str, str]:

@@ -1,6 +1,5 @@
 """`serd compare`: how usual trajectories are for a learned model."""
 
-import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +17,7 @@ from serd_app.learning.learning_files import FlowSource, LearningFiles
 from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
-from serd_cli.output.terminal import console, print_json
+from serd_cli.output.terminal import console, finite, print_json
 from sim.scenario.goal import point_of
 from storage.quantities import counted
 from storage.table import write_rows
@@ -115,16 +114,12 @@ def _rows(found: Familiarity, level: float) -> list[EpisodeRow]:
     columns = (
         scores.episode.tolist(),
         scores.n_decisions.tolist(),
-        map(_finite, scores.log_likelihood.tolist()),
-        map(_finite, scores.expected.tolist()),
+        map(finite, scores.log_likelihood.tolist()),
+        map(finite, scores.expected.tolist()),
         scores.rank.tolist(),
         map(int, counts),
     )
     return [EpisodeRow(*row) for row in zip(*columns, strict=True)]
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _values(found: Familiarity, rows: list[EpisodeRow], files: dict[str, Path]) -> dict[str, Any]:
@@ -138,8 +133,8 @@ def _values(found: Familiarity, rows: list[EpisodeRow], files: dict[str, Path]) 
         "n_elsewhere": found.files.n_elsewhere,
         "n_episodes_left_out": found.files.n_left_out,
         "n_hidden": int(found.decisions.hidden.sum()),
-        "log_likelihood": _finite(float(weights @ scores.log_likelihood)),
-        "simulated": _finite(float(weights @ scores.expected)),
+        "log_likelihood": finite(float(weights @ scores.log_likelihood)),
+        "simulated": finite(float(weights @ scores.expected)),
         "mean_rank": float(scores.rank.mean()),
         "n_unusual": int(np.sum(scores.rank < _UNUSUAL)),
         "discretised": found.discretised,

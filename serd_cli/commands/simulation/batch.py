@@ -11,7 +11,7 @@ from rich.table import Table
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
-from serd_cli.output.terminal import console, finite_values, print_json
+from serd_cli.output.terminal import console, finite_values, print_json, table_of
 from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
@@ -107,10 +107,7 @@ def batch(
 
 def summary_table(summaries: list[ConditionSummary]) -> Table:
     """One row per condition; contacts are those of all its episodes."""
-    table = Table(title="Episodes", title_justify="left")
-    table.add_column("condition", overflow="fold")
-    for name in ("arrived", "95 % interval", "time", "way"):
-        table.add_column(name, justify="right")
+    table = table_of("Episodes", "condition", ("arrived", "95 % interval", "time", "way"))
     table.add_column("robot into people, people into robot, walls", justify="right", max_width=20)
     for each in summaries:
         contacts = (each.robot_on_person, each.person_on_robot, each.robot_on_wall)
@@ -127,10 +124,8 @@ def summary_table(summaries: list[ConditionSummary]) -> Table:
 
 def metrics_table(summaries: list[ConditionSummary]) -> Table:
     """One row per condition: the way, nearness to people and smoothness."""
-    table = Table(title="Means over the episodes", title_justify="left")
-    table.add_column("condition", overflow="fold")
-    for name in ("SPL", "stands", "personal zone", "collision < 1 s", "people", "jerk", "turns"):
-        table.add_column(name, justify="right")
+    names = ("SPL", "stands", "personal zone", "collision < 1 s", "people", "jerk", "turns")
+    table = table_of("Means over the episodes", "condition", names)
     for each in summaries:
         metrics = each.metrics
         table.add_row(

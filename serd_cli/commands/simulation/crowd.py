@@ -15,7 +15,7 @@ from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import short_names
 from serd_cli.output.paths import require_suffix
-from serd_cli.output.terminal import console, finite_values, print_json, progress_console
+from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
 from sim.crowd.comparison import (
     ComparedCrowd,
     Walking,
@@ -149,10 +149,8 @@ def _flat(row: ComparedCrowd) -> dict[str, object]:
 
 
 def _table(rows: list[ComparedCrowd]) -> Table:
-    table = Table(title="Simulated | measured", title_justify="left")
-    table.add_column("model, place", overflow="fold")
-    for name in ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m"):
-        table.add_column(name, justify="right", no_wrap=True)
+    names = ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m")
+    table = table_of("Simulated | measured", "model, place", names, no_wrap=True)
     for row in rows:
         both = [
             _both(getattr(row.simulated, each.name), getattr(row.measured, each.name))

@@ -1,6 +1,5 @@
 """`serd episode`: one episode driven in process, as a picture or a movie."""
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
@@ -143,10 +142,5 @@ def _write(
     step = max(1, round(movie.speed / (movie.frames_per_s * scenario.control_period_s)))
     shown_per_s = movie.speed / (step * scenario.control_period_s)
     ticks = [*range(0, last, step), last]
-    MOVIE_WRITERS[suffix](map(captioned, _followed(ticks)), output, shown_per_s)
-
-
-def _followed(ticks: list[int]) -> Iterator[int]:
-    """The ticks, with a progress bar of the frames drawn."""
     with counting_bar("frames") as bar:
-        yield from bar.track(ticks)
+        MOVIE_WRITERS[suffix](map(captioned, bar.track(ticks)), output, shown_per_s)

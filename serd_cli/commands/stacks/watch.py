@@ -14,12 +14,12 @@ from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, option, resolved_scenario, validated
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import node_command
-from serd_cli.processes.supervisor import Process, run_together
+from serd_cli.processes.stack_run import run_alone
 from serd_cli.processes.workspace import ros_environment
 from serd_cli.watch import BagWatch, layers_of, serve_bag
 from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
 from serd_ros.graph.graph import full_namespace
-from serd_ros.process.progress import VARIABLE, parse_progress
+from serd_ros.process.progress import Progress
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.model_file import load_model
@@ -112,14 +112,11 @@ def _watch_stack(settings: WatchPageConfig, namespace: str, *, as_json: bool) ->
     remappings = {"__ns": namespace} if namespace else {}
     command = node_command(_NODE, settings.model_dump(), remappings, environment)
 
-    def print_line(_: str, line: str) -> None:
-        progress = parse_progress(line)
-        if progress is None:
-            print(line, file=sys.stderr, flush=True)
-        elif progress.address:
+    def take(progress: Progress) -> None:
+        if progress.address:
             _print_address(progress.address, as_json=as_json)
 
-    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, print_line)
+    run_alone(_NODE, command, environment, take)
 
 
 def _print_address(url: str, *, as_json: bool) -> None:

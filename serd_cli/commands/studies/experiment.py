@@ -1,6 +1,5 @@
 """`serd experiment NAME`: one subcommand per experiment, one option per setting of its config."""
 
-import inspect
 import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,22 +14,13 @@ from experiments.catalogue import EXPERIMENTS
 from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
 from experiments.running.tables import plain_rows
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_parameters
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.tables import print_results
 from serd_cli.output.terminal import counting_bar, print_json
 from sim.episodes.execution import Execution
 from storage.files import require_folder
 from storage.settings import Setting, settings_of
-
-_OWN = {
-    "output": Annotated[Path, typer.Option(help="folder for tables and figures")],
-    "jobs": Jobs,
-    "backend": Backend,
-    "address": Address,
-    "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
-    "as_json": AsJson,
-}
 
 #: Numbers below this are written with an exponent: four decimals would lose their digits.
 SMALL = 1e-3
@@ -39,13 +29,15 @@ SMALL = 1e-3
 def command_of(experiment: Experiment) -> Callable[..., None]:
     """A function whose signature Typer turns into the subcommand's options."""
 
+    folder = Path("experiment_output") / experiment.name
+
     def command(
-        output: Path,
-        jobs: int,
-        backend: str,
-        address: str,
-        config: Path | None,
-        as_json: bool,
+        output: Annotated[Path, typer.Option(help="folder for tables and figures")] = folder,
+        jobs: Jobs = EXECUTION.n_jobs,
+        backend: Backend = EXECUTION.backend,
+        address: Address = EXECUTION.address,
+        config: Annotated[Path | None, typer.Option(help="YAML file of settings")] = None,
+        as_json: AsJson = False,
         **texts: str | None,
     ) -> None:
         given = settings_of_file(config) if config is not None else {}
@@ -63,31 +55,15 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         print_results(table, experiment.shows, _text)
         print(f"results: {output.resolve()}")
 
-    own_defaults: dict[str, Any] = {
-        "output": Path("experiment_output") / experiment.name,
-        "jobs": EXECUTION.n_jobs,
-        "backend": EXECUTION.backend,
-        "address": EXECUTION.address,
-        "as_json": False,
+    settings = {
+        each.name: (
+            Annotated[str | None, typer.Option(*_flags(each.name), help=_help(each))],
+            None,
+        )
+        for each in settings_of(experiment.config)
     }
-    annotations: dict[str, Any] = {**_OWN}
-    for each in settings_of(experiment.config):
-        option = typer.Option(*_flags(each.name), help=_help(each))
-        annotations[each.name] = Annotated[str | None, option]
-    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [
-            inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=own_defaults.get(name),
-                annotation=kind,
-            )
-            for name, kind in annotations.items()
-        ]
-    )
-    command.__annotations__ = annotations
     command.__doc__ = experiment.shows[0].upper() + experiment.shows[1:] + "."
-    return command
+    return with_parameters(command, settings)
 
 
 def _words(
