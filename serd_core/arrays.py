@@ -96,11 +96,16 @@ def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
 
 def require_finite(name: str, array: FloatArray) -> None:
     """SerdError naming the first index of `array` that is NaN or infinite."""
-    bad = first_index(~np.isfinite(array))
+    require_each(name, array, np.isfinite(array), "be finite", "remove or repair that value")
+
+
+def require_each(
+    name: str, array: NDArray[Any], holds: BoolArray | np.bool_, rule: str, fix: str
+) -> None:
+    """SerdError naming the first entry of `array` that breaks a rule: where `holds` is false."""
+    bad = first_index(~holds)
     if bad is not None:
-        raise SerdError(
-            f"{name}{list(bad)} must be finite, got {array[bad]}; remove or repair that value"
-        )
+        raise SerdError(f"{name}{list(bad)} must {rule}, got {array[bad]}; {fix}")
 
 
 def require_index(
@@ -113,13 +118,9 @@ def require_index(
     once = unrepeated(array)
     if once.size and once.min() >= 0 and once.max() < size:
         return
-    wrong = (array < 0) | (array >= size)
-    bad = first_index(wrong if where is None else wrong & where)
-    if bad is not None:
-        raise SerdError(
-            f"{name}{list(bad)} must be {what} from 0 to {size - 1}, got {array[bad]}"
-            f"; drop it or use the problem it was made for"
-        )
+    holds = (array >= 0) & (array < size) | (False if where is None else ~where)
+    rule, fix = f"be {what} from 0 to {size - 1}", "drop it or use the problem it was made for"
+    require_each(name, array, holds, rule, fix)
 
 
 def require_kind(name: str, given: object, kinds: tuple[type, ...], example: str) -> None:
@@ -234,14 +235,9 @@ def _converted(name: str, values: Any, dtype: Any) -> tuple[NDArray[Any], tuple[
 
 def _require_whole(name: str, array: FloatArray) -> None:
     require_finite(name, array)
-    bad = first_index(array != np.floor(array))
-    if bad is not None:
-        raise SerdError(f"{name}{list(bad)} must be a whole number, got {array[bad]}; round it")
-    bad = first_index(np.abs(array) >= 2.0**63)
-    if bad is not None:
-        raise SerdError(
-            f"{name}{list(bad)} must be below 2**63 in size, got {array[bad]}; number from 0"
-        )
+    require_each(name, array, array == np.floor(array), "be a whole number", "round it")
+    small = np.abs(array) < 2.0**63
+    require_each(name, array, small, "be below 2**63 in size", "number from 0")
 
 
 def _require_shape(name: str, given: tuple[int, ...], shape: Shape | None) -> None:

@@ -17,8 +17,8 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     bool_array,
-    first_index,
     float_array,
+    require_each,
     require_share,
 )
 from serd_core.errors import SerdError
@@ -90,11 +90,9 @@ def clopper_pearson(
     count = float_array("successes", successes)
     if not n_trials >= 1:
         raise SerdError(f"n_trials must be at least 1, got {n_trials}")
-    bad = first_index((count < 0) | (count > n_trials))
-    if bad is not None:
-        raise SerdError(
-            f"successes{list(bad)} must be from 0 to n_trials = {n_trials}, got {count[bad]}"
-        )
+    possible = (count >= 0) & (count <= n_trials)
+    rule = f"be from 0 to n_trials = {n_trials}"
+    require_each("successes", count, possible, rule, "count them among the trials")
     tail = (1.0 - coverage) / 2.0
     beta = scipy.stats.beta
     lower = beta.ppf(tail, np.maximum(count, 1.0), n_trials - count + 1.0)
@@ -115,9 +113,8 @@ def sampling_band(
     if n_episodes < 1:
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}")
     given = float_array("cdf", cdf)
-    bad = first_index((given < -ROUNDING) | (given > 1.0 + ROUNDING))
-    if bad is not None:
-        raise SerdError(f"cdf{list(bad)} must be a probability, got {given[bad]}")
+    possible = (given >= -ROUNDING) & (given <= 1.0 + ROUNDING)
+    require_each("cdf", given, possible, "be a probability", "divide counts by their total")
     probability = np.clip(np.atleast_2d(given), 0.0, 1.0)
     tail = (1.0 - coverage) / 2.0
     counts = (_mixture_quantile(share, n_episodes, probability) for share in (tail, 1.0 - tail))

@@ -23,6 +23,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    require_each,
     weighted_counts,
 )
 from serd_core.arrival.law import ArrivalLaw
@@ -114,12 +115,8 @@ def fit_dwell_times(
     people, who = np.unique(int_array("person", person, (len(times),)), return_inverse=True)
     n_people = len(people)
     n_kinds = int(kinds.max()) + 1 if n_kinds is None else n_kinds
-    bad = first_index((kinds < 0) | (kinds >= n_kinds))
-    if bad is not None:
-        raise SerdError(
-            f"kind{list(bad)} must be from 0 to n_kinds - 1 = {n_kinds - 1}, got {kinds[bad]};"
-            " number the kinds from 0"
-        )
+    rule = f"be from 0 to n_kinds - 1 = {n_kinds - 1}"
+    require_each("kind", kinds, (kinds >= 0) & (kinds < n_kinds), rule, "number the kinds from 0")
     beta = np.asarray(np.linalg.lstsq(rows, np.log(times), rcond=None)[0], dtype=np.float64)
     pace, pace_variance = np.zeros(n_people), 0.05
     dispersion = np.full(n_kinds, 0.1)

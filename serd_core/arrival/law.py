@@ -18,7 +18,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, first_index, float_array
+from serd_core.arrays import FloatArray, float_array, require_each
 from serd_core.arrival.chain import ArrivalTimes
 from serd_core.errors import SerdError
 
@@ -131,12 +131,8 @@ def entry_times_s(arrival_times_s: ArrayLike, period_s: float) -> FloatArray:
     """
     _require_period(period_s)
     time_s = float_array("arrival_times_s", arrival_times_s, (None,))
-    bad = first_index(~(time_s > 0))
-    if bad is not None:
-        raise SerdError(
-            f"arrival_times_s{list(bad)} must be above 0, got {time_s[bad]}"
-            "; leave out episodes that began at the goal, they entered it in no period"
-        )
+    fix = "leave out episodes that began at the goal, they entered it in no period"
+    require_each("arrival_times_s", time_s, time_s > 0, "be above 0", fix)
     whole = np.ceil(time_s / period_s - SAME_TIME_S) - 1.0
     return np.minimum(time_s - period_s * np.maximum(whole, 0.0), period_s)
 
@@ -150,10 +146,8 @@ def _require_period(period_s: float) -> None:
 
 def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
     given = float_array("entry_times_s", entry_times_s, (None,))
-    bad = first_index(~((given > 0) & (given <= period_s + SAME_TIME_S)))
-    if bad is not None:
-        raise SerdError(
-            f"entry_times_s{list(bad)} must be above 0 and at most period_s = {period_s},"
-            f" got {given[bad]}; measure from the beginning of the last decision period"
-        )
+    within = (given > 0) & (given <= period_s + SAME_TIME_S)
+    rule = f"be above 0 and at most period_s = {period_s}"
+    fix = "measure from the beginning of the last decision period"
+    require_each("entry_times_s", given, within, rule, fix)
     return np.minimum(given, period_s)

@@ -30,6 +30,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    require_each,
     require_index,
 )
 from serd_core.arrival.absorption import probability_of_ever_arriving
@@ -102,12 +103,8 @@ class RenewalChain:
         object.__setattr__(
             self, "probability", float_array("probability", self.probability, (n_moves,))
         )
-        bad = first_index(~(self.probability >= 0))
-        if bad is not None:
-            raise SerdError(
-                f"probability{list(bad)} must not be negative, got {self.probability[bad]}; leave"
-                " out moves that never happen"
-            )
+        chances, fix = self.probability, "leave out moves that never happen"
+        require_each("probability", chances, chances >= 0, "not be negative", fix)
         total = np.bincount(self.state, self.probability, minlength=n_states)
         wrong = first_index(~self.goal & (np.abs(total - 1) > _SUM_TOLERANCE))
         if wrong is not None:

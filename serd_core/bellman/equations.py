@@ -13,6 +13,7 @@ Hard (optimal control, Eqs. 2.24 to 2.26): V(s) = max_a Q(s, a) and pi greedy.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,12 +22,12 @@ from serd_core.compiled import is_compiled
 
 
 class BellmanEquation(ABC):
-    """A maximum over actions and its derivative; Q is -inf where an action is unavailable."""
+    """A maximum over actions and its derivative; Q is -inf where an action is unavailable.
 
-    @property
-    @abstractmethod
-    def curved(self) -> bool:
-        """Whether the maximum has second derivatives; they are then those of log-sum-exp."""
+    curved: whether the maximum has second derivatives; they are then those of log-sum-exp.
+    """
+
+    curved: ClassVar[bool]
 
     @abstractmethod
     def maximum(self, q: FloatArray) -> FloatArray:
@@ -46,10 +47,7 @@ class BellmanEquation(ABC):
 class SoftBellman(BellmanEquation):
     """Log-sum-exp over actions; its derivative is the Boltzmann policy."""
 
-    @property
-    def curved(self) -> bool:
-        """Smooth."""
-        return True
+    curved = True
 
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) log sum_a exp Q(s, a) (3.29)."""
@@ -86,10 +84,7 @@ def boltzmann(q: FloatArray, temperature: float) -> FloatArray:
 class HardBellman(BellmanEquation):
     """Maximum over actions; a derivative is the greedy policy (a sub-derivative at ties)."""
 
-    @property
-    def curved(self) -> bool:
-        """Piecewise linear."""
-        return False
+    curved = False
 
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) max_a Q(s, a) (2.25)."""

@@ -16,6 +16,7 @@ from serd_core.arrays import (
     chosen_indices,
     float_array,
     int_array,
+    require_each,
     require_kind,
     weighted_counts,
 )
@@ -52,8 +53,15 @@ class Decisions:
         object.__setattr__(self, "time_s", float_array("time_s", self.time_s, (None,)))
         for name in ("episode", "state", "action", "next_state"):
             column = int_array(name, getattr(self, name), (None,))
-            _require_length(name, len(column), len(self.time_s))
-            _require_at_least(name, column, HIDDEN if name == "action" else 0)
+            if len(column) != len(self.time_s):
+                raise SerdError(
+                    f"{name} must have one entry per decision ({len(self.time_s)} as in time_s),"
+                    f" got {len(column)}"
+                )
+            least, rule = 0, "not be negative"
+            if name == "action":
+                least, rule = HIDDEN, f"be an index or {HIDDEN} for a hidden action"
+            require_each(name, column, column >= least, rule, "drop decisions outside the problem")
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
@@ -165,27 +173,6 @@ def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
     return rows.astype(np.int64), begins
 
 
-def _require_length(name: str, length: int, expected: int) -> None:
-    if length != expected:
-        raise SerdError(
-            f"{name} must have one entry per decision ({expected} as in time_s), got {length}"
-        )
-
-
-def _require_at_least(name: str, column: IntArray, least: int) -> None:
-    bad = np.flatnonzero(column < least)
-    if bad.size:
-        rule = "not be negative" if least == 0 else f"be an index or {HIDDEN} for a hidden action"
-        raise SerdError(
-            f"{name}[{bad[0]}] must {rule}, got {column[bad[0]]}"
-            "; drop decisions outside the problem"
-        )
-
-
 def _require_below(name: str, column: IntArray, size: int) -> None:
-    bad = np.flatnonzero(column >= size)
-    if bad.size:
-        raise SerdError(
-            f"{name}[{bad[0]}] must be below {size}, got {column[bad[0]]}"
-            "; the decisions were made in another problem"
-        )
+    fix = "the decisions were made in another problem"
+    require_each(name, column, column < size, f"be below {size}", fix)

@@ -17,11 +17,11 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     bool_array,
-    first_index,
     index_type,
     int_array,
     is_number,
     once_per_state,
+    require_each,
     require_index,
     shown,
     unrepeated,
@@ -218,13 +218,9 @@ class OutcomeModels(TransitionModel):
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
         probabilities = np.asarray(initial, dtype=np.float64)
         self.require_distributions(probabilities)
-        if not np.all(probabilities > 0):
-            model, outcome = np.argwhere(~(probabilities > 0))[0]
-            raise SerdError(
-                f"probabilities[{model}, {outcome}] must be above 0 to have a finite energy, got"
-                f" {probabilities[model, outcome]}; use a positive pseudo-count, or FixedBelief()"
-                " where dynamics are not learned"
-            )
+        rule = "be above 0 to have a finite energy"
+        fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
+        require_each("probabilities", probabilities, probabilities > 0, rule, fix)
         energies = np.log(probabilities) / self.beta
         return np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
 
@@ -259,19 +255,12 @@ class OutcomeModels(TransitionModel):
         Rows are checked even where no state uses the model.
         """
         self._require_table(table)
-        bad = first_index(~(np.isfinite(table) & (np.asarray(table) >= 0)))
-        if bad is not None:
-            raise SerdError(
-                f"outcome probabilities[{bad[0]}, {bad[1]}] must be finite and not negative,"
-                f" got {table[bad]}; repair that row"
-            )
-        sums = np.sum(table, axis=1)
-        off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
-        if off is not None:
-            raise SerdError(
-                f"outcome probabilities[{off[0]}] must sum to 1, got {sums[off]};"
-                " normalise that row"
-            )
+        name, given = "outcome probabilities", np.asarray(table)
+        possible = np.isfinite(given) & (given >= 0)
+        require_each(name, given, possible, "be finite and not negative", "repair that row")
+        sums = np.sum(given, axis=1)
+        is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
+        require_each(name, sums, is_one, "sum to 1", "normalise that row")
 
     def _require_table(self, table: FloatArray) -> None:
         expected = (self.n_models, self.n_outcomes)

@@ -16,10 +16,10 @@ import numpy as np
 from serd_core.arrays import (
     FloatArray,
     IntArray,
-    first_index,
     float_array,
     int_array,
     number_array,
+    require_each,
     require_index,
 )
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -152,12 +152,8 @@ def _feature_table(
 
 def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:
     """(S,) 1 / distance, scaled so that the cell nearest to a wall has 1."""
-    bad = first_index(~(distance_m > 0))
-    if bad is not None:
-        raise SerdError(
-            f"wall_distance_m[{bad[0]}] must be above 0, got {distance_m[bad]}"
-            "; measure from the cell's centre"
-        )
+    fix = "measure from the cell's centre"
+    require_each("wall_distance_m", distance_m, distance_m > 0, "be above 0", fix)
     return np.asarray(distance_m.min() / distance_m)
 
 
@@ -173,12 +169,8 @@ def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> Fl
 def _checked_flow(flow: IntArray, n_states: int) -> IntArray:
     checked = int_array("flow", flow, (n_states,))
     allowed = (checked == NO_FLOW) | ((checked >= Action.NORTH) & (checked <= Action.WEST))
-    bad = first_index(~allowed)
-    if bad is not None:
-        raise SerdError(
-            f"flow[{bad[0]}] must be 1 to 4 (north, east, south, west) or -1 for none,"
-            f" got {checked[bad]}"
-        )
+    rule = "be 1 to 4 (north, east, south, west) or -1 for none"
+    require_each("flow", checked, allowed, rule, "number directions as in Action")
     return checked
 
 

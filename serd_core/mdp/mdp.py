@@ -16,6 +16,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     is_number,
+    require_each,
     shown,
 )
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
@@ -119,28 +120,19 @@ def checked_policy(
     """
     policy = float_array(name, values, shape if mdp is None else mdp.available.shape)
     available = np.ones_like(policy, dtype=np.bool_) if mdp is None else mdp.available
-    bad = first_index((policy < -ROUNDING) | (~available & (policy != 0.0)))
-    if bad is not None:
-        which = "" if mdp is None else " of an available action"
-        raise SerdError(
-            f"{name}{list(bad)} must be a probability{which}, got {policy[bad]}"
-            "; use 0 for actions that are not available"
-        )
+    allowed = (policy >= -ROUNDING) & (available | (policy == 0.0))
+    rule = "be a probability" if mdp is None else "be a probability of an available action"
+    require_each(name, policy, allowed, rule, "use 0 for actions that are not available")
     sums = policy.sum(axis=1)
-    off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
-    if off is not None:
-        raise SerdError(f"{name}[{off[0]}] must sum to 1, got {sums[off]}; normalise over actions")
+    is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
+    require_each(name, sums, is_one, "sum to 1", "normalise over actions")
     return policy
 
 
 def checked_distribution(name: str, values: FloatArray, size: int) -> FloatArray:
     """(size,) copy of a distribution; SerdError where it is none."""
     share = float_array(name, values, (size,))
-    negative = first_index(share < 0)
-    if negative is not None:
-        raise SerdError(
-            f"{name}[{negative[0]}] must not be negative, got {share[negative]}; use 0 for never"
-        )
+    require_each(name, share, share >= 0, "not be negative", "use 0 for never")
     if abs(float(share.sum()) - 1.0) > SUM_TOLERANCE:
         raise SerdError(f"{name} must sum to 1, got a sum of {share.sum()}; normalise it")
     return share

@@ -6,6 +6,7 @@ Policy matching: Boltzmann over optimal Q-values with a temperature (Eqs. 3.11, 
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,12 +15,9 @@ from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellma
 
 
 class PolicyModel(ABC):
-    """pi_theta(a | s) = g(theta_P, Q)(s, a)."""
+    """pi_theta(a | s) = g(theta_P, Q)(s, a); equation: the one whose Q the policy is made of."""
 
-    @property
-    @abstractmethod
-    def equation(self) -> BellmanEquation:
-        """The Bellman equation whose Q the policy is made of."""
+    equation: ClassVar[BellmanEquation]
 
     @property
     @abstractmethod
@@ -69,12 +67,9 @@ class PolicyModel(ABC):
 
 @dataclass(frozen=True)
 class MdcePolicy(PolicyModel):
-    """pi(a | s) = exp(Q(s, a) - V(s)) with soft Q; no parameters, temperature 1."""
+    """pi(a | s) = exp(Q(s, a) - V(s)) with soft Q (3.28); no parameters, temperature 1."""
 
-    @property
-    def equation(self) -> SoftBellman:
-        """Soft Bellman equation (3.28)."""
-        return SoftBellman()
+    equation = SoftBellman()
 
     @property
     def initial_parameters(self) -> FloatArray:
@@ -103,15 +98,11 @@ class MdcePolicy(PolicyModel):
 class PolicyMatchingPolicy(PolicyModel):
     """pi(a | s) proportional to exp(Q*(s, a) / theta_P); theta_P starts at `start_temperature`."""
 
+    equation = HardBellman()
     start_temperature: float = 1.0
 
     def __post_init__(self) -> None:
         require_positive("start_temperature", self.start_temperature)
-
-    @property
-    def equation(self) -> HardBellman:
-        """Bellman equation of optimal control (2.24)."""
-        return HardBellman()
 
     @property
     def initial_parameters(self) -> FloatArray:

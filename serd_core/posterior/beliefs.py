@@ -8,8 +8,8 @@ Each relation maps the four blocks to the vector an optimiser moves, and back. A
 theta_P > 0 is moved by its logarithm.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,26 +21,21 @@ from serd_core.priors.gaussian import GaussianAroundTruth
 from serd_core.priors.prior import Prior, UniformPrior
 
 
-class Belief(ABC):
-    """A relation between the blocks theta_TE and theta_T."""
+class Belief:
+    """A relation between the blocks theta_TE and theta_T.
 
-    @property
-    @abstractmethod
-    def groups(self) -> tuple[tuple[Block, ...], ...]:
-        """Blocks in the order of the vector; those of one group are equal and move as one.
+    groups: blocks in the order of the vector; those of one group are equal and move as one. The
+    logarithm of the temperature follows them. Other blocks stay fixed.
+    learns_dynamics: whether any dynamics move; where none do, they may rule outcomes out.
+    """
 
-        The logarithm of the temperature follows them. Other blocks stay fixed.
-        """
+    groups: ClassVar[tuple[tuple[Block, ...], ...]]
+    learns_dynamics: ClassVar[bool] = True
 
     @property
     def prior(self) -> Prior:
         """The prior that comes with this relation."""
         return UniformPrior()
-
-    @property
-    def learns_dynamics(self) -> bool:
-        """Whether any dynamics move; where none do, they may rule outcomes out."""
-        return True
 
     def pack(self, parameters: Parameters) -> FloatArray:
         """(m,) vector of the free numbers."""
@@ -80,20 +75,14 @@ class Belief(ABC):
 class TiedBelief(Belief):
     """The expert knows the dynamics: theta_TE = theta_T."""
 
-    @property
-    def groups(self) -> tuple[tuple[Block, ...], ...]:
-        """Reward, and both dynamics blocks as one."""
-        return (Block.REWARD,), (Block.BELIEF, Block.TRUTH)
+    groups = (Block.REWARD,), (Block.BELIEF, Block.TRUTH)
 
 
 @dataclass(frozen=True)
 class FreeBelief(Belief):
     """The expert may be wrong in any way: theta_TE and theta_T are learned apart (4.10)."""
 
-    @property
-    def groups(self) -> tuple[tuple[Block, ...], ...]:
-        """Reward, belief, truth."""
-        return (Block.REWARD,), (Block.BELIEF,), (Block.TRUTH,)
+    groups = (Block.REWARD,), (Block.BELIEF,), (Block.TRUTH,)
 
 
 @dataclass(frozen=True)
@@ -132,12 +121,5 @@ class BeliefAroundTruth(FreeBelief):
 class FixedBelief(Belief):
     """Dynamics are given and stay as they are: inverse reinforcement learning."""
 
-    @property
-    def groups(self) -> tuple[tuple[Block, ...], ...]:
-        """Reward only."""
-        return ((Block.REWARD,),)
-
-    @property
-    def learns_dynamics(self) -> bool:
-        """None move."""
-        return False
+    groups = ((Block.REWARD,),)
+    learns_dynamics = False

@@ -9,7 +9,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index, float_array, floored, require_kind
+from serd_core.arrays import FloatArray, float_array, floored, require_each, require_kind
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.transition_derivatives import transition_hessian
@@ -98,10 +98,5 @@ def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatAr
     if weights is None:
         return np.ones(len(model.groups))
     checked = float_array("state_action_weights", weights, model.available.shape)
-    bad = first_index(checked < 0)
-    if bad is not None:
-        raise SerdError(
-            f"state_action_weights{list(bad)} must not be negative, got {checked[bad]}"
-            "; use 0 for none"
-        )
+    require_each("state_action_weights", checked, checked >= 0, "not be negative", "use 0 for none")
     return np.asarray(checked.ravel()[model.groups.row])

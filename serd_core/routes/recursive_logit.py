@@ -29,9 +29,9 @@ import scipy.sparse.linalg
 from serd_core.arrays import (
     FloatArray,
     IntArray,
-    first_index,
     float_array,
     int_array,
+    require_each,
     require_index,
     require_kind,
 )
@@ -78,12 +78,9 @@ class RouteLikelihood(Objective):
         require_index("origin", self.trips.origin, self.network.n_links, "a link")
         float_array("features of trips", self.trips.features, (len(self.trips), n_features))
         assert self.network.exits is not None
-        bad = first_index(~np.isin(self.trips.destinations, self.network.exits[:, 1]))
-        if bad is not None:
-            raise SerdError(
-                f"destinations[{bad[0]}] must have an exit in the network, got"
-                f" {self.trips.destinations[bad]}; add the exit or drop the destination"
-            )
+        goals, fix = self.trips.destinations, "add the exit or drop the destination"
+        known = np.isin(goals, self.network.exits[:, 1])
+        require_each("destinations", goals, known, "have an exit in the network", fix)
         copies = COPIES + n_features
         require_memory(
             f"value functions of {self.network.n_links} links and {n_goals} destinations",
