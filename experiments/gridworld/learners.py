@@ -13,9 +13,12 @@ from serd_core.bayes.draws import PosteriorDraws, laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.importance_samples import hoeffding_thresholds, sample_from_estimates
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
-from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
+from serd_core.learners.relative_entropy_irl import (
+    fit_relative_entropy_irl,
+    hoeffding_thresholds,
+    sample_from_estimates,
+)
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief

@@ -28,11 +28,10 @@ from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.importance_samples import hoeffding_thresholds
 from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.policy_matching import fit_policy_matching
-from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block

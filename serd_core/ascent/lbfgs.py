@@ -89,3 +89,6 @@ class _Run:
         self.climb.accept(self.here)
         if self.climb.stopped:
             raise StopIteration
+
+
+LBFGS = Lbfgs()

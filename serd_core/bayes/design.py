@@ -17,14 +17,12 @@ import scipy.sparse
 
 from serd_core.arrays import FloatArray, floored
 from serd_core.bayes.laplace import Laplace
-from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import Transitions, transitions_at
 from serd_core.errors import SerdError
-from serd_core.mdp.problem import Problem, rewards
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.mdp.problem import Problem
+from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.derivatives.posterior_hessian import sensitivities
 from serd_core.posterior.derivatives.transition_derivatives import transition_jacobian
 from serd_core.posterior.parameters import Block, Parameters
@@ -70,10 +68,7 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     at = space.parameters(found.mode)
     table = space.belief.jacobian(at) @ space.table
     believed, true = (transitions_at(model, each) for each in (at.belief, at.truth))
-    reward = rewards(problem, at.reward)
-    solution = Newton().solve(
-        BellmanProblem(MdcePolicy().equation, reward, believed, problem.mdp), None
-    )
+    solution = solution_at(problem, at.reward, believed)
     policy = solution.policy
     one = _of_choices(problem, at, believed, solution, table)
     one += _of_transitions(true, policy, at, table)

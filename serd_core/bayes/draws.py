@@ -6,18 +6,18 @@ This average predicts the expert's next decision better than the policy of one p
 what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 4.2).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_count, require_generator, require_share
 from serd_core.bayes.laplace import Laplace
-from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.newton import Newton
-from serd_core.dynamics.transition_model import transitions_of
-from serd_core.mdp.problem import Problem, rewards
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.dynamics.transition_model import TransitionModel, transitions_of
+from serd_core.mdp.problem import Problem
+from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import Coordinates
+from serd_core.posterior.parameters import Parameters
 
 #: Draws that a summary takes unless another number is asked for.
 N_DRAWS = 40
@@ -51,16 +51,19 @@ class CredibleIntervals:
 
 def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
     """The draws at (n, d) coordinates."""
-    model = problem.mdp.transitions
     at = [space.parameters(u) for u in coordinates]
-    return PosteriorDraws(
-        coordinates=np.asarray(coordinates),
-        reward=np.stack([each.reward for each in at]),
-        outcome_probabilities=np.stack([model.local_probabilities(each.truth) for each in at]),
-        believed_outcome_probabilities=np.stack(
-            [model.local_probabilities(each.belief) for each in at]
-        ),
+    return draws_of(problem.mdp.transitions, at, coordinates)
+
+
+def draws_of(
+    model: TransitionModel, at: Sequence[Parameters], coordinates: FloatArray
+) -> PosteriorDraws:
+    """The draws at n parameters, which have the (n, d) coordinates."""
+    truth, belief = (
+        np.stack([model.local_probabilities(theta) for theta in block])
+        for block in ([each.truth for each in at], [each.belief for each in at])
     )
+    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, belief)
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
@@ -95,11 +98,9 @@ def averaged_policy(
     problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
 ) -> FloatArray:
     """(S, A) mean of the soft policies of (n, F) reward weights and (n, M, K) dynamics."""
-    equation, solver, value = MdcePolicy().equation, Newton(), None
-    total = np.zeros(problem.mdp.available.shape)
+    total, value = np.zeros(problem.mdp.available.shape), None
     for weights, table in zip(reward_weights, outcome_probabilities, strict=True):
         transitions = transitions_of(problem.mdp.transitions, table)
-        bellman = BellmanProblem(equation, rewards(problem, weights), transitions, problem.mdp)
-        solution = solver.solve(bellman, value)
+        solution = solution_at(problem, weights, transitions, initial_value=value)
         total, value = total + solution.policy, solution.value
     return np.asarray(total / len(reward_weights))

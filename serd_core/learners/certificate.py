@@ -78,23 +78,21 @@ def certificate(
         return Certificate(
             space.parameters(found.vector), replace(counted, n_steps=number, objective_trace=trace)
         )
+    flat: tuple[str, ...] = ()
     if len(step.rising):
+        bent = space.describe(step.rising[0])
+        reason = f"the log posterior bends up along {bent} (a saddle point); start elsewhere"
+    elif _grows_without_end(objective, found.vector, step):
         reason = (
-            "not converged: the log posterior bends up along"
-            f" {space.describe(step.rising[0])} (a saddle point); start elsewhere"
+            f"the log posterior grows on and on along {space.describe(step.move)} (separable"
+            " decisions); give these numbers a prior"
         )
-        return Certificate(parameters, replace(counted, converged=False, message=reason))
-    if _grows_without_end(objective, found.vector, step):
-        reason = (
-            "not converged: the log posterior grows on and on along"
-            f" {space.describe(step.move)} (separable decisions); give these numbers a prior"
-        )
-        return Certificate(parameters, replace(counted, converged=False, message=reason))
-    flat = tuple(space.describe(direction) for direction in step.flat)
-    reason = f"not converged: Newton step of {step.standard_errors:.2g} standard errors"
-    if flat:
-        reason = f"not converged: nothing determines {flat[0]}; give these numbers a prior"
-    return Certificate(parameters, replace(counted, converged=False, message=reason), flat)
+    elif flat := tuple(space.describe(direction) for direction in step.flat):
+        reason = f"nothing determines {flat[0]}; give these numbers a prior"
+    else:
+        reason = f"Newton step of {step.standard_errors:.2g} standard errors"
+    failed = replace(counted, converged=False, message=f"not converged: {reason}")
+    return Certificate(parameters, failed, flat)
 
 
 def _grows_without_end(objective: LogPosterior, at: FloatArray, step: NewtonStep) -> bool:

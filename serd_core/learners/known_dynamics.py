@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, Scaled, StepCallback
+from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.transition_model import Transitions, transitions_of
@@ -19,6 +20,7 @@ from serd_core.learners.start import (
 )
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block, Parameters
@@ -26,12 +28,12 @@ from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RewardSearch:
     """Reward weights to find under known dynamics.
 
     policy_model: the policy that the weights are learned for; start: parameters to begin with;
-    table: local probabilities of the dynamics, exactly as given.
+    table: local probabilities of the dynamics, exactly as given; last_value: (S,) of `solution`.
     """
 
     problem: Problem
@@ -39,6 +41,7 @@ class RewardSearch:
     policy_model: PolicyModel
     start: Parameters
     table: FloatArray
+    last_value: FloatArray | None = None
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -49,6 +52,13 @@ class RewardSearch:
     def transitions(self) -> Transitions:
         """The known dynamics."""
         return transitions_of(self.problem.mdp.transitions, self.table)
+
+    def solution(self, weights: FloatArray) -> BellmanSolution:
+        """The Bellman equation of the policy at (F,) weights, solved from the last value."""
+        equation = self.policy_model.equation
+        found = solution_at(self.problem, weights, self.transitions, equation, self.last_value)
+        self.last_value = found.value
+        return found
 
     def maximise(
         self,

@@ -18,9 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.arrays import FloatArray, weighted_counts
 from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.lbfgs import LBFGS
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.trajectories import (
     absorption_features,
@@ -32,8 +32,6 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
-
-LBFGS = Lbfgs()
 
 
 def fit_maxent_irl(
@@ -95,13 +93,9 @@ class TrajectoryModel:
         for step in range(length):
             pairs = share[:, None] * choices.pop()
             expected += mdp.discount**step * np.tensordot(pairs, features, axes=2)
-            flow = pairs.ravel()[self._row] * moves.pop()
-            share = weighted_counts(self._successor, flow, mdp.n_states)
+            flow = pairs.ravel()[mdp.transitions.row] * moves.pop()
+            share = weighted_counts(mdp.transitions.successor, flow, mdp.n_states)
         return total, expected + share @ ends
-
-    @property
-    def _row(self) -> IntArray:
-        return self.transitions.model.row
 
     @cached_property
     def _log_entries(self) -> FloatArray:
@@ -112,10 +106,6 @@ class TrajectoryModel:
         """
         entries = self.transitions.entries
         return np.log(entries, out=np.full(len(entries), -np.inf), where=entries > 0)
-
-    @property
-    def _successor(self) -> IntArray:
-        return self.transitions.model.successor
 
     def _expected_exponential(self, log_z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(S, A) log sum_s' P z(s'), and (E,) share of each entry in its row's sum."""

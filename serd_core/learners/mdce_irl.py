@@ -18,13 +18,9 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bayes.strengths import PriorByEvidence
-from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import feature_counts
 from serd_core.dynamics.transition_model import Transitions
@@ -32,12 +28,10 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
-from serd_core.mdp.problem import Problem, rewards, weights_gradient
+from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.priors.prior import Prior, require_weight
-
-LBFGS = Lbfgs()
 
 
 def fit_mdce_irl_by_likelihood(
@@ -91,20 +85,15 @@ def fit_mdce_irl_by_entropy(
     """
     require_weight("slack", slack)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
-    wanted = empirical_feature_expectation(problem, decisions)
+    wanted = feature_counts(problem, decisions).mean(axis=0)
     starts = start_distribution(decisions, problem.mdp.n_states)
-    last: list[BellmanSolution] = []
     average = 1.0 - problem.mdp.discount
     # Near a discount of 1 averages hide what absorbed episodes count: tolerances are of the counts.
     scale = 1.0 / max(1.0, float(np.max(np.abs(search.scale * wanted))))
 
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
         """J, and the slack of averages, in units of the largest demonstrated feature count."""
-        bellman = BellmanProblem(
-            SoftBellman(), rewards(problem, weights), search.transitions, problem.mdp
-        )
-        solution = Newton().solve(bellman, last[-1].value if last else None)
-        last[:] = [solution]
+        solution = search.solution(weights)
         expected = feature_expectation(problem, search.transitions, solution.policy, starts)
         value = float(weights @ wanted - starts @ solution.value)
         penalty = 0.5 * slack / average * float(weights @ weights)
@@ -112,11 +101,6 @@ def fit_mdce_irl_by_entropy(
         return scale * (value - penalty), scale * gradient
 
     return search.maximise(dual, ascent, on_step)
-
-
-def empirical_feature_expectation(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(F,) mean discounted features of the episodes, with what follows absorption."""
-    return np.asarray(feature_counts(problem, decisions).mean(axis=0))
 
 
 def feature_expectation(

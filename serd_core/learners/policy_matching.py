@@ -14,16 +14,13 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, require_positive
 from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.equations import HardBellman, boltzmann
+from serd_core.ascent.lbfgs import LBFGS
+from serd_core.bellman.equations import boltzmann
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
-from serd_core.mdp.problem import Problem, rewards, weights_gradient
+from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.posterior.derivatives.adjoint import adjoint
 
@@ -40,9 +37,6 @@ def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatAr
     mean = np.sum(policy * by_policy, axis=1, keepdims=True)
     value = -0.5 * float(np.sum(frequency * difference**2))
     return value, np.asarray(policy * (by_policy - mean))
-
-
-LBFGS = Lbfgs()
 
 
 def fit_policy_matching(
@@ -64,18 +58,13 @@ def fit_policy_matching(
     require_positive("inverse_temperature", inverse_temperature)
     policy_model = PolicyMatchingPolicy(1.0 / inverse_temperature)
     search = reward_search(problem, decisions, policy_model, initial_weights, rng, dynamics)
-    counts, transitions = search.observations.state_action, search.transitions
-    mdp = problem.mdp
-    last: list[BellmanSolution] = []
 
     def matching(weights: FloatArray) -> tuple[float, FloatArray]:
-        bellman = BellmanProblem(HardBellman(), rewards(problem, weights), transitions, mdp)
-        solution = Newton().solve(bellman, last[-1].value if last else None)
-        last[:] = [solution]
+        solution = search.solution(weights)
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
-        value, by_scaled_q = squared_loss(policy, counts)
+        value, by_scaled_q = squared_loss(policy, search.observations.state_action)
         by_q = inverse_temperature * by_scaled_q
-        found = adjoint(mdp, transitions, solution, by_q, Automatic())
+        found = adjoint(problem.mdp, search.transitions, solution, by_q, Automatic())
         return value, weights_gradient(problem.features, found.reward_gradient)
 
     return search.maximise(matching, ascent, on_step)

@@ -25,7 +25,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import BellmanSolver
@@ -50,7 +50,7 @@ from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.prior import Prior, UniformPrior
 
 UNIFORM, BY_EVIDENCE = UniformPrior(), PriorByEvidence()
-LBFGS, KINKED = Lbfgs(), KinkedAscent()
+KINKED = KinkedAscent()
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from scipy.special import entr
 
 from serd_core.arrays import FloatArray, IntArray, int_array, require_count, require_generator
 from serd_core.ascent.newton_ascent import NewtonAscent
-from serd_core.bayes.draws import PosteriorDraws
+from serd_core.bayes.draws import PosteriorDraws, draws_of
 from serd_core.bayes.strengths import DEVIATION, PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
@@ -189,20 +189,8 @@ class ExpertTypes:
         half = rng.standard_normal(((n + 1) // 2, self.root.shape[1]))
         drawn = self.mode + np.concatenate([half, -half])[:n] @ self.root.T
         model = self.objective.problem.mdp.transitions
-        at = [self.objective.space.parameters(u) for u in drawn]
-        return tuple(
-            PosteriorDraws(
-                coordinates=drawn,
-                reward=np.stack([each[t].reward for each in at]),
-                outcome_probabilities=np.stack(
-                    [model.local_probabilities(each[t].truth) for each in at]
-                ),
-                believed_outcome_probabilities=np.stack(
-                    [model.local_probabilities(each[t].belief) for each in at]
-                ),
-            )
-            for t in range(self.n_types)
-        )
+        types = zip(*map(self.objective.space.parameters, drawn), strict=True)
+        return tuple(draws_of(model, at, drawn) for at in types)
 
 
 @dataclass(frozen=True, eq=False)

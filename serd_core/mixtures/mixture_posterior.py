@@ -28,12 +28,12 @@ from serd_core.mixtures.coordinates import MixtureCoordinates
 from serd_core.mixtures.grouped_observations import GroupedObservations
 from serd_core.policies.policy_model import MdcePolicy, PolicyModel
 from serd_core.posterior.derivatives.posterior_hessian import (
-    CurvatureParts,
-    curvature_parts,
+    Sensitivities,
     posterior_hessian,
+    sensitivities_at,
+    transition_scores,
     vector_hessian,
 )
-from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.hidden_actions import move_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
@@ -142,16 +142,16 @@ class MixtureLogPosterior(Objective):
     def unit_scores(self, vector: FloatArray) -> FloatArray:
         """(T, U, D) gradients of l_ut."""
         at = self.at(vector)
-        return self._unit_scores(at, self._curvature_parts(at))
+        return self._unit_scores(at, self._sensitivities(at))
 
     def _point(self, vector: FloatArray) -> MixturePoint:
         parameters, log_shares = self.space.parameters(vector), self.space.log_shares(vector)
         priors = [self.prior, *[_without_truth(self.prior)] * (self.space.n_types - 1)]
-        posteriors = [self._posterior(prior) for prior in priors]
-        columns = []
-        for number, (posterior, each) in enumerate(zip(posteriors, parameters, strict=True)):
-            columns.append(self._log_likelihoods(number, posterior, each))
-        found = np.stack(columns, axis=1)
+        posteriors = [
+            Posterior(self.problem, self.units.pooled, self.policy_model, prior) for prior in priors
+        ]
+        numbered = enumerate(zip(posteriors, parameters, strict=True))
+        found = np.stack([self._log_likelihoods(t, *each) for t, each in numbered], axis=1)
         joint = found + log_shares
         weights = self.responsibilities
         if weights is None:
@@ -165,9 +165,6 @@ class MixtureLogPosterior(Objective):
             for number, (posterior, each) in enumerate(zip(weighted, parameters, strict=True))
         ]
         return MixturePoint(parameters, log_shares, found, weights, tuple(weighted), tuple(values))
-
-    def _posterior(self, prior: Prior) -> Posterior:
-        return Posterior(self.problem, self.units.pooled, self.policy_model, prior)
 
     def _log_likelihoods(
         self, number: int, posterior: Posterior, parameters: Parameters
@@ -195,7 +192,7 @@ class MixtureLogPosterior(Objective):
     def _hessian(self, at: MixturePoint) -> FloatArray:
         n_types, n_units = self.space.n_types, len(self.units)
         total = self._share_curvature(at, n_units + SHARE_COUNT * n_types)
-        parts = self._curvature_parts(at)
+        parts = self._sensitivities(at)
         for table, posterior, parameters, value, part in zip(
             self.space.tables, at.posteriors, at.parameters, at.values, parts, strict=True
         ):
@@ -207,26 +204,21 @@ class MixtureLogPosterior(Objective):
             total += _covariance(scores, at.responsibilities)
         return np.asarray((total + total.T) / 2.0)
 
-    def _curvature_parts(self, at: MixturePoint) -> list[CurvatureParts]:
+    def _sensitivities(self, at: MixturePoint) -> list[Sensitivities]:
         of_types = zip(at.posteriors, at.parameters, at.values, strict=True)
-        return [curvature_parts(*each) for each in of_types]
+        return [sensitivities_at(*each) for each in of_types]
 
-    def _unit_scores(self, at: MixturePoint, parts: list[CurvatureParts]) -> FloatArray:
+    def _unit_scores(self, at: MixturePoint, parts: list[Sensitivities]) -> FloatArray:
         """(T, U, D) gradients of l_ut."""
-        of_types = zip(at.parameters, at.values, parts, strict=True)
-        free = [self._scores(*each) for each in of_types]
-        return np.stack([own @ table for own, table in zip(free, self.space.tables, strict=True)])
-
-    def _scores(
-        self, parameters: Parameters, value: PosteriorValue, parts: CurvatureParts
-    ) -> FloatArray:
-        """(U, m) scores of the units under one type."""
-        model, seen = self.problem.mdp.transitions, self.units.pooled
-        q, by_q = value.solution.q, parts.sensitivities.by_q
-        of_transitions = transition_scores(model, self.policy_model, parameters, seen.key, q, by_q)
-        of_moves = move_scores(seen, value.expected.share, of_transitions)
-        jacobian = self.space.belief.jacobian(parameters)
-        return np.asarray(self.units.scores(of_transitions, of_moves) @ jacobian)
+        found = []
+        for table, posterior, parameters, value, part in zip(
+            self.space.tables, at.posteriors, at.parameters, at.values, parts, strict=True
+        ):
+            of_transitions = transition_scores(posterior, parameters, value, part)
+            of_moves = move_scores(value.expected, of_transitions)
+            jacobian = self.space.belief.jacobian(parameters)
+            found.append(self.units.scores(of_transitions, of_moves) @ jacobian @ table)
+        return np.stack(found)
 
 
 def _covariance(scores: FloatArray, responsibilities: FloatArray) -> FloatArray:

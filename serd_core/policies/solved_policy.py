@@ -15,10 +15,10 @@ from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
 from serd_core.bellman.newton import Newton
-from serd_core.dynamics.transition_model import transitions_of
+from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem, rewards
 
-NEWTON = Newton()
+NEWTON, SOFT = Newton(), SoftBellman()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def soft_policy(
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
     """Maximum discounted causal entropy policy (3.28 to 3.30)."""
-    solution = _solved(problem, reward_weights, outcome_probabilities, SoftBellman(), solver)
+    solution = _solved(problem, reward_weights, outcome_probabilities, SOFT, solver)
     return _policy(solution, solution.policy)
 
 
@@ -82,16 +82,22 @@ def _solved(
 ) -> BellmanSolution:
     require_problem(problem)
     require_kind("solver", solver, (BellmanSolver,), "Newton()")
-    mdp = problem.mdp
     with np.errstate(over="ignore", invalid="ignore"):  # BellmanProblem rejects what overflows
         reward = rewards(problem, reward_weights)
-    bellman = BellmanProblem(
-        equation=equation,
-        rewards=reward,
-        transitions=transitions_of(mdp.transitions, outcome_probabilities),
-        mdp=mdp,
-    )
-    return solver.solve(bellman)
+    transitions = transitions_of(problem.mdp.transitions, outcome_probabilities)
+    return solver.solve(BellmanProblem(equation, reward, transitions, problem.mdp))
+
+
+def solution_at(
+    problem: Problem,
+    reward_weights: FloatArray,
+    transitions: Transitions,
+    equation: BellmanEquation = SOFT,
+    initial_value: FloatArray | None = None,
+) -> BellmanSolution:
+    """The Bellman equation for (F,) weights and given transitions, from a value (S,) or zero."""
+    reward = rewards(problem, reward_weights)
+    return NEWTON.solve(BellmanProblem(equation, reward, transitions, problem.mdp), initial_value)
 
 
 def _policy(solution: BellmanSolution, probabilities: FloatArray) -> Policy:

@@ -62,16 +62,17 @@ def expected_counts(
     return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
 
 
-def move_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
+def move_scores(found: ExpectedCounts, scores: FloatArray) -> FloatArray:
     """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `key`."""
-    hidden, shape = seen.hidden, (len(seen.hidden.count), len(scores))
-    table = scipy.sparse.csr_array((share, (hidden.move, hidden.place)), shape=shape)
+    hidden = found.observations.hidden
+    shape = len(hidden.count), len(scores)
+    table = scipy.sparse.csr_array((found.share, (hidden.move, hidden.place)), shape=shape)
     return np.asarray(table @ scores)
 
 
-def covariance_of_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
+def covariance_of_scores(found: ExpectedCounts, scores: FloatArray) -> FloatArray:
     """(n, n) sum m Cov_q of the (G, n) scores of the transitions `key`."""
-    hidden = seen.hidden
-    mean = move_scores(seen, share, scores)
-    centred = scores[hidden.place] - mean[hidden.move]
-    return np.asarray((centred * (hidden.count[hidden.move] * share)[:, None]).T @ centred)
+    hidden = found.observations.hidden
+    centred = scores[hidden.place] - move_scores(found, scores)[hidden.move]
+    weights = hidden.count[hidden.move] * found.share
+    return np.asarray((centred * weights[:, None]).T @ centred)

@@ -23,11 +23,11 @@ from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import free_gauge, free_names
 from serd_core.posterior.derivatives.posterior_hessian import (
-    curvature_parts,
     posterior_hessian,
+    sensitivities_at,
+    transition_scores,
     vector_hessian,
 )
-from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.hidden_actions import move_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
@@ -93,16 +93,12 @@ def fit_information(
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
-    parts = curvature_parts(posterior, fit.parameters, at)
-    hessian = posterior_hessian(posterior, fit.parameters, at, parts)
+    found = sensitivities_at(posterior, fit.parameters, at)
+    hessian = posterior_hessian(posterior, fit.parameters, at, found)
     jacobian = assumed.belief.jacobian(fit.parameters)
-    q, by_q = at.solution.q, parts.sensitivities.by_q
-    scores = transition_scores(
-        problem.mdp.transitions, assumed.policy_model, fit.parameters, observations.key, q, by_q
-    )
-    scores = np.concatenate([scores, move_scores(observations, at.expected.share, scores)])
-    free_scores = scores @ jacobian
-    sizes = score_sizes(posterior, fit.parameters, q, by_q)
+    scores = transition_scores(posterior, fit.parameters, at, found)
+    free_scores = np.concatenate([scores, move_scores(at.expected, scores)]) @ jacobian
+    sizes = score_sizes(posterior, fit.parameters, at.solution.q, found.by_q)
     counts = np.concatenate([observations.group_count, observations.hidden.count])
     observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
     scaling = _free_scaling(posterior, fit.parameters, jacobian)

@@ -24,8 +24,11 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import gauge_free_basis
-from serd_core.posterior.derivatives.posterior_hessian import curvature_parts, posterior_hessian
-from serd_core.posterior.derivatives.scores import transition_scores
+from serd_core.posterior.derivatives.posterior_hessian import (
+    posterior_hessian,
+    sensitivities_at,
+    transition_scores,
+)
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
@@ -57,11 +60,10 @@ def two_step_standard_errors(
     _require_rewards_at_optimum(problem, decisions, fit)
     at, observations = fit.parameters, observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, assumed.prior)
-    found = posterior.evaluate(at)
-    parts = curvature_parts(posterior, at, found)
-    hessian = posterior_hessian(posterior, at, found, parts)
-    q, by_q = found.solution.q, parts.sensitivities.by_q
-    scores = transition_scores(model, assumed.policy_model, at, observations.key, q, by_q)
+    value = posterior.evaluate(at)
+    found = sensitivities_at(posterior, at, value)
+    hessian = posterior_hessian(posterior, at, value, found)
+    scores = transition_scores(posterior, at, value, found)
     reward, truth, belief = (at.place(block) for block in (Block.REWARD, Block.TRUTH, Block.BELIEF))
     smoothing = DirichletPrior(pseudo_count).hessian(model, at)[truth, truth]
     own = log_transition_hessian(model, at.truth, observations.counts(model)) + smoothing

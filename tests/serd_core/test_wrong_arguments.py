@@ -5,7 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core import memory
-from serd_core.learners.importance_samples import hoeffding_thresholds
+from serd_core.learners.relative_entropy_irl import hoeffding_thresholds
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 
 FITS = [sc.fit_mdce_serd, sc.fit_pm_serd]

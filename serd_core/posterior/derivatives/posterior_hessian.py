@@ -24,15 +24,17 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, floored
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSystem
-from serd_core.dynamics.transition_model import Transitions, transitions_at
+from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.adjoint import Adjoint
-from serd_core.posterior.derivatives.scores import transition_scores
-from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.posterior.derivatives.transition_derivatives import (
+    log_transition_hessian,
+    transition_jacobian,
+)
 from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
@@ -119,14 +121,6 @@ def _require_memory(n_derivatives: int, where: str, rows: int) -> None:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class CurvatureParts:
-    """Everything the second derivative is made of; n counts reward and dynamics parameters."""
-
-    sensitivities: Sensitivities
-    adjoint: Adjoint
-
-
 def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) -> FloatArray:
     """(n, n) sum_s weights(s) Cov_{a ~ policy(s)} of dQ(s, a)."""
     mean = np.einsum("sa,san->sn", policy, by_q)
@@ -136,16 +130,15 @@ def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) ->
 
 
 def dynamics_terms(
-    parts: CurvatureParts, theta: FloatArray, n_features: int, kept: BoolArray
+    found: Sensitivities, adjoint: Adjoint, theta: FloatArray, kept: BoolArray
 ) -> FloatArray:
     """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta.
 
     kept: (S,) states that count.
     """
-    found = parts.sensitivities
-    model = found.transitions.model
+    model, n_features = found.transitions.model, found.features.shape[2]
     entries = np.flatnonzero(np.repeat(kept, np.diff(model.row_start[:: model.n_actions])))
-    weights = found.discount * parts.adjoint.reward_gradient.ravel()[model.row[entries]]
+    weights = found.discount * adjoint.reward_gradient.ravel()[model.row[entries]]
     carrier = scipy.sparse.csr_array(
         (weights, (model.local_index[entries], model.successor[entries])),
         shape=(len(found.local_jacobian), model.n_states),
@@ -155,9 +148,7 @@ def dynamics_terms(
     table[n_features:] += cross
     table[:, n_features:] += cross.T
     if found.local_jacobian.shape[1]:
-        table[n_features:, n_features:] += model.local_curvature(
-            theta, parts.adjoint.local_gradient
-        )
+        table[n_features:, n_features:] += model.local_curvature(theta, adjoint.local_gradient)
     return table
 
 
@@ -174,13 +165,13 @@ def posterior_hessian(
     posterior: Posterior,
     parameters: Parameters,
     at: PosteriorValue,
-    parts: CurvatureParts | None = None,
+    found: Sensitivities | None = None,
     *,
     learns_dynamics: bool = True,
 ) -> FloatArray:
     """(n, n) second derivatives by all blocks in a row (`Parameters.vector`).
 
-    parts: those of the same point where the caller has them. learns_dynamics: whether derivatives
+    found: those of the same point where the caller has them. learns_dynamics: whether derivatives
     by dynamics are wanted; otherwise their likelihood's are left out.
     """
     model = posterior.problem.mdp.transitions
@@ -190,13 +181,12 @@ def posterior_hessian(
     if learns_dynamics:
         counts = seen.counts(model)
         table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
-    if parts is None:
-        parts = curvature_parts(posterior, parameters, at, learns_dynamics=learns_dynamics)
-    _add_policy_part(table, posterior, parameters, at, parts)
+    if found is None:
+        found = sensitivities_at(posterior, parameters, at, learns_dynamics=learns_dynamics)
+    _add_policy_part(table, posterior, parameters, at, found)
     if seen.hidden:
-        q, by_q = at.solution.q, parts.sensitivities.by_q
-        scores = transition_scores(model, posterior.policy_model, parameters, seen.key, q, by_q)
-        table += covariance_of_scores(seen, at.expected.share, scores)
+        scores = transition_scores(posterior, parameters, at, found)
+        table += covariance_of_scores(at.expected, scores)
     return table
 
 
@@ -216,17 +206,14 @@ def vector_hessian(
     return np.asarray((table + table.T) / 2.0)
 
 
-def curvature_parts(
+def sensitivities_at(
     posterior: Posterior,
     parameters: Parameters,
     at: PosteriorValue,
     *,
     learns_dynamics: bool = True,
-) -> CurvatureParts:
-    """Sensitivities and what else both the Hessian and the scores need.
-
-    learns_dynamics: whether derivatives by dynamics are wanted.
-    """
+) -> Sensitivities:
+    """What both the Hessian and the scores need, by dynamics only where these are learned."""
     mdp = posterior.problem.mdp
     believed = transitions_at(mdp.transitions, parameters.belief)
     data = believed.system_data(mdp.policy_pattern, at.solution.policy, mdp.discount)
@@ -236,15 +223,10 @@ def curvature_parts(
         local_jacobian = np.zeros((believed.local_probabilities.size, 0))
     n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
     solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
-    found = sensitivities(
-        posterior.features,
-        mdp.discount,
-        believed,
-        at.solution,
-        local_jacobian,
-        solver.prepare(mdp.policy_pattern, data),
+    system = solver.prepare(mdp.policy_pattern, data)
+    return sensitivities(
+        posterior.features, mdp.discount, believed, at.solution, local_jacobian, system
     )
-    return CurvatureParts(found, at.adjoint)
 
 
 def _add_policy_part(
@@ -252,18 +234,17 @@ def _add_policy_part(
     posterior: Posterior,
     parameters: Parameters,
     at: PosteriorValue,
-    parts: CurvatureParts,
+    found: Sensitivities,
 ) -> None:
     model, counts = posterior.policy_model, at.expected.observations.state_action
-    found, n_features = parts.sensitivities, len(parameters.reward)
     policy = np.exp(model.log_probabilities(parameters.policy, at.solution.q))
     temperature = model.temperature(parameters.policy)
     weights = -counts.sum(axis=1) / temperature**2
     if model.equation.curved:
         # Experts of a soft equation choose by the policy of its solution.
-        weights += parts.adjoint.state_gradient
-    kept = with_weight(np.abs(weights) + np.abs(parts.adjoint.reward_gradient).sum(axis=1))
-    inner = dynamics_terms(parts, parameters.belief, n_features, kept)
+        weights += at.adjoint.state_gradient
+    kept = with_weight(np.abs(weights) + np.abs(at.adjoint.reward_gradient).sum(axis=1))
+    inner = dynamics_terms(found, at.adjoint, parameters.belief, kept)
     size = len(inner)
     states = np.flatnonzero(kept)
     for chunk in np.array_split(states, 1 + len(states) * policy.shape[1] * size // CHUNK):
@@ -278,3 +259,33 @@ def _add_policy_part(
         table[last, :size] += mixed
         table[:size, last] += mixed
         table[last, last] += diagonal
+
+
+def transition_scores(
+    posterior: Posterior, parameters: Parameters, at: PosteriorValue, found: Sensitivities
+) -> FloatArray:
+    """(G, blocks) scores of the observed transitions, in the order of `Observations.key`.
+
+    The score is the gradient of log pi(a | s) + log P(s' | s, a) by all parameters.
+    """
+    model, policy_model = posterior.problem.mdp.transitions, posterior.policy_model
+    key, q, by_q = at.expected.observations.key, at.solution.q, found.by_q
+    policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
+    mean = np.einsum("sa,san->sn", policy, by_q)
+    state, action = np.divmod(key // model.n_states, model.n_actions)
+    temperature = policy_model.temperature(parameters.policy)
+    scores = np.zeros((len(state), len(parameters.vector)))
+    scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
+    by_temperature = policy_model.parameter_scores(parameters.policy, q)
+    scores[:, parameters.place(Block.POLICY)] = by_temperature[state, action]
+    scores[:, parameters.place(Block.TRUTH)] += _outcome_scores(model, parameters.truth, key)
+    return scores
+
+
+def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
+    group = model.groups.places(key)
+    probability = floored(model.groups.probabilities(transitions_at(model, truth).entries)[group])
+    wanted = np.zeros(len(model.groups), dtype=np.bool_)
+    wanted[group] = True
+    slopes = transition_jacobian(model, model.local_jacobian(truth), wanted)
+    return np.asarray(slopes / probability[:, None])

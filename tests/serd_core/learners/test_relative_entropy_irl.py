@@ -10,13 +10,13 @@ from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import build_navigation_problem
-from serd_core.learners.importance_samples import (
+from serd_core.learners.maxent_irl import TrajectoryModel
+from serd_core.learners.relative_entropy_irl import (
+    fit_relative_entropy_irl,
     hoeffding_thresholds,
     importance_log_weights,
     sample_from_estimates,
 )
-from serd_core.learners.maxent_irl import TrajectoryModel
-from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.posterior.coordinates import feature_ranges
 
 

@@ -15,8 +15,7 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
-from serd_core.posterior.derivatives.posterior_hessian import curvature_parts
-from serd_core.posterior.derivatives.scores import transition_scores
+from serd_core.posterior.derivatives.posterior_hessian import sensitivities_at, transition_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
@@ -83,9 +82,8 @@ def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model
     at = fit.parameters.with_vector(fit.parameters.vector + 0.1 * rng.normal(size=92))
     parameters = type(at)(at.reward, at.belief, at.truth, policy_model.initial_parameters)
     found = posterior.evaluate(parameters)
-    by_q = curvature_parts(posterior, parameters, found).sensitivities.by_q
-    model, key = problem.mdp.transitions, posterior.observations.key
-    scores = transition_scores(model, policy_model, parameters, key, found.solution.q, by_q)
+    slopes = sensitivities_at(posterior, parameters, found)
+    scores = transition_scores(posterior, parameters, found, slopes)
     counts = posterior.observations.group_count
     np.testing.assert_allclose(counts @ scores, found.gradient.vector, atol=1e-6)
     assert counts.sum() == len(gridworld.decisions)
