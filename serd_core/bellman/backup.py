@@ -1,15 +1,21 @@
 """One application of a Bellman operator: T V and what comes with it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, unrepeated
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.dynamics.transition_model import Sweeps, Transitions
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+
+if TYPE_CHECKING:
+    from serd_core.dynamics.compiled_rows import CompiledRows
 
 #: Values beyond overflow in sums and differences.
 LARGEST_VALUE = 1e300
@@ -52,14 +58,15 @@ class BellmanProblem:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
         return self.transitions.backed_up(self.rewards, self.discount, value)
 
-    def settled(self, value: FloatArray, sweeps: Sweeps) -> FloatArray:
-        """(S,) values after Gauss-Seidel sweeps."""
-        return self.transitions.settle(self.rewards, self.discount, value, sweeps)
+    @property
+    def fused(self) -> CompiledRows | None:
+        """What computes T V without a table of Q; None where nothing does."""
+        return self.transitions.model.compiled_rows if self.equation.curved else None
 
     @property
-    def is_fused(self) -> bool:
-        """Whether T V is computed without a table of Q."""
-        return self.equation.curved and self.transitions.model.compiled_rows is not None
+    def given(self) -> tuple[FloatArray, FloatArray, float]:
+        """Probabilities of P, rewards and discount, as `fused` takes them."""
+        return self.transitions.flat, self.rewards, self.discount
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +100,10 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    q = None if problem.is_fused else problem.q(value)
-    if q is None:
-        target = problem.transitions.soft_maximum(problem.rewards, problem.discount, value)
+    if problem.fused is not None:
+        q, target = None, problem.fused.soft_maximum(*problem.given, value)
     else:
+        q = problem.q(value)
         target = problem.equation.maximum(q)
     gap = target - value
     residual = max(float(gap.max()), -float(gap.min()))

@@ -77,7 +77,8 @@ class Newton(BellmanSolver):
         latest = backup(problem, starting_value(problem.mdp, initial_value))
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
-        swept, unsettled = problem.is_fused and problem.mdp.n_states >= SWEPT_FROM, False
+        fused, unsettled = problem.fused, False
+        swept = fused is not None and problem.mdp.n_states >= SWEPT_FROM
         forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
         solver = self.linear_solver.for_systems(relative_residual=forcing)
@@ -90,8 +91,9 @@ class Newton(BellmanSolver):
             system = system or _prepared(solver, problem, latest)
             value = latest.value + system.solve(latest.gap, relative_residual=forcing)
             solver = system.solver_of_next(solver)
-            if unsettled:
-                value = problem.settled(value, Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual))
+            if fused is not None and unsettled:
+                sweeps = Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual)
+                value = fused.settle(*problem.given, value, sweeps)
             proposed = backup(problem, value)
             good = proposed.residual <= WELL * latest.residual
             kept = proposed.residual <= keep * latest.residual and not unsettled
@@ -109,10 +111,8 @@ class Newton(BellmanSolver):
 
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
     pattern = problem.mdp.policy_pattern
-    if problem.is_fused:
-        data = problem.transitions.soft_system_data(
-            pattern, problem.rewards, problem.discount, latest.value
-        )
+    if problem.fused is not None:
+        data = problem.fused.soft_system_data(pattern, *problem.given, latest.value)
     else:
         policy = problem.equation.policy_at(latest.q, latest.target)
         data = problem.transitions.system_data(pattern, policy, problem.discount)

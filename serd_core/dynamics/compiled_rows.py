@@ -49,25 +49,30 @@ class CompiledRows:
     ) -> FloatArray:
         """(S, A) R + discount * P V."""
         q = np.empty(rewards.shape)
-
-        def work(part: tuple[int, int]) -> None:
-            low, high = part
-            given = probabilities, rewards[low:high], discount, values, self._near
-            _back_up(*self._rows_of(low, high), *given, q[low:high])
-
-        self._in_parts(work)
-        return q
+        return self._filled(_back_up, q, probabilities, rewards, discount, values)
 
     def soft_maximum(
         self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
     ) -> FloatArray:
         """(S,) log sum_a exp(R + discount * P V), without a table of the summands."""
         target = np.empty(len(rewards))
+        return self._filled(_back_up_softly, target, probabilities, rewards, discount, values)
+
+    def _filled(
+        self,
+        back_up: Callable[..., None],
+        target: FloatArray,
+        probabilities: FloatArray,
+        rewards: FloatArray,
+        discount: float,
+        values: FloatArray,
+    ) -> FloatArray:
+        """The target after `back_up` of all states."""
 
         def work(part: tuple[int, int]) -> None:
             low, high = part
             given = probabilities, rewards[low:high], discount, values, self._near
-            _back_up_softly(*self._rows_of(low, high), *given, target[low:high])
+            back_up(*self._rows_of(low, high), *given, target[low:high])
 
         self._in_parts(work)
         return target

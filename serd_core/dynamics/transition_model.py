@@ -350,36 +350,14 @@ class Transitions:
             q *= discount
             q += rewards
             return q
-        return rows.backed_up(self._flat, rewards, discount, values)
-
-    def soft_maximum(self, rewards: FloatArray, discount: float, values: FloatArray) -> FloatArray:
-        """(S,) log sum_a exp(R + discount * P V), by compiled code."""
-        rows = self.model.compiled_rows
-        assert rows is not None
-        return rows.soft_maximum(self._flat, rewards, discount, values)
-
-    def settle(
-        self, rewards: FloatArray, discount: float, values: FloatArray, sweeps: Sweeps
-    ) -> FloatArray:
-        """(S,) values after Gauss-Seidel sweeps of the soft Bellman equation, by compiled code."""
-        rows = self.model.compiled_rows
-        assert rows is not None
-        return rows.settle(self._flat, rewards, discount, values, sweeps)
-
-    def soft_system_data(
-        self, pattern: PolicyPattern, rewards: FloatArray, discount: float, values: FloatArray
-    ) -> FloatArray:
-        """(nnz,) numbers of I - discount * P_pi for the soft policy of V, by compiled code."""
-        rows = self.model.compiled_rows
-        assert rows is not None
-        return rows.soft_system_data(pattern, self._flat, rewards, discount, values)
+        return rows.backed_up(self.flat, rewards, discount, values)
 
     def system_data(
         self, pattern: PolicyPattern, policy: FloatArray, discount: float
     ) -> FloatArray:
         """(nnz,) numbers of I - discount * P_pi for an (S, A) policy."""
         is_plain = self.model.compiled_rows is None
-        return pattern.system_data(policy, self.entries if is_plain else self._flat, discount)
+        return pattern.system_data(policy, self.entries if is_plain else self.flat, discount)
 
     def local_gradient(
         self, weights: FloatArray, values: FloatArray, discount: float
@@ -390,18 +368,19 @@ class Transitions:
             by_entry = np.take(weights.ravel(), model.row)
             by_entry *= np.take(values, model.successor)
             return discount * model.gather(by_entry)
-        sums = model.compiled_rows.local_gradient(len(self._flat), weights, values)
+        sums = model.compiled_rows.local_gradient(len(self.flat), weights, values)
         return discount * model.of_flat(sums)
 
     @cached_property
-    def _flat(self) -> FloatArray:
+    def flat(self) -> FloatArray:
+        """The list of probabilities that `RowBlocks` refers to."""
         return self.model.flat(self.local_probabilities)
 
     def flow(self, weights: FloatArray) -> FloatArray:
         """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
         rows = self.model.compiled_rows
         if rows is not None:
-            return rows.flow(self._flat, weights, self.model.n_states)
+            return rows.flow(self.flat, weights, self.model.n_states)
         flow: FloatArray = self.model.transposed_matrix(self.entries) @ weights.ravel()
         return flow
 

@@ -23,7 +23,7 @@ from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear import krylov
 from serd_core.bellman.linear import policy_pattern as linear_pattern
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.krylov import Krylov, Swept, SweptSystem
+from serd_core.bellman.linear.krylov import Krylov, Swept
 from serd_core.bellman.linear.linear_solver import WithFallback
 from serd_core.bellman.linear.policy_pattern import EntryPattern, policy_pattern
 from serd_core.bellman.value_iteration import ValueIteration
@@ -34,6 +34,9 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, usable_features, weights_gradient
 from serd_core.mdp.problem import rewards as reward_table
 from serd_core.policies.solved_policy import soft_policy
+
+if HAS_NUMBA:
+    from serd_core.bellman.linear.swept_bicgstab import SweptSystem
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`) is not installed")
 
@@ -97,7 +100,10 @@ def test_the_fused_maximum_is_that_of_the_table(random_problem, seed):
     values = 10.0 * rng.normal(size=mdp.n_states)
     expected = np.logaddexp.reduce(rewards + 0.95 * transitions.expected(values), axis=1)
     np.testing.assert_allclose(
-        transitions.soft_maximum(rewards, 0.95, values), expected, rtol=1e-13, atol=1e-13
+        mdp.transitions.compiled_rows.soft_maximum(transitions.flat, rewards, 0.95, values),
+        expected,
+        rtol=1e-13,
+        atol=1e-13,
     )
 
 
@@ -172,8 +178,6 @@ def test_swept_solutions_are_those_of_the_dense_solver(
 @pytest.mark.parametrize("n_states", [2, 3, 8, 41])
 @pytest.mark.parametrize("split_from", [0, compiled.SMALLEST_SPLIT])
 def test_the_factor_of_a_chain_is_exact_in_twisted_order(monkeypatch, n_states, split_from):
-    from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
-
     monkeypatch.setattr(compiled, "SMALLEST_SPLIT", split_from)
     monkeypatch.setattr(linear_pattern, "_MOST_CROSSING", 1.0)
     monkeypatch.setattr(linear_pattern, "_WIDEST_SEAM", 1.0)
@@ -186,7 +190,8 @@ def test_the_factor_of_a_chain_is_exact_in_twisted_order(monkeypatch, n_states, 
     data = pattern.system_data(np.ones((n_states, 1)), entries, 0.99)
     right_side = rng.normal(size=n_states)
     for transposed in (False, True):
-        found = SweptMatrix(pattern, data, 1.0).solve(right_side, transposed, 0.0, 1)
+        system = SweptSystem(Krylov(max_iterations=1), pattern, data, lumped=1.0)
+        found = system._run(right_side, transposed, 0.0)
         dense = pattern.matrix(data).toarray()
         expected = np.linalg.solve(dense.T if transposed else dense, right_side)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
@@ -288,7 +293,9 @@ def test_soft_systems_are_those_of_the_soft_policy(random_problem, seed):
     values = 10.0 * rng.normal(size=mdp.n_states)
     policy = SoftBellman().policy(transitions.backed_up(rewards, 0.95, values))
     np.testing.assert_allclose(
-        transitions.soft_system_data(pattern, rewards, 0.95, values),
+        mdp.transitions.compiled_rows.soft_system_data(
+            pattern, transitions.flat, rewards, 0.95, values
+        ),
         transitions.system_data(pattern, policy, 0.95),
         atol=1e-13,
     )
@@ -306,14 +313,18 @@ def test_sweeps_shrink_the_largest_error_and_values_that_rise_stay_below_the_sol
     posed = BellmanProblem(SoftBellman(), rewards, transitions_of(mdp.transitions, table), mdp)
     exact = ValueIteration().solve(posed).value
     far = exact + 10.0 * rng.normal(size=mdp.n_states)
-    error = np.max(np.abs(posed.settled(far, Sweeps(3, 3, 0.0)) - exact))
+
+    def settled(values, sweeps):
+        return posed.fused.settle(*posed.given, values, sweeps)
+
+    error = np.max(np.abs(settled(far, Sweeps(3, 3, 0.0)) - exact))
     assert error <= 0.95**3 * np.max(np.abs(far - exact)) + 1e-8
     low = np.full(mdp.n_states, exact.min() - 5.0 / (1.0 - 0.95))
     assert np.all(backup(posed, low).gap > 0)
-    swept = posed.settled(low, Sweeps(2, 40, 1e-3))
+    swept = settled(low, Sweeps(2, 40, 1e-3))
     assert np.all(swept >= backup(posed, backup(posed, low).target).target - 1e-9)
     assert np.all(swept <= exact + 1e-8)
-    np.testing.assert_allclose(posed.settled(exact, Sweeps(1, 40, 1e-6)), exact, atol=1e-8)
+    np.testing.assert_allclose(settled(exact, Sweeps(1, 40, 1e-6)), exact, atol=1e-8)
 
 
 @pytest.mark.usefixtures("everything_compiled")

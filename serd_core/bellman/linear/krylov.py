@@ -72,7 +72,7 @@ class Krylov(LinearSolver):
 
 @dataclass(frozen=True)
 class Swept(LinearSolver):
-    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptMatrix`."""
+    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptSystem`."""
 
     settings: Krylov
     lumped: float = 0.0
@@ -80,12 +80,11 @@ class Swept(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Scale the rows of the matrix."""
-        from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
+        from serd_core.bellman.linear.swept_bicgstab import SweptSystem
 
-        return SweptSystem(self.settings, SweptMatrix(pattern, data, self.lumped, self.kind))
+        return SweptSystem(self.settings, pattern, data, self.lumped, self.kind)
 
 
-@dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
     """One matrix."""
 
@@ -138,6 +137,7 @@ class KrylovSystem(LinearSystem):
 class PlainSystem(KrylovSystem):
     """By rows, without a preconditioner or with an incomplete factor."""
 
+    settings: Krylov
     matrix: Any
     incomplete: Any
 
@@ -170,22 +170,3 @@ class PlainSystem(KrylovSystem):
             matvec=lambda vector: factor.solve(vector, trans=trans),
             dtype=np.float64,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class SweptSystem(KrylovSystem):
-    """Preconditioned by compiled sweeps."""
-
-    swept: Any
-
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        product: FloatArray = self.swept.product(vector, transposed)
-        return product
-
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        found: FloatArray = self.swept.solve(
-            right_side, transposed, relative_residual, self.settings.max_iterations
-        )
-        return found

@@ -25,22 +25,28 @@ import numba
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.bellman.linear.krylov import Krylov, KrylovSystem
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.compiled import side_by_side
 
 _compiled: Any = numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 
 
-class SweptMatrix:
+class SweptSystem(KrylovSystem):
     """A, and its rows divided by the pivots d; read by columns those are A^T / d.
 
     lumped: share of the fill that pivots take up; kind: type of the divided rows and the vectors.
     """
 
     def __init__(
-        self, pattern: PolicyPattern, data: FloatArray, lumped: float = 0.0, kind: Any = np.float64
+        self,
+        settings: Krylov,
+        pattern: PolicyPattern,
+        data: FloatArray,
+        lumped: float,
+        kind: Any = np.float64,
     ) -> None:
-        self._matrix = pattern.matrix(data)
+        self.settings, self._matrix = settings, pattern.matrix(data)
         self._seam = pattern.seam
         pivots, scaled = np.empty(pattern.n_states), np.empty(len(data), dtype=kind)
         structure = pattern.row_start, pattern.column, data, pattern.diagonal
@@ -51,27 +57,20 @@ class SweptMatrix:
         self._pivots = pivots
         self._stored = (pattern.row_start, pattern.column, scaled, pattern.diagonal)
 
-    def product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        """(S,) A x, or A^T x."""
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
         return np.asarray((self._matrix.T if transposed else self._matrix) @ vector)
 
-    def solve(
-        self,
-        right_side: FloatArray,
-        transposed: bool,
-        relative_residual: float,
-        max_iterations: int,
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
     ) -> FloatArray:
-        """(S,) x near the solution of A x = b or A^T x = b, as far as the recurrences got."""
         by_rows = not transposed
         size = float(np.max(np.abs(right_side))) or 1.0
         remaining = right_side / (size * self._pivots if by_rows else size)
         remaining = remaining.astype(self._stored[2].dtype, copy=False)
         # What breaks down is not finite and no better than zero, which callers see.
         with side_by_side(self._seam.sides) as on_sides, np.errstate(all="ignore"):
-            solution = self._bicgstab(
-                on_sides, by_rows, remaining, relative_residual, max_iterations
-            ).astype(np.float64, copy=False)
+            found = self._bicgstab(on_sides, by_rows, remaining, relative_residual)
+        solution = found.astype(np.float64, copy=False)
         solution *= size
         if transposed:
             solution /= self._pivots
@@ -83,7 +82,6 @@ class SweptMatrix:
         by_rows: bool,
         r: Any,
         relative_residual: float,
-        max_iterations: int,
     ) -> Any:
         """x near the solution, from zero (van der Vorst 1992); uses up the right side r.
 
@@ -110,7 +108,7 @@ class SweptMatrix:
         squared = rho = lower(on_sides(_solve_lower, *given, y, r, r), y, r, r)[0]
         shadow, t, target = r.copy(), np.empty_like(r), relative_residual**2 * squared
         beta, minus = kind(0.0), kind(0.0)
-        for _ in range(max_iterations):
+        for _ in range(self.settings.max_iterations):
             if squared <= target or rho == 0.0:
                 break
             everywhere(_turn, beta, minus, r, v, p, y)
