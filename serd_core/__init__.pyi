@@ -28,9 +28,9 @@ from serd_core.bellman.newton import Newton as Newton
 from serd_core.bellman.value_iteration import ValueIteration as ValueIteration
 from serd_core.demonstrations.decisions import HIDDEN as HIDDEN
 from serd_core.demonstrations.decisions import Decisions as Decisions
+from serd_core.demonstrations.decisions import decisions_from_columns as decisions_from_columns
+from serd_core.demonstrations.decisions import decisions_from_episodes as decisions_from_episodes
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
-from serd_core.demonstrations.tables import decisions_from_columns as decisions_from_columns
-from serd_core.demonstrations.tables import decisions_from_episodes as decisions_from_episodes
 from serd_core.dynamics.counted_transitions import counted_transitions as counted_transitions
 from serd_core.dynamics.covariate_models import CovariateModels as CovariateModels
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
@@ -61,7 +61,6 @@ from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
 from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types
 from serd_core.mixtures.expert_types import fit_expert_types as fit_expert_types
-from serd_core.mixtures.rand_index import adjusted_rand_index as adjusted_rand_index
 from serd_core.policies.counterfactual import counterfactual_policy as counterfactual_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
@@ -83,7 +82,8 @@ from serd_core.routes.network import Trips as Trips
 from serd_core.routes.network import trips_on as trips_on
 from serd_core.routes.recursive_logit import fit_routes as fit_routes
 from serd_core.routes.recursive_logit import route_values as route_values
-from serd_core.routes.simulation import sample_routes as sample_routes
+from serd_core.routes.recursive_logit import sample_routes as sample_routes
+from serd_core.selection.evaluation import adjusted_rand_index as adjusted_rand_index
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood

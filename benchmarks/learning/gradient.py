@@ -32,8 +32,8 @@ from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.fit_result import FitResult
+from serd_core.learners.mdce_irl import weights_under_initial_dynamics
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.learners.staged_start import weights_under_initial_dynamics
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import soft_policy

@@ -13,8 +13,7 @@ from benchmarks.learning.peers import compare_weights
 from benchmarks.report import save
 from serd_core.arrays import FloatArray
 from serd_core.routes.network import RouteNetwork, trips_on
-from serd_core.routes.recursive_logit import fit_routes
-from serd_core.routes.simulation import sample_routes
+from serd_core.routes.recursive_logit import fit_routes, sample_routes
 
 SIDE, N_TRIPS = 4, 300
 WEIGHTS, START = np.array([-1.0, -1.5]), np.array([0.0, -2.0])

@@ -2,7 +2,7 @@
 
 Demonstrations are sampled from a known expert, MDCE or policy matching; learners use only them.
 Weights start at random as in the thesis; SERD then goes in two stages, weights first (see
-`serd_core.learners.staged_start`). Each repetition gives one row per number of demonstrations and
+`serd_core.learners.mdce_irl`). Each repetition gives one row per number of demonstrations and
 learner, with the four measures of the figures: log-likelihood of new demonstrations, divergence of
 the dynamics, divergence of the policy, and log-likelihood in the transfer environment.
 """

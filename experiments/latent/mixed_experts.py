@@ -32,9 +32,8 @@ from serd_core.mixtures.expert_types import (
     choose_expert_types,
     fit_expert_types,
 )
-from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.selection.evaluation import move_log_likelihood
+from serd_core.selection.evaluation import adjusted_rand_index, move_log_likelihood
 from storage.settings import setting
 
 #: (3, 2) weights of the goal and of brightness, by type.

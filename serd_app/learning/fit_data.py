@@ -11,7 +11,7 @@ from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem
-from serd_core.learners.staged_start import weights_under_initial_dynamics
+from serd_core.learners.mdce_irl import weights_under_initial_dynamics
 from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.parameters import Block
 from serd_core.priors.gaussian import GaussianPrior

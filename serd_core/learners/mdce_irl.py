@@ -19,6 +19,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.demonstrations.decisions import Decisions, start_distribution
@@ -31,6 +32,8 @@ from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.parameters import Block
+from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior, require_weight
 
 
@@ -120,3 +123,34 @@ def state_action_occupancy(
     data = transitions.system_data(mdp.policy_pattern, choice, mdp.discount)
     system = Automatic().prepare(mdp.policy_pattern, data)
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)
+
+
+#: Wide, but enough to keep weights finite where every demonstration agrees.
+_WIDE = GaussianPrior(100.0, Block.REWARD)
+_ASCENT = TrustRegion(gradient_tolerance=1e-5)
+
+
+def weights_under_initial_dynamics(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    dynamics: FloatArray | None = None,
+    on_step: StepCallback | None = None,
+) -> FloatArray:
+    """(F,) most likely weights under the given dynamics (None: the M-estimate), from zero.
+
+    A start for SERD. From random weights it may bend the dynamics to a wrong reward and stay there;
+    with few demonstrations that happened to about one start in four on the gridworld
+    (`serd_core.selection.multi_start` shows the other explanations). Where the search does not
+    converge its last point is returned. on_step: called after each step.
+    """
+    fit = fit_mdce_irl_by_likelihood(
+        problem,
+        decisions,
+        initial_weights=np.zeros(len(problem.feature_names)),
+        dynamics=dynamics,
+        prior=_WIDE,
+        ascent=_ASCENT,
+        on_step=on_step,
+    )
+    return fit.reward_weights

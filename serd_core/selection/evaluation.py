@@ -9,7 +9,14 @@ log-likelihood of that is -inf.
 import numpy as np
 from scipy.special import logsumexp, rel_entr
 
-from serd_core.arrays import FloatArray, float_array, require_index, weighted_counts
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    float_array,
+    int_array,
+    require_index,
+    weighted_counts,
+)
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of
@@ -113,3 +120,28 @@ def _mean(divergence: FloatArray, visits: FloatArray) -> float:
         raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")
     seen = checked > 0
     return float(checked[seen] @ divergence[seen] / checked.sum())
+
+
+def adjusted_rand_index(first: IntArray, second: IntArray) -> float:
+    """1 for equal partitions, 0 on average for random ones (Hubert and Arabie 1985).
+
+    first, second: (n,) labels; which numbers they are does not matter.
+    """
+    one = int_array("first", first, (None,))
+    other = int_array("second", second, (len(one),))
+    if len(one) < 2:
+        raise SerdError(f"first must hold at least 2 labels, got {len(one)}; compare more things")
+    _, row = np.unique(one, return_inverse=True)
+    _, column = np.unique(other, return_inverse=True)
+    table = np.zeros((row.max() + 1, column.max() + 1))
+    np.add.at(table, (row, column), 1.0)
+    both = _pairs(table)
+    by_row, by_column = _pairs(table.sum(axis=1)), _pairs(table.sum(axis=0))
+    expected = by_row * by_column / _pairs(np.array([float(len(one))]))
+    highest = 0.5 * (by_row + by_column)
+    return 1.0 if highest == expected else float((both - expected) / (highest - expected))
+
+
+def _pairs(counts: FloatArray) -> float:
+    """Pairs of things within the same part."""
+    return float(np.sum(counts * (counts - 1.0) / 2.0))

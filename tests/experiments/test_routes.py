@@ -8,7 +8,7 @@ from experiments.routes import RoutesConfig, read_routes
 from experiments.running.experiment import Session
 from serd_core.errors import SerdError
 from serd_core.routes.network import RouteNetwork
-from serd_core.routes.simulation import sample_routes
+from serd_core.routes.recursive_logit import sample_routes
 from sim.episodes.execution import Execution
 
 WEIGHTS = np.array([-2.0, -0.5, -0.9, -3.0])  # time, constant, left turn, u-turn

@@ -19,8 +19,7 @@ from serd_app.navigation.predicted_density import predicted_density
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import arrival_time_distribution
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.tables import decisions_from_columns
+from serd_core.demonstrations.decisions import Decisions, decisions_from_columns
 from serd_core.grid.density import at_decisions, in_random_crowds, with_density
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult

@@ -7,7 +7,7 @@ from experiments.study.recordings.drives import drive_in
 from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_core.grid.navigation import FEATURE_NAMES
 from serd_core.mixtures.expert_types import choose_expert_types
-from serd_core.mixtures.rand_index import adjusted_rand_index
+from serd_core.selection.evaluation import adjusted_rand_index
 from sim.drivers.catalogue import make_driver
 from sim.scenario.grid import navigation_problem_of
 from sim.scenario.scenario import load_scenario

@@ -3,7 +3,7 @@ from functools import partial
 import pytest
 
 from experiments.study.products import Stage, Task, load_recorded, make_products, save_recorded
-from serd_core.demonstrations.tables import decisions_from_episodes
+from serd_core.demonstrations.decisions import decisions_from_episodes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 

@@ -9,8 +9,13 @@ from serd_core.arrival.dwell_times import (
     fit_pace_ahead,
     paced_law,
 )
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s, integral_transform, point_law, scaled_point_law
+from serd_core.arrival.law import (
+    ArrivalLaw,
+    crps_s,
+    integral_transform,
+    point_law,
+    scaled_point_law,
+)
 from serd_core.errors import SerdError
 
 BETA, PHI, PACE = np.array([-0.3, 0.15]), np.array([0.04, 0.4]), 0.2

@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.decisions import (
+    Decisions,
+    decisions_from_episodes,
+    start_distribution,
+)
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.demonstrations.tables import decisions_from_episodes
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
@@ -12,6 +15,7 @@ from serd_core.learners.mdce_irl import (
     feature_expectation,
     fit_mdce_irl_by_entropy,
     fit_mdce_irl_by_likelihood,
+    weights_under_initial_dynamics,
 )
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.tables import from_transitions
@@ -183,3 +187,22 @@ def test_large_rewards_and_episodes_stuck_in_one_state_are_no_trouble(gridworld)
     )
     assert np.all(np.isfinite(fit.reward_weights))
     assert fit.converged
+
+
+def test_a_staged_start_is_at_least_as_good_as_random_ones(make_gridworld):
+    case = make_gridworld(side=8, discount=0.95, n_episodes=10, n_steps=15)
+    ascent = TrustRegion(gradient_tolerance=1e-5, max_steps=100)
+    start = weights_under_initial_dynamics(case.problem, case.decisions)
+    staged = fit_mdce_serd(case.problem, case.decisions, initial_weights=start, ascent=ascent)
+    randoms = [
+        fit_mdce_serd(
+            case.problem, case.decisions, rng=np.random.default_rng(seed), ascent=ascent
+        ).objective
+        for seed in range(6)
+    ]
+    assert staged.objective > np.median(randoms) - 1e-3
+
+
+def test_weights_stay_finite_where_every_demonstration_agrees(make_gridworld):
+    case = make_gridworld(side=4, n_episodes=1, n_steps=1)
+    assert np.all(np.isfinite(weights_under_initial_dynamics(case.problem, case.decisions)))

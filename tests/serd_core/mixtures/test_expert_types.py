@@ -15,8 +15,8 @@ from serd_core.mixtures.expert_types import (
     fit_expert_types,
 )
 from serd_core.mixtures.pace import has_enough_times, pace_of_types, times_in_cells
-from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.posterior.beliefs import BeliefAroundTruth, TiedBelief
+from serd_core.selection.evaluation import adjusted_rand_index
 from tests.serd_core.conftest import gridworld_truth
 
 FEW = EmSettings(n_starts=3)

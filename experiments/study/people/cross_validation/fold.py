@@ -21,8 +21,13 @@ from experiments.study.people.cross_validation.worlds import World, learn_world
 from experiments.study.people.learners import DwellLaw, kinds_of
 from experiments.study.people.people import People
 from experiments.study.people.problem import Layers
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s, integral_transform, point_law, scaled_point_law
+from serd_core.arrival.law import (
+    ArrivalLaw,
+    crps_s,
+    integral_transform,
+    point_law,
+    scaled_point_law,
+)
 
 #: Predictions of `walker_predictions`, by run.
 Predictions = Sequence[Mapping[str, Any]]

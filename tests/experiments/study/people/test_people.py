@@ -32,8 +32,7 @@ from experiments.study.people.problem import COVARIATES, Layers
 from experiments.study.people.run import PeopleStudy, run_people, stages_of
 from experiments.study.people.settings import people_settings
 from experiments.study.people.tables import PERIODS, headline, summary_of
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import point_law
+from serd_core.arrival.law import ArrivalLaw, point_law
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import checked_policy

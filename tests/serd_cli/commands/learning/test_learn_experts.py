@@ -18,9 +18,9 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
-from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.posterior.beliefs import BeliefAroundTruth, FreeBelief
+from serd_core.selection.evaluation import adjusted_rand_index
 from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
