@@ -50,21 +50,20 @@ class GradientAscent(Ascent):
 
         The result is the last point where value and gradient were finite.
         """
-        climb = Climb(objective, on_step)
+        climb, otherwise = Climb(objective, on_step), OUT_OF_STEPS
         here = climb.evaluate(np.array(start, dtype=np.float64))
         while not (here.gradient_norm <= self.gradient_tolerance or climb.stopped):
             if len(climb.trace) >= self.max_steps:
-                fell = climb.trace and here.value < max(climb.trace)
-                return self._result(climb, here, TOO_LONG if fell else OUT_OF_STEPS)
+                if climb.trace and here.value < max(climb.trace):
+                    otherwise = TOO_LONG
+                break
             size = self.step_size(len(climb.trace) + 1)
             there = _finite_point(climb, here.vector + size * here.gradient)
             if there is None:
-                return self._result(climb, here, DIVERGED)
+                otherwise = DIVERGED
+                break
             here = there
             climb.accept(here)
-        return self._result(climb, here, OUT_OF_STEPS)
-
-    def _result(self, climb: Climb, here: Point, otherwise: str) -> AscentResult:
         return climb.result(here, self.gradient_tolerance, otherwise)
 
 

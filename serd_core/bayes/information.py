@@ -78,7 +78,7 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
     by_choices, shared, partner = [], [], []
     for model in range(models.n_models):
         own = n_features + model * size + np.arange(size)
-        moved = _contrasts(models) @ _energies(at.truth - counted, models)[model]
+        moved = _contrasts(models) @ (at.truth - counted).reshape(models.n_models, -1)[model]
         by_choices.append(_normal_divergence(joint[np.ix_(own, own)], precision[model], moved))
         shared.append(_mutual_information(joint, own, rewards))
         each = [_mutual_information(joint, own, rewards[[f]]) for f in range(n_features)]
@@ -165,10 +165,6 @@ def _contrasts(models: OutcomeModels) -> FloatArray:
     """(K - 1, K) orthonormal rows, orthogonal to 1."""
     size = models.n_outcomes
     return gauge_free_basis(np.full((1, size), size**-0.5)).T
-
-
-def _energies(parameters: FloatArray, models: OutcomeModels) -> FloatArray:
-    return parameters.reshape(models.n_models, models.n_outcomes)
 
 
 def _normal_divergence(covariance: FloatArray, precision: FloatArray, moved: FloatArray) -> float:

@@ -82,7 +82,8 @@ class Laplace:
         energies with covariates. Normal draws are in pairs that mirror each other, so that the mean
         of the weights is their mode.
         """
-        table, drawn = self.coordinates.table, self._sample_normal(n, rng)
+        half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
+        table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T
         free = drawn @ table.T
         for block in _dirichlet_blocks(self.posterior, self.coordinates, self.mode, self.root):
             worth, shape = _worth(block.table, block.spread), block.table.shape
@@ -96,10 +97,6 @@ class Laplace:
             free[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
         # The columns of the table are orthogonal; what they leave out is the gauge.
         return np.asarray(free @ (table / np.sum(table**2, axis=0)))
-
-    def _sample_normal(self, n: int, rng: np.random.Generator) -> FloatArray:
-        half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
-        return np.asarray(self.mode + _mirrored(n, half) @ self.root.T)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -141,13 +138,12 @@ def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
 
 def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> LogPosterior:
     """The log posterior that a fit maximised; SerdError where its prior is no density."""
-    if fit.assumptions is None:
-        raise SerdError("the fit must record what it assumed, got none; fit again")
-    prior, belief = fit.assumptions.whole_prior, fit.assumptions.belief
+    assumed = fit.assumed
+    prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)
     require_densities(prior, space)
     observations = observe(problem.mdp, decisions)
-    posterior = Posterior(problem, observations, fit.assumptions.policy_model, prior)
+    posterior = Posterior(problem, observations, assumed.policy_model, prior)
     return LogPosterior(posterior, space)
 
 

@@ -54,17 +54,6 @@ def trajectories_of(decisions: Decisions) -> Trajectories:
     )
 
 
-def discounted_features(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(N, F) phi of each trajectory over its observed decisions."""
-    require_shown(decisions, "features of trajectories")
-    episodes = trajectories_of(decisions)
-    weight = problem.mdp.discount ** episodes.step.astype(np.float64)
-    observed = problem.features[decisions.state, decisions.action] * weight[:, None]
-    counts = np.zeros((len(episodes), observed.shape[1]))
-    np.add.at(counts, episodes.of_decision, observed)
-    return counts
-
-
 def absorption_features(problem: Problem) -> FloatArray:
     """(S, F) what a final state (`Mdp.final`) collects forever: f / (1 - gamma).
 
@@ -76,13 +65,13 @@ def absorption_features(problem: Problem) -> FloatArray:
     return np.asarray(forever * mdp.final[:, None])
 
 
-def features_after_absorption(problem: Problem, episodes: Trajectories) -> FloatArray:
-    """(N, F) what phi goes on to collect where a trajectory ended in a final state."""
-    reached = problem.mdp.discount ** episodes.length.astype(np.float64)
-    return np.asarray(absorption_features(problem)[episodes.end] * reached[:, None])
-
-
 def feature_counts(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(N, F) phi of each trajectory, with what follows absorption."""
-    following = features_after_absorption(problem, trajectories_of(decisions))
-    return np.asarray(discounted_features(problem, decisions) + following)
+    """(N, F) phi of each trajectory, with what follows where it ended in a final state."""
+    require_shown(decisions, "features of trajectories")
+    episodes, discount = trajectories_of(decisions), problem.mdp.discount
+    weight = discount ** episodes.step.astype(np.float64)
+    observed = problem.features[decisions.state, decisions.action] * weight[:, None]
+    counts = np.zeros((len(episodes), observed.shape[1]))
+    np.add.at(counts, episodes.of_decision, observed)
+    reached = discount ** episodes.length.astype(np.float64)
+    return np.asarray(counts + absorption_features(problem)[episodes.end] * reached[:, None])

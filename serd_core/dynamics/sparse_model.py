@@ -61,15 +61,11 @@ class SparseModel(TransitionModel):
             "number states and actions from 0 without gaps",
         )
         require_count("parameter_count", self.parameter_count, 0, "0 for known transitions")
-        for name, size in zip(("state", "action", "next_state"), self._sizes, strict=True):
+        sizes = {"state": pairs[0], "action": pairs[1], "next_state": pairs[0]}
+        for name, size in sizes.items():
             column = int_array(name, getattr(self, name), (n_entries,))
             require_index(name, column, size, f"a {name.replace('_', ' ')}")
             object.__setattr__(self, name, column)
-
-    @property
-    def _sizes(self) -> tuple[int, int, int]:
-        n_states, n_actions = self.n_pairs
-        return n_states, n_actions, n_states
 
     @property
     def n_parameters(self) -> int:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
+from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
@@ -116,6 +117,13 @@ class FitResult:
     def reward_weights(self) -> FloatArray:
         """(F,) theta_R in the order of `feature_names`."""
         return self.parameters.reward
+
+    @property
+    def assumed(self) -> Assumptions:
+        """The assumptions; SerdError where there are none."""
+        if self.assumptions is None:
+            raise SerdError("the fit must record what it assumed, got none; fit again")
+        return self.assumptions
 
 
 def fit_result(

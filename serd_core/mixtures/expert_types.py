@@ -27,7 +27,7 @@ from serd_core.bayes.draws import PosteriorDraws, draws_of
 from serd_core.bayes.strengths import DEVIATION, PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import Assumptions, FitResult
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
 from serd_core.mixtures.coordinates import mixture_coordinates
@@ -247,7 +247,7 @@ class TypeSearch:
 
     def objective(self, n_types: int, deviation: float) -> MixtureLogPosterior:
         """The log posterior of a mixture; deviation: sigma of its rewards."""
-        assumed = _assumptions(self.one_type)
+        assumed = self.one_type.assumed
         space = mixture_coordinates(self.problem, assumed.belief, self.one_type.parameters, n_types)
         widths = deviation / feature_ranges(self.problem)
         prior = _with_rewards(assumed.whole_prior, GaussianPrior(tuple(widths), Block.REWARD))
@@ -256,7 +256,7 @@ class TypeSearch:
     @property
     def own_deviation(self) -> float:
         """sigma of the fit of one type."""
-        return strengths_of(_assumptions(self.one_type).prior, self.problem)["deviation"]
+        return strengths_of(self.one_type.assumed.prior, self.problem)["deviation"]
 
     @cached_property
     def _scores(self) -> FloatArray:
@@ -365,12 +365,6 @@ def _with_rewards(prior: Prior, rewards: GaussianPrior) -> Prior:
     if isinstance(prior, SumOfPriors):
         return SumOfPriors(tuple(_with_rewards(term, rewards) for term in prior.terms))
     return rewards if prior.blocks == (Block.REWARD,) else prior
-
-
-def _assumptions(fit: FitResult) -> Assumptions:
-    if fit.assumptions is None:
-        raise SerdError("the fit must record what it assumed, got none; fit again")
-    return fit.assumptions
 
 
 def _require_types(n_types: int, n_units: int) -> None:

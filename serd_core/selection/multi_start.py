@@ -88,9 +88,8 @@ def multi_start(
 
 def signature(fit: FitResult) -> FloatArray:
     """(n,) what fits are compared by; weights are squashed so that huge ones are alike."""
-    weights = np.arcsinh(_weights(fit))
-    belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
-    return np.concatenate([weights, belief.ravel(), truth.ravel()])
+    weights, *probabilities = _numbers(fit)
+    return np.concatenate([np.arcsinh(weights), *probabilities])
 
 
 def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[Difference, ...]:
@@ -102,7 +101,7 @@ def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[
     ):
         names += [f"{block} outcome {list(map(int, i))}" for i in np.ndindex(table.shape)]
     order = np.argsort(-np.abs(signature(first) - signature(second)), kind="stable")[:largest]
-    values, others = _plain(first), _plain(second)
+    values, others = np.concatenate(_numbers(first)), np.concatenate(_numbers(second))
     return tuple(Difference(names[i], float(values[i]), float(others[i])) for i in order)
 
 
@@ -128,14 +127,10 @@ def describe(found: MultiStart, largest: int = 3) -> str:
     return "\n".join(lines)
 
 
-def _plain(fit: FitResult) -> FloatArray:
+def _numbers(fit: FitResult) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Reward weights per temperature, on which the policy depends; believed, true outcomes."""
     belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
-    return np.concatenate([_weights(fit), belief.ravel(), truth.ravel()])
-
-
-def _weights(fit: FitResult) -> FloatArray:
-    """(F,) reward weights per temperature: what the policy depends on."""
-    return fit.reward_weights / fit.temperature
+    return fit.reward_weights / fit.temperature, belief.ravel(), truth.ravel()
 
 
 def _labels(signatures: list[FloatArray], tolerance: float) -> FloatArray:

@@ -29,6 +29,7 @@ from serd_core.arrays import (
     float_array,
     int_array,
     number_array,
+    require_each,
     require_share,
 )
 from serd_core.demonstrations.decisions import Decisions
@@ -95,13 +96,13 @@ def standard_errors(
     at, model = information.parameters, problem.mdp.transitions
     moved = {block: information.jacobian[at.place(block)] for block in Block}
     shape = model.local_probabilities(at.truth).shape
-    spread = _spread(found, meat)
+    spread, known = _spread(found, meat), found.directions[~found.null]
     truth = model.local_jacobian(at.truth) @ moved[Block.TRUTH]
     belief = model.local_jacobian(at.belief) @ moved[Block.BELIEF]
     return StandardErrors(
         names=information.names,
         free=_errors(np.eye(len(matrix)), found, spread),
-        covariance=_covariance(found, spread),
+        covariance=np.asarray(known.T @ spread @ known),
         reward=_errors(moved[Block.REWARD], found, spread),
         outcome_probabilities=_errors(truth, found, spread).reshape(shape),
         believed_outcome_probabilities=_errors(belief, found, spread).reshape(shape),
@@ -126,18 +127,10 @@ def confidence_interval(
 ) -> tuple[FloatArray, FloatArray]:
     """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
     table = number_array("errors", errors)
-    bad = first_index(table < 0)
-    if bad is not None:
-        raise SerdError(
-            f"errors{list(bad)} must be at least 0, got {table[bad]}; give standard errors"
-        )
-    width = _normal_quantile(coverage) * table
-    return np.asarray(estimate) - width, np.asarray(estimate) + width
-
-
-def _normal_quantile(coverage: float) -> float:
+    require_each("errors", table, ~(table < 0), "be at least 0", "give standard errors")
     require_share("coverage", coverage)
-    return float(scipy.stats.norm.ppf(0.5 + coverage / 2.0))
+    width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * table
+    return np.asarray(estimate) - width, np.asarray(estimate) + width
 
 
 def clustered_outer_product(
@@ -181,11 +174,6 @@ def _spread(found: Spectrum, meat: FloatArray | None) -> FloatArray:
         return np.diag(1.0 / found.values[known])
     inner = found.directions[known] / found.values[known][:, None]
     return np.asarray(inner @ float_array("meat", meat) @ inner.T)
-
-
-def _covariance(found: Spectrum, spread: FloatArray) -> FloatArray:
-    known = found.directions[~found.null]
-    return np.asarray(known.T @ spread @ known)
 
 
 def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray:

@@ -4,7 +4,6 @@ import pytest
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import (
-    discounted_features,
     feature_counts,
     trajectories_of,
 )
@@ -97,8 +96,8 @@ def test_features_after_a_gap_are_discounted_from_where_the_piece_begins(gridwor
     middle = int(moved[len(moved) // 2])
     rest = decisions.select(np.arange(12) != middle)
     halves = [rest.select(rest.time_s < middle), rest.select(rest.time_s > middle)]
-    expected = [discounted_features(gridworld.problem, half)[0] for half in halves]
-    np.testing.assert_allclose(discounted_features(gridworld.problem, rest), expected)
+    expected = [feature_counts(gridworld.problem, half)[0] for half in halves]
+    np.testing.assert_allclose(feature_counts(gridworld.problem, rest), expected)
 
 
 def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
