@@ -103,8 +103,7 @@ def require_each(
     name: str, array: NDArray[Any], holds: BoolArray | np.bool_, rule: str, fix: str
 ) -> None:
     """SerdError naming the first entry of `array` that breaks a rule: where `holds` is false."""
-    bad = first_index(~holds)
-    if bad is not None:
+    if (bad := first_index(~holds)) is not None:
         raise SerdError(f"{name}{list(bad)} must {rule}, got {array[bad]}; {fix}")
 
 

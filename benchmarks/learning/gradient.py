@@ -107,9 +107,7 @@ def _gradients(name: str, problem: Problem, weights: FloatArray, decisions: Deci
     ways: dict[str, Callable[[], object]] = {
         "serd_core": lambda: posterior.evaluate(parameters),
         "serd_core, values known": lambda: posterior.evaluate(parameters, value),
-        "soft value iteration": lambda: replace(posterior, solver=slow).q_iteration(
-            parameters, believed, None
-        ),
+        "soft value iteration": lambda: replace(posterior, solver=slow).solved(parameters),
         "Q-gradient recursion, values known": lambda: q_gradient_by_iteration(
             problem.mdp, believed, policy, constant, accuracy=ACCURACY
         ),

@@ -70,10 +70,14 @@ def law_in_seconds(
     for the thesis's end of the period.
     """
     _require_period(period_s)
-    entry_s = _checked_entries(entry_times_s, period_s)
+    given = float_array("entry_times_s", entry_times_s, (None,))
+    inside = (given > 0) & (given <= period_s + SAME_TIME_S)
+    rule = f"be above 0 and at most period_s = {period_s}"
+    fix = "measure from the beginning of the last decision period"
+    require_each("entry_times_s", given, inside, rule, fix)
     begun = np.arange(len(arrival.cdf) - 1)
     # Within period n the CDF climbs from F(n-1) to F(n), as that of the entry does.
-    within_s, share = _entry_law(entry_s, period_s)
+    within_s, share = _entry_law(np.minimum(given, period_s), period_s)
 
     def climbing(cdf: FloatArray) -> FloatArray:
         steps = cdf[..., :-1, None] + np.diff(cdf)[..., None] * share
@@ -142,15 +146,6 @@ def _require_period(period_s: float) -> None:
         raise SerdError(
             f"period_s must be above 0 and finite, got {period_s}; use the decision period"
         )
-
-
-def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
-    given = float_array("entry_times_s", entry_times_s, (None,))
-    within = (given > 0) & (given <= period_s + SAME_TIME_S)
-    rule = f"be above 0 and at most period_s = {period_s}"
-    fix = "measure from the beginning of the last decision period"
-    require_each("entry_times_s", given, within, rule, fix)
-    return np.minimum(given, period_s)
 
 
 def crps_s(law: ArrivalLaw, time_s: float) -> float:

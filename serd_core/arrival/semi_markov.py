@@ -106,8 +106,7 @@ class RenewalChain:
         chances, fix = self.probability, "leave out moves that never happen"
         require_each("probability", chances, chances >= 0, "not be negative", fix)
         total = np.bincount(self.state, self.probability, minlength=n_states)
-        wrong = first_index(~self.goal & (np.abs(total - 1) > _SUM_TOLERANCE))
-        if wrong is not None:
+        if (wrong := first_index(~self.goal & (np.abs(total - 1) > _SUM_TOLERANCE))) is not None:
             raise SerdError(
                 f"probability of the moves from state {wrong[0]} must sum to 1, got"
                 f" {total[wrong[0]]}; normalise it"

@@ -141,8 +141,7 @@ class Climb:
 
     def evaluate(self, vector: FloatArray) -> Point:
         """The objective at a vector; SerdError where an entry of the vector is not finite."""
-        bad = first_index(~np.isfinite(vector))
-        if bad is not None:
+        if (bad := first_index(~np.isfinite(vector))) is not None:
             raise SerdError(
                 f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
                 f" {len(vector)} became {vector[bad]}; start from smaller weights or scale the"

@@ -65,32 +65,27 @@ class NewtonStep:
         return still and not len(self.flat) and not len(self.rising)
 
 
-def newton_step(gradient: FloatArray, curvatures: FloatArray, directions: FloatArray) -> NewtonStep:
-    """From the gradient (n,) and the eigenvalues and eigenvectors of minus the Hessian."""
-    size = float(np.max(np.abs(curvatures), initial=0.0))
-    known = curvatures > FLAT * size
-    slopes = directions[:, known].T @ gradient
-    # Where all of a curved surface is flat, what is left of the gradient bends it by as much.
-    rising = curvatures < -FLAT * size - np.linalg.norm(gradient)
-    return NewtonStep(
-        standard_errors=float(np.sqrt(np.sum(slopes**2 / curvatures[known]))),
-        move=directions[:, known] @ (slopes / curvatures[known]),
-        flat=directions[:, ~(known | rising)].T,
-        rising=directions[:, rising].T,
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class Curvature:
     """Eigenvalues (n,) and eigenvectors of minus a Hessian; own: whether of the present point."""
 
     values: FloatArray
     vectors: FloatArray
-    own: bool
+    own: bool = True
 
     def newton(self, gradient: FloatArray) -> NewtonStep:
-        """The Newton step from a point with that gradient."""
-        return newton_step(gradient, self.values, self.vectors)
+        """The Newton step from a point with that gradient (n,)."""
+        size = float(np.max(np.abs(self.values), initial=0.0))
+        known = self.values > FLAT * size
+        curvatures, slopes = self.values[known], self.vectors[:, known].T @ gradient
+        # Where all of a curved surface is flat, what is left of the gradient bends it by as much.
+        rising = self.values < -FLAT * size - np.linalg.norm(gradient)
+        return NewtonStep(
+            standard_errors=float(np.sqrt(np.sum(slopes**2 / curvatures))),
+            move=self.vectors[:, known] @ (slopes / curvatures),
+            flat=self.vectors[:, ~(known | rising)].T,
+            rising=self.vectors[:, rising].T,
+        )
 
 
 @dataclass(frozen=True)
@@ -152,5 +147,5 @@ class NewtonAscent(Ascent):
             shrinks = newton.standard_errors <= KEEP * before and not len(newton.rising)
             if shrinks and not newton.at_maximum(self.short):
                 return replace(kept, own=False), newton
-        own = Curvature(*np.linalg.eigh(-objective.hessian(here.vector)), own=True)
+        own = Curvature(*np.linalg.eigh(-objective.hessian(here.vector)))
         return own, own.newton(here.gradient)

@@ -42,8 +42,7 @@ def cell_crossings(
     """
     times = float_array("time_s", time_s, (None,))
     places = float_array("position_m", position_m, (len(times), 2))
-    late = first_index(np.diff(times) <= 0)
-    if late is not None:
+    if (late := first_index(np.diff(times) <= 0)) is not None:
         raise SerdError(
             f"time_s must increase, got {times[late[0] + 1]} after {times[late[0]]}; sort the rows"
         )

@@ -103,8 +103,7 @@ class Decisions:
     def select_episodes(self, episodes: Iterable[int]) -> "Decisions":
         """All decisions of the given episode numbers; SerdError for one that is not there."""
         wanted = np.unique(int_array("episodes", list(episodes), (None,)))
-        missing = np.setdiff1d(wanted, self.episode)
-        if missing.size:
+        if (missing := np.setdiff1d(wanted, self.episode)).size:
             raise SerdError(
                 f"episodes must be among {self.episodes.tolist()}, got {int(missing[0])}"
                 "; choose from that list"
@@ -125,8 +124,7 @@ def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> 
 def require_shown(decisions: Decisions, purpose: str) -> None:
     """SerdError naming the first decision whose action is hidden."""
     require_decisions(decisions)
-    rows = np.flatnonzero(decisions.hidden)
-    if rows.size:
+    if (rows := np.flatnonzero(decisions.hidden)).size:
         raise SerdError(
             f"action[{rows[0]}] must be known for {purpose}, got a hidden one; learn by"
             " fit_mdce_serd or fit_pm_serd, which need states only"

@@ -131,8 +131,7 @@ def _explained(mdp: Mdp, decisions: Decisions, taken: IntArray) -> BoolArray:
 def _require_distinct_times(decisions: Decisions, name: str) -> None:
     order = np.lexsort((decisions.time_s, decisions.episode))
     episode, time_s = decisions.episode[order], decisions.time_s[order]
-    twice = np.flatnonzero((np.diff(episode) == 0) & (np.diff(time_s) == 0))
-    if twice.size:
+    if (twice := np.flatnonzero((np.diff(episode) == 0) & (np.diff(time_s) == 0))).size:
         first, second = sorted(order[twice[0] : twice[0] + 2].tolist())
         raise SerdError(
             f"{name} must have one decision per episode and time, got {name}[{first}] and"
@@ -170,8 +169,7 @@ def _found(mdp: Mdp, state: IntArray, action: IntArray, following: IntArray) -> 
 
 def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
     given = mdp.available[decisions.state, decisions.action] | decisions.hidden
-    wrong = np.flatnonzero(~given)
-    if wrong.size:
+    if (wrong := np.flatnonzero(~given)).size:
         first = int(wrong[0])
         raise SerdError(
             f"{name}[{first}] takes action {decisions.action[first]} in state"
@@ -180,8 +178,7 @@ def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
 
 
 def _require_explained(decisions: Decisions, possible: BoolArray, name: str) -> None:
-    wrong = np.flatnonzero(~possible)
-    if wrong.size:
+    if (wrong := np.flatnonzero(~possible)).size:
         first = int(wrong[0])
         hidden = decisions.hidden[first]
         action = "any action" if hidden else f"action {decisions.action[first]}"

@@ -87,19 +87,14 @@ class CovariateModels(OutcomeModels):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(M*K, F*K) derivative of the probabilities by the coefficients."""
-        p = self.local_probabilities(parameters)
-        by_energy = self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :])
-        table = np.einsum("mf,mkj->mkfj", self.covariates, by_energy)
-        return np.asarray(table.reshape(p.size, self.n_parameters))
+        slope = self._slope(self.local_probabilities(parameters))
+        table = np.einsum("mf,mkj->mkfj", self.covariates, slope)
+        return np.asarray(table.reshape(-1, self.n_parameters))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(F*K, F*K) second derivatives of local_gradient . probabilities."""
-        p = self.local_probabilities(parameters)
-        pull = p * (local_gradient - np.sum(p * local_gradient, axis=1, keepdims=True))
-        mixed = p[:, :, None] * pull[:, None, :]
-        bend = np.eye(self.n_outcomes) * pull[:, :, None] - mixed - mixed.transpose(0, 2, 1)
-        x = self.covariates
-        table = self.beta**2 * np.einsum("mf,mg,mkj->fkgj", x, x, bend, optimize=True)
+        x, bend = self.covariates, self._bend(self.local_probabilities(parameters), local_gradient)
+        table = np.einsum("mf,mg,mkj->fkgj", x, x, bend, optimize=True)
         return np.asarray(table.reshape(self.n_parameters, self.n_parameters))
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:

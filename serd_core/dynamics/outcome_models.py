@@ -163,17 +163,22 @@ class OutcomeModels(TransitionModel):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(M*K, M*K) derivative of the probabilities by the energies (5.2)."""
-        p = self.local_probabilities(parameters)
-        same = np.eye(self.n_outcomes)
-        return self._by_model(self.beta * p[:, :, None] * (same - p[:, None, :]))
+        return self._by_model(self._slope(self.local_probabilities(parameters)))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(M*K, M*K) second derivatives of local_gradient . probabilities by the energies."""
-        p = self.local_probabilities(parameters)
+        return self._by_model(self._bend(self.local_probabilities(parameters), local_gradient))
+
+    def _slope(self, p: FloatArray) -> FloatArray:
+        """(M, K, K) derivative of the probabilities of a model by its energies."""
+        return np.asarray(self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :]))
+
+    def _bend(self, p: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(M, K, K) second derivatives of local_gradient . probabilities by the same."""
         pull = p * (local_gradient - np.sum(p * local_gradient, axis=1, keepdims=True))
         mixed = p[:, :, None] * pull[:, None, :]
         own = np.eye(self.n_outcomes) * pull[:, :, None]
-        return self._by_model(self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1)))
+        return np.asarray(self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1)))
 
     def _by_model(self, blocks: FloatArray) -> FloatArray:
         """(M*K, M*K) matrix of (M, K, K) blocks on its diagonal."""

@@ -291,13 +291,11 @@ class TransitionModel(ABC):
 
     def require_stochastic(self, entries: FloatArray) -> None:
         """The same for (E,) entries."""
-        bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))
-        if bad.size:
+        if (bad := np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))).size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
         lengths = np.diff(self.row_start)
         sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
-        wrong = np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > _ROUNDING))
-        if wrong.size:
+        if (wrong := np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > _ROUNDING))).size:
             self._reject(int(wrong[0]), f"sums to {sums[wrong[0]]}")
 
     def _reject(self, row: int, problem: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AT_A_KINK, AT_MAXIMUM, AscentResult, Step, StepCallback
-from serd_core.ascent.newton_ascent import STILL, NewtonAscent, NewtonStep, newton_step
+from serd_core.ascent.newton_ascent import STILL, Curvature, NewtonAscent, NewtonStep
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, free_in_use
 from serd_core.posterior.parameters import Parameters
@@ -61,8 +61,8 @@ def certificate(
     start = space.of(parameters)
     found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, start)
     counted = replace(ascended, n_evaluations=ascended.n_evaluations + found.n_evaluations)
-    values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
-    step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
+    curvature = Curvature(*np.linalg.eigh(-objective.hessian(found.vector)))
+    step = curvature.newton(objective.evaluate(found.vector)[1])
     step = replace(step, flat=_with_effect(posterior, space, step.flat))
     if found.converged or step.at_maximum():
         if not counted.converged:
@@ -104,8 +104,8 @@ def _grows_without_end(objective: LogPosterior, at: FloatArray, step: NewtonStep
     if not np.any(np.abs(step.move) > STILL):
         return False
     there = at + step.move
-    values, vectors = np.linalg.eigh(-objective.hessian(there))
-    following = newton_step(objective.evaluate(there)[1], values, vectors)
+    curvature = Curvature(*np.linalg.eigh(-objective.hessian(there)))
+    following = curvature.newton(objective.evaluate(there)[1])
     ahead = float(following.move @ step.move) / length
     return not len(following.rising) and ahead >= LASTING * length
 

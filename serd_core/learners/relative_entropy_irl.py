@@ -253,8 +253,7 @@ def _chosen(
     name: str, policy: FloatArray, shape: tuple[int, ...], samples: Decisions
 ) -> FloatArray:
     chosen = float_array(name, policy, shape)[samples.state, samples.action]
-    bad = np.flatnonzero(~(chosen > 0))
-    if bad.size:
+    if (bad := np.flatnonzero(~(chosen > 0))).size:
         first = int(bad[0])
         raise SerdError(
             f"{name} must be above 0 wherever the samples went, got {chosen[first]} for state"

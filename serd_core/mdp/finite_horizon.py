@@ -80,16 +80,14 @@ def decisions_in_periods(
         period = _places(decisions)
     else:
         period = int_array("period", period, (len(decisions),))
-    wrong = first_index((period < 0) | (period >= n_periods))
-    if wrong is not None:
+    if (wrong := first_index((period < 0) | (period >= n_periods))) is not None:
         raise SerdError(
             f"decision {wrong[0]} (episode {decisions.episode[wrong]}) must be in one of the"
             f" {n_periods} periods from 0 to {n_periods - 1}, got period {period[wrong]}; take"
             " more periods or shorter episodes"
         )
     for name in ("state", "next_state"):
-        outside = first_index(getattr(decisions, name) >= n_states)
-        if outside is not None:
+        if (outside := first_index(getattr(decisions, name) >= n_states)) is not None:
             raise SerdError(
                 f"{name} of decision {outside[0]} must be one of the {n_states} states of a period,"
                 f" got {getattr(decisions, name)[outside]}; pass decisions of the problem itself"

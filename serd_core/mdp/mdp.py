@@ -49,8 +49,7 @@ class Mdp:
             ),
             "use fewer states, or fewer outcomes of each action",
         )
-        stuck = first_index(~self.available.any(axis=1))
-        if stuck is not None:
+        if (stuck := first_index(~self.available.any(axis=1))) is not None:
             raise SerdError(
                 f"state {stuck[0]} must have at least one available action, got none"
                 "; give an absorbing state one action that stays"

@@ -381,8 +381,7 @@ def _require_types(n_types: int, n_units: int) -> None:
 def _require_one_expert(decisions: Decisions, experts: IntArray) -> None:
     """SerdError where an episode has two experts."""
     pairs = np.unique(np.stack([decisions.episode, experts], axis=1), axis=0)
-    twice = np.flatnonzero(np.diff(pairs[:, 0]) == 0)
-    if twice.size:
+    if (twice := np.flatnonzero(np.diff(pairs[:, 0]) == 0)).size:
         raise SerdError(
             f"experts must be one per episode, got {pairs[twice[0], 1]} and"
             f" {pairs[twice[0] + 1, 1]} in episode {pairs[twice[0], 0]}; number the experts by"

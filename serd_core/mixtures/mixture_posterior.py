@@ -22,7 +22,6 @@ from scipy.special import gammaln, logsumexp
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Objective
-from serd_core.dynamics.transition_model import transitions_at
 from serd_core.mdp.problem import Problem
 from serd_core.mixtures.coordinates import MixtureCoordinates
 from serd_core.mixtures.grouped_observations import GroupedObservations
@@ -169,13 +168,8 @@ class MixtureLogPosterior(Objective):
     def _log_likelihoods(
         self, number: int, posterior: Posterior, parameters: Parameters
     ) -> FloatArray:
-        model = self.problem.mdp.transitions
-        believed = transitions_at(model, parameters.belief)
-        tied = parameters.truth is parameters.belief
-        true = believed if tied else transitions_at(model, parameters.truth)
-        solution = posterior.q_iteration(parameters, believed, self._starts.get(number))
+        _, true, solution, log_policy = posterior.solved(parameters, self._starts.get(number))
         self._starts[number] = solution.value
-        log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
         return self.units.log_likelihoods(log_policy, true)
 
     def _share_gradient(self, at: MixturePoint) -> FloatArray:

@@ -48,8 +48,7 @@ def with_actions(problem: Problem, available: BoolArray) -> TabularProblem:
     """The problem with a subset of its actions; every state keeps at least one."""
     mdp = problem.mdp
     mask = bool_array("available", available, mdp.available.shape)
-    added = np.argwhere(mask & ~mdp.available)
-    if len(added):
+    if len(added := np.argwhere(mask & ~mdp.available)):
         state, action = added[0]
         raise SerdError(
             f"available must be a subset of the problem's actions, got action {action} of state"

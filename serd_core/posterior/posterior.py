@@ -114,11 +114,7 @@ class Posterior:
         self, parameters: Parameters, initial_value: FloatArray | None = None
     ) -> PosteriorValue:
         """Lines 5 to 8 of Algorithm 1: Q, policy, Q-gradient, objective gradient."""
-        believed = transitions_at(self._model, parameters.belief)
-        solution = self.q_iteration(parameters, believed, initial_value)
-        log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
-        tied = parameters.truth is parameters.belief
-        true = believed if tied else transitions_at(self._model, parameters.truth)
+        believed, true, solution, log_policy = self.solved(parameters, initial_value)
         expected = expected_counts(self.observations, log_policy, true)
         seen, counts = self.observations, expected.observations.state_action
         policy_value = expected_log_policy(self.observations.state_action, log_policy)
@@ -148,13 +144,18 @@ class Posterior:
             expected=expected,
         )
 
-    def q_iteration(
-        self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
-    ) -> BellmanSolution:
-        """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
+    def solved(
+        self, parameters: Parameters, initial_value: FloatArray | None = None
+    ) -> tuple[Transitions, Transitions, BellmanSolution, FloatArray]:
+        """Lines 5 and 6: believed and true transitions, the Bellman equation, (S, A) log policy."""
+        believed = true = transitions_at(self._model, parameters.belief)
+        if parameters.truth is not parameters.belief:
+            true = transitions_at(self._model, parameters.truth)
         rewards = rewards_of(self.features, parameters.reward)
         bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
-        return self.solver.solve(bellman, initial_value)
+        solution = self.solver.solve(bellman, initial_value)
+        log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
+        return believed, true, solution, log_policy
 
     @property
     def _model(self) -> TransitionModel:

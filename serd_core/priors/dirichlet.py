@@ -18,14 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, floored, require_kind, require_positive
+from serd_core.arrays import FloatArray, floored, require_positive
 from serd_core.dynamics.counted_transitions import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.prior import LogPrior, Prior
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,7 @@ class DirichletPrior(Prior):
 
     def __post_init__(self) -> None:
         require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
-        require_kind("block", self.block, (Block,), "Block.TRUTH")
-        if self.block not in (Block.BELIEF, Block.TRUTH):
-            raise SerdError(
-                f"block of DirichletPrior must be BELIEF or TRUTH, got {self.block.name}"
-            )
+        require_dynamics_block("DirichletPrior", self.block)
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -9,12 +9,12 @@ from abc import abstractmethod
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, floored, require_each, require_kind
+from serd_core.arrays import FloatArray, float_array, floored, require_each
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.transition_derivatives import transition_hessian
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.prior import LogPrior, Prior, require_weight
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, require_weight
 
 
 class DynamicsPrior(Prior):
@@ -31,11 +31,8 @@ class DynamicsPrior(Prior):
     mean_over_pairs: bool
 
     def __post_init__(self) -> None:
-        name = type(self).__name__
-        require_weight(f"weight of {name}", self.weight)
-        require_kind(f"block of {name}", self.block, (Block,), "Block.TRUTH")
-        if self.block not in (Block.BELIEF, Block.TRUTH):
-            raise SerdError(f"block of {name} must be BELIEF or TRUTH, got {self.block.name}")
+        require_weight(f"weight of {type(self).__name__}", self.weight)
+        require_dynamics_block(type(self).__name__, self.block)
 
     @abstractmethod
     def terms(

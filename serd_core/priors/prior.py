@@ -133,6 +133,13 @@ class SumOfPriors(Prior):
         return SumOfPriors(terms)
 
 
+def require_dynamics_block(name: str, block: Block) -> None:
+    """SerdError unless a prior is one of belief or truth."""
+    require_kind(f"block of {name}", block, (Block,), "Block.TRUTH")
+    if block not in (Block.BELIEF, Block.TRUTH):
+        raise SerdError(f"block of {name} must be BELIEF or TRUTH, got {block.name}")
+
+
 def require_weight(name: str, weight: float) -> None:
     """SerdError unless the weight is finite and not negative."""
     if not (is_number(weight) and np.isfinite(weight) and weight >= 0):

@@ -50,8 +50,7 @@ class RouteNetwork:
             require_index(name, links, self.n_links, "a link")
         key = ends[0] * self.n_links + ends[1]
         order = np.argsort(key, kind="stable")
-        twice = np.flatnonzero(np.diff(key[order]) == 0)
-        if twice.size:
+        if (twice := np.flatnonzero(np.diff(key[order]) == 0)).size:
             turn = order[twice[0]]
             raise SerdError(
                 f"turns must differ from each other, got the turn from link {ends[0][turn]} to link"
@@ -125,8 +124,7 @@ def trips_on(
     features = np.zeros((len(paths), len(network.feature_names)))
     for number, path in enumerate(paths):
         turns = network.turns(path[:-1], path[1:])
-        missing = np.flatnonzero(turns < 0)
-        if missing.size:
+        if (missing := np.flatnonzero(turns < 0)).size:
             at = int(missing[0])
             raise SerdError(
                 f"trip {number} turns from link {path[at]} to link {path[at + 1]}, which the"

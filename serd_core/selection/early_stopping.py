@@ -9,7 +9,6 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
-from serd_core.dynamics.transition_model import transitions_at
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import SETTINGS, SerdSettings, fit_serd
@@ -136,16 +135,9 @@ def validation_score(
     posterior = Posterior(problem, observations, policy_model, UniformPrior())
 
     def score(vector: FloatArray) -> float:
-        parameters = belief.unpack(vector, like)
-        model = problem.mdp.transitions
-        believed = transitions_at(model, parameters.belief)
-        solution = posterior.q_iteration(parameters, believed, None)
-        log_policy = policy_model.log_probabilities(parameters.policy, solution.q)
+        _, true, _, log_policy = posterior.solved(belief.unpack(vector, like))
         total = expected_log_policy(observations.state_action, log_policy)
-        if observations.hidden:
-            true = transitions_at(model, parameters.truth)
-            found = expected_counts(observations, log_policy, true)
-            total += found.log_likelihood
+        total += expected_counts(observations, log_policy, true).log_likelihood
         return total / observations.n_decisions
 
     return score

@@ -51,8 +51,7 @@ def select_weight(
         raise SerdError("weights must hold at least one candidate, got none")
     fits = tuple(fit(float(weight)) for weight in candidates)
     scores = np.array([score(one) for one in fits])
-    bad = first_index(np.isnan(scores))
-    if bad is not None:
+    if (bad := first_index(np.isnan(scores))) is not None:
         raise SerdError(
             f"score of weight {candidates[bad]} must be a number, got {scores[bad]};"
             " score the fit on validation data"

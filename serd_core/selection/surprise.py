@@ -95,8 +95,7 @@ def episode_scores(
             "decisions of an episode must all show or all hide their actions, got both in episode"
             f" {episodes[mixed]}; hide all with with_hidden_actions"
         )
-    final = first_index(problem.mdp.final[start])
-    if final is not None:
+    if (final := first_index(problem.mdp.final[start])) is not None:
         raise SerdError(
             "episodes must not start in a final state, in which there is no choice, got episode"
             f" {episodes[final]} in state {start[final]}; drop it"

@@ -66,8 +66,7 @@ def bootstrap(
     drawn = rng.integers(len(episodes), size=(n, len(episodes)))
     estimates = [estimate(_sample(decisions, rows, each)) for each in drawn]
     found = np.asarray(number_array("what estimate returns", estimates), dtype=np.float64)
-    bad = first_index(np.isnan(found))
-    if bad is not None:
+    if (bad := first_index(np.isnan(found))) is not None:
         raise SerdError(
             f"estimate must return numbers for every sample, got NaN for sample {bad[0]} of {n};"
             " estimate what every sample of the episodes determines"

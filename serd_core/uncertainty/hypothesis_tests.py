@@ -125,8 +125,7 @@ def vuong_test(
         decision_log_likelihoods(problem, decisions, fit) for problem, fit in (first, second)
     )
     for name, log in (("first", first_log), ("second", second_log)):
-        bad = first_index(~np.isfinite(log))
-        if bad is not None:
+        if (bad := first_index(~np.isfinite(log))) is not None:
             raise SerdError(
                 f"decisions must be possible under both models, got decision {bad[0]} with a"
                 f" log-likelihood of {log[bad]} under the {name}; drop it or the model"

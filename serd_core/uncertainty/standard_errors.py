@@ -156,8 +156,7 @@ def clustered_outer_product(
         )
     row = decisions.state * problem.mdp.n_actions + decisions.action
     place = places_of(row * problem.mdp.n_states + decisions.next_state, information.key)
-    bad = first_index(place < 0)
-    if bad is not None:
+    if (bad := first_index(place < 0)) is not None:
         raise SerdError(
             f"decisions must be those of the information, got decision {bad[0]} with a transition"
             " that those have not; pass the decisions of fit_information"
