@@ -82,13 +82,7 @@ def _sampled(
         found = sample_posterior(problem, modes, rng, n_draws=400, n_warm_up=50)
     except SerdError:
         found = sample_posterior(problem, modes, rng, n_draws=800)
-    kept = rng.choice(len(found.draws), N_RANKED, replace=False)
-    return PosteriorDraws(
-        found.draws.coordinates[kept],
-        found.draws.reward[kept],
-        found.draws.outcome_probabilities[kept],
-        found.draws.believed_outcome_probabilities[kept],
-    )
+    return found.draws.select(rng.choice(len(found.draws), N_RANKED, replace=False))
 
 
 def _problem() -> TabularProblem:

@@ -37,13 +37,7 @@ def draw_by_laplace(
 ) -> PosteriorDraws:
     """Draws of Laplace's approximation; mirrored pairs are halved, as ranks need them apart."""
     draws = laplace_draws(laplace(problem, decisions, fit), rng, 2 * N_RANKED)
-    first = slice(N_RANKED)
-    return PosteriorDraws(
-        draws.coordinates[first],
-        draws.reward[first],
-        draws.outcome_probabilities[first],
-        draws.believed_outcome_probabilities[first],
-    )
+    return draws.select(slice(N_RANKED))
 
 
 def calibration_ranks(

@@ -7,11 +7,11 @@ what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_count, require_generator, require_share
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_share
 from serd_core.bayes.laplace import Laplace
 from serd_core.dynamics.transition_model import TransitionModel, transitions_of
 from serd_core.mdp.problem import Problem
@@ -38,6 +38,10 @@ class PosteriorDraws:
 
     def __len__(self) -> int:
         return len(self.reward)
+
+    def select(self, rows: IntArray | slice) -> "PosteriorDraws":
+        """The draws of the given rows."""
+        return PosteriorDraws(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

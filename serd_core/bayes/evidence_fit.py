@@ -203,22 +203,12 @@ class EvidenceFit:
             problem.mdp.transitions.local_probabilities(theta)
             for theta in (at.truth, at.belief, self.start.truth)
         )
-        return fit_result(
-            problem,
-            Assumptions(
-                posterior.policy_model,
-                self.strengths.relation(self.logs),
-                self.strengths.prior(problem, self.logs),
-                by_likelihood=True,
-            ),
-            at,
-            final,
-            self.ascended,
-            tables=(truth, belief, initial),
-            n_decisions=posterior.observations.n_decisions,
-            objective=final.objective,
-            objective_trace=self.ascended.objective_trace,
-        )
+        relation = self.strengths.relation(self.logs)
+        prior = self.strengths.prior(problem, self.logs)
+        assumptions = Assumptions(posterior.policy_model, relation, prior, by_likelihood=True)
+        ascended = replace(self.ascended, objective=final.objective)
+        tables = (truth, belief, initial)
+        return fit_result(posterior, assumptions, at, final, ascended, tables)
 
     def log_evidence(self) -> float:
         """log P(D), the strengths integrated out by Laplace's approximation over their logs."""

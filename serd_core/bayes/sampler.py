@@ -160,21 +160,18 @@ def _inference_data(
 ) -> Any:
     """Rewards and dynamics by chain and draw, with names, for ArviZ."""
     flat = draws_at(problem, objective.coordinates, chains.reshape(-1, chains.shape[2]))
-    shape = chains.shape[:2]
-    values = {
-        "reward": flat.reward,
-        "outcome_probabilities": flat.outcome_probabilities,
-        "believed_outcome_probabilities": flat.believed_outcome_probabilities,
+    dims = {
+        "reward": ["feature"],
+        "outcome_probabilities": ["model", "outcome"],
+        "believed_outcome_probabilities": ["model", "outcome"],
     }
+    values = {name: getattr(flat, name) for name in dims}
+    shape = chains.shape[:2]
     return arviz.from_dict(
         posterior={name: each.reshape(*shape, *each.shape[1:]) for name, each in values.items()},
         sample_stats={"diverging": diverged},
         coords={"feature": list(problem.feature_names)},
-        dims={
-            "reward": ["feature"],
-            "outcome_probabilities": ["model", "outcome"],
-            "believed_outcome_probabilities": ["model", "outcome"],
-        },
+        dims=dims,
     )
 
 

@@ -101,7 +101,7 @@ class Backup:
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
     if problem.fused is not None:
-        q, target = None, problem.fused.soft_maximum(*problem.given, value)
+        q, target = None, problem.fused.soft_maximum(problem.given, value)
     else:
         q = problem.q(value)
         target = problem.equation.maximum(q)

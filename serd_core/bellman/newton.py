@@ -93,7 +93,7 @@ class Newton(BellmanSolver):
             solver = system.solver_of_next(solver)
             if fused is not None and unsettled:
                 sweeps = Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual)
-                value = fused.settle(*problem.given, value, sweeps)
+                value = fused.settle(problem.given, value, sweeps)
             proposed = backup(problem, value)
             good = proposed.residual <= WELL * latest.residual
             kept = proposed.residual <= keep * latest.residual and not unsettled
@@ -112,7 +112,7 @@ class Newton(BellmanSolver):
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
     pattern = problem.mdp.policy_pattern
     if problem.fused is not None:
-        data = problem.fused.soft_system_data(pattern, *problem.given, latest.value)
+        data = problem.fused.soft_system_data(pattern, problem.given, latest.value)
     else:
         policy = problem.equation.policy_at(latest.q, latest.target)
         data = problem.transitions.system_data(pattern, policy, problem.discount)

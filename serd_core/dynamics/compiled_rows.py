@@ -16,6 +16,8 @@ from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.compiled import halves, side_by_side
 from serd_core.dynamics.transition_model import RowBlocks, Sweeps
 
+#: Probabilities of P, (S, A) rewards and the discount.
+Given = tuple[FloatArray, FloatArray, float]
 #: exp() of less adds nothing to a sum of at least 1.
 LEAST_EXPONENT = -50.0
 
@@ -34,60 +36,42 @@ class CompiledRows:
         """Work space for values at the successors of a row."""
         return np.empty(self._longest)
 
-    def _rows_of(self, low: int, high: int) -> tuple[IntArray, ...]:
-        """The rows of states low to high - 1."""
-        successor, *tables = self._rows
-        return successor, *(table[low:high] for table in tables)
-
     def _in_parts(self, work: Callable[[tuple[int, int]], None]) -> None:
         """Do work on the states of each part, which changes no sum."""
         with side_by_side(halves(len(self._rows[1]))) as in_parts:
             in_parts(work)
 
-    def backed_up(
-        self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
-    ) -> FloatArray:
+    def backed_up(self, given: Given, values: FloatArray) -> FloatArray:
         """(S, A) R + discount * P V."""
-        q = np.empty(rewards.shape)
-        return self._filled(_back_up, q, probabilities, rewards, discount, values)
+        return self._filled(np.empty(given[1].shape), _back_up, given, values)
 
-    def soft_maximum(
-        self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
-    ) -> FloatArray:
+    def soft_maximum(self, given: Given, values: FloatArray) -> FloatArray:
         """(S,) log sum_a exp(R + discount * P V), without a table of the summands."""
-        target = np.empty(len(rewards))
-        return self._filled(_back_up_softly, target, probabilities, rewards, discount, values)
+        return self._filled(np.empty(len(given[1])), _back_up_softly, given, values)
 
     def _filled(
-        self,
-        back_up: Callable[..., None],
-        target: FloatArray,
-        probabilities: FloatArray,
-        rewards: FloatArray,
-        discount: float,
-        values: FloatArray,
+        self, target: FloatArray, back_up: Callable[..., None], given: Given, values: FloatArray
     ) -> FloatArray:
         """The target after `back_up` of all states."""
 
         def work(part: tuple[int, int]) -> None:
             low, high = part
-            given = probabilities, rewards[low:high], discount, values, self._near
-            back_up(*self._rows_of(low, high), *given, target[low:high])
+            back_up(*self._of_states(low, high, given, values), target[low:high])
 
         self._in_parts(work)
         return target
 
-    def settle(
-        self,
-        probabilities: FloatArray,
-        rewards: FloatArray,
-        discount: float,
-        values: FloatArray,
-        sweeps: Sweeps,
-    ) -> FloatArray:
+    def _of_states(self, low: int, high: int, given: Given, values: FloatArray) -> tuple[Any, ...]:
+        """What compiled functions take of the states low to high - 1."""
+        successor, *tables = self._rows
+        probabilities, rewards, discount = given
+        numbers = probabilities, rewards[low:high], discount, values, self._near
+        return successor, *(table[low:high] for table in tables), *numbers
+
+    def settle(self, given: Given, values: FloatArray, sweeps: Sweeps) -> FloatArray:
         """(S,) values after sweeps of the soft equation."""
         settled = values.copy()
-        _settle(*self._rows, probabilities, rewards, discount, settled, self._near, sweeps)
+        _settle(*self._rows, *given, settled, self._near, sweeps)
         return settled
 
     def flow(self, probabilities: FloatArray, weights: FloatArray, n_states: int) -> FloatArray:
@@ -103,12 +87,7 @@ class CompiledRows:
         return sums
 
     def soft_system_data(
-        self,
-        pattern: PolicyPattern,
-        probabilities: FloatArray,
-        rewards: FloatArray,
-        discount: float,
-        values: FloatArray,
+        self, pattern: PolicyPattern, given: Given, values: FloatArray
     ) -> FloatArray:
         """(nnz,) numbers of I - discount * P_pi for the soft policy of V, without a table of it."""
         assert isinstance(pattern, SlottedPattern)
@@ -116,9 +95,8 @@ class CompiledRows:
 
         def work(part: tuple[int, int]) -> None:
             low, high = part
-            given = probabilities, rewards[low:high], discount, values, self._near
             structure = pattern.slot, pattern.row_start[low:high], pattern.diagonal[low:high]
-            _fill_system_softly(*self._rows_of(low, high), *given, *structure, data)
+            _fill_system_softly(*self._of_states(low, high, given, values), *structure, data)
 
         self._in_parts(work)
         return data

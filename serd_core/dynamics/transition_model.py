@@ -348,7 +348,7 @@ class Transitions:
             q *= discount
             q += rewards
             return q
-        return rows.backed_up(self.flat, rewards, discount, values)
+        return rows.backed_up((self.flat, rewards, discount), values)
 
     def system_data(
         self, pattern: PolicyPattern, policy: FloatArray, discount: float

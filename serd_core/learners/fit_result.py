@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
 from serd_core.errors import SerdError
-from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import PosteriorValue
+from serd_core.posterior.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior
 
 if TYPE_CHECKING:
@@ -127,16 +126,12 @@ class FitResult:
 
 
 def fit_result(
-    problem: Problem,
+    posterior: Posterior,
     assumptions: Assumptions,
     parameters: Parameters,
     final: PosteriorValue,
     ascended: AscentResult,
-    *,
     tables: tuple[FloatArray, FloatArray, FloatArray],
-    n_decisions: int,
-    objective: float,
-    objective_trace: FloatArray,
     undetermined: tuple[str, ...] = (),
 ) -> FitResult:
     """The record of an ascent that ended at `parameters`, where the posterior is `final`.
@@ -145,23 +140,23 @@ def fit_result(
     """
     truth, belief, initial = tables
     return FitResult(
-        feature_names=problem.feature_names,
+        feature_names=posterior.problem.feature_names,
         parameters=parameters,
         outcome_probabilities=truth,
         believed_outcome_probabilities=belief,
         initial_outcome_probabilities=initial,
         temperature=assumptions.policy_model.temperature(parameters.policy),
-        objective=objective,
+        objective=ascended.objective,
         policy_log_likelihood=final.policy_log_likelihood,
         dynamics_log_likelihood=final.dynamics_log_likelihood,
         log_prior=final.log_prior,
         gradient_norm=ascended.gradient_norm,
-        n_decisions=n_decisions,
+        n_decisions=posterior.observations.n_decisions,
         n_steps=ascended.n_steps,
         n_evaluations=ascended.n_evaluations,
         converged=ascended.converged and final.solution.converged,
         message=ascended.message,
-        objective_trace=objective_trace,
+        objective_trace=ascended.objective_trace,
         residual=final.solution.residual,
         error_bound=final.solution.error_bound,
         assumptions=assumptions,

@@ -80,17 +80,8 @@ class RewardSearch:
         )
         posterior = Posterior(self.problem, self.observations, self.policy_model, assumptions.prior)
         parameters = self.start.with_block(Block.REWARD, ascended.vector)
-        return fit_result(
-            self.problem,
-            assumptions,
-            parameters,
-            posterior.evaluate(parameters),
-            ascended,
-            tables=(self.table, self.table, self.table),
-            n_decisions=self.observations.n_decisions,
-            objective=ascended.objective,
-            objective_trace=ascended.objective_trace,
-        )
+        final, tables = posterior.evaluate(parameters), (self.table, self.table, self.table)
+        return fit_result(posterior, assumptions, parameters, final, ascended, tables)
 
 
 def reward_search(

@@ -36,7 +36,6 @@ from serd_core.arrays import (
     weighted_counts,
 )
 from serd_core.ascent.ascent import (
-    AscentResult,
     Climb,
     FunctionObjective,
     Point,
@@ -107,7 +106,10 @@ def fit_relative_entropy_irl(
         callback=lambda intermediate_result: _after_step(climb, dual, intermediate_result.x),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    return search.result(_ascended(climb, dual, found, gradient_tolerance, largest_weight))
+    stuck = bool(np.any(found.x >= largest_weight))
+    reason = "weights reached largest_weight; take more samples" if stuck else found.message
+    end, otherwise = dual.at(found.x), f"not converged: {reason}"
+    return search.result(climb.result(end, gradient_tolerance, otherwise))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,18 +171,6 @@ def _after_step(climb: Climb, dual: SampledDual, halves: FloatArray) -> None:
     climb.accept(dual.at(halves))
     if climb.stopped:
         raise StopIteration
-
-
-def _ascended(
-    climb: Climb,
-    dual: SampledDual,
-    found: scipy.optimize.OptimizeResult,
-    gradient_tolerance: float,
-    largest_weight: float,
-) -> AscentResult:
-    stuck = bool(np.any(found.x >= largest_weight))
-    reason = "weights reached largest_weight; take more samples" if stuck else found.message
-    return climb.result(dual.at(found.x), gradient_tolerance, f"not converged: {reason}")
 
 
 def sample_from_estimates(

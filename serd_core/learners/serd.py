@@ -18,7 +18,7 @@ only shrinks rewards and temperature has no maximum, as both then go to zero tog
     fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -129,17 +129,11 @@ def fit_serd(
     truth, believed = (
         _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
     )
+    trace = found.ascended.objective_trace * observations.n_decisions
+    ascended = replace(found.ascended, objective=final.objective, objective_trace=trace)
+    tables = (truth, believed, initial_probabilities)
     return fit_result(
-        problem,
-        assumptions,
-        parameters,
-        final,
-        found.ascended,
-        undetermined=found.undetermined,
-        tables=(truth, believed, initial_probabilities),
-        n_decisions=observations.n_decisions,
-        objective=final.objective,
-        objective_trace=found.ascended.objective_trace * observations.n_decisions,
+        posterior, assumptions, parameters, final, ascended, tables, found.undetermined
     )
 
 

@@ -113,7 +113,8 @@ def episode_scores(
         )
         if hides:
             sampled = sampled.with_hidden_actions()
-        table = _cumulative(problem, sampled, policy, outcome_probabilities, n_simulated)
+        of_samples = move_log_likelihood(problem, sampled, policy, outcome_probabilities)
+        table = _cumulative(sampled, of_samples, n_simulated)
         for episode in mine:
             simulated = table[:, min(lengths[episode], table.shape[1]) - 1]
             expected[episode] = simulated.mean()
@@ -121,17 +122,10 @@ def episode_scores(
     return EpisodeScores(episodes, lengths, score, expected, rank)
 
 
-def _cumulative(
-    problem: Problem,
-    sampled: Decisions,
-    policy: FloatArray,
-    outcome_probabilities: FloatArray,
-    n_simulated: int,
-) -> FloatArray:
+def _cumulative(sampled: Decisions, likelihood: FloatArray, n_simulated: int) -> FloatArray:
     """(n, T) mean log-likelihood of each simulated episode's decisions up to each step."""
     step = sampled.time_s.astype(np.int64)
     totals, counts = np.zeros((2, n_simulated, int(step.max()) + 1))
-    likelihood = move_log_likelihood(problem, sampled, policy, outcome_probabilities)
     totals[sampled.episode, step] = likelihood
     counts[sampled.episode, step] = 1.0
     return np.asarray(totals.cumsum(axis=1) / counts.cumsum(axis=1))

@@ -9,7 +9,7 @@ each sample has their uncertainty in its errors.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,6 +77,5 @@ def bootstrap(
 def _sample(decisions: Decisions, rows: list[IntArray], drawn: IntArray) -> Decisions:
     """The drawn episodes, numbered anew, so that one drawn twice is two."""
     chosen = [rows[place] for place in drawn]
-    columns = decisions.select(np.concatenate(chosen)).columns()
-    columns["episode"] = np.repeat(np.arange(len(chosen)), [len(each) for each in chosen])
-    return Decisions(**columns, source=decisions.source)  # type: ignore[arg-type]
+    episode = np.repeat(np.arange(len(chosen)), [len(each) for each in chosen])
+    return replace(decisions.select(np.concatenate(chosen)), episode=episode)

@@ -100,7 +100,7 @@ def test_the_fused_maximum_is_that_of_the_table(random_problem, seed):
     values = 10.0 * rng.normal(size=mdp.n_states)
     expected = np.logaddexp.reduce(rewards + 0.95 * transitions.expected(values), axis=1)
     np.testing.assert_allclose(
-        mdp.transitions.compiled_rows.soft_maximum(transitions.flat, rewards, 0.95, values),
+        mdp.transitions.compiled_rows.soft_maximum((transitions.flat, rewards, 0.95), values),
         expected,
         rtol=1e-13,
         atol=1e-13,
@@ -294,7 +294,7 @@ def test_soft_systems_are_those_of_the_soft_policy(random_problem, seed):
     policy = SoftBellman().policy(transitions.backed_up(rewards, 0.95, values))
     np.testing.assert_allclose(
         mdp.transitions.compiled_rows.soft_system_data(
-            pattern, transitions.flat, rewards, 0.95, values
+            pattern, (transitions.flat, rewards, 0.95), values
         ),
         transitions.system_data(pattern, policy, 0.95),
         atol=1e-13,
@@ -315,7 +315,7 @@ def test_sweeps_shrink_the_largest_error_and_values_that_rise_stay_below_the_sol
     far = exact + 10.0 * rng.normal(size=mdp.n_states)
 
     def settled(values, sweeps):
-        return posed.fused.settle(*posed.given, values, sweeps)
+        return posed.fused.settle(posed.given, values, sweeps)
 
     error = np.max(np.abs(settled(far, Sweeps(3, 3, 0.0)) - exact))
     assert error <= 0.95**3 * np.max(np.abs(far - exact)) + 1e-8
