@@ -146,7 +146,7 @@ def _pseudo_count(prior: Prior) -> float:
 def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
     """(M,) transitions that were observed of each outcome model."""
     seen = posterior.observations
-    state, action = np.divmod(seen.row(models), models.n_actions)
+    state, action = np.divmod(seen.key // models.n_states, models.n_actions)
     return weighted_counts(models.model_of[state, action], seen.group_count, models.n_models)
 
 

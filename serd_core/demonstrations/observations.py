@@ -62,10 +62,6 @@ class Observations:
         """Number of decisions, with and without their action."""
         return int(self.state_action.sum() + self.hidden.count.sum())
 
-    def row(self, model: TransitionModel) -> IntArray:
-        """(G,) row s * A + a of each transition."""
-        return self.key // model.n_states
-
     def counts(self, model: TransitionModel) -> FloatArray:
         """How often each of the model's distinct transitions (`groups`) was observed."""
         counts = np.zeros(len(model.groups))

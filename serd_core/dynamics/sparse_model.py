@@ -287,5 +287,5 @@ def fixed_transitions(
         probabilities=KnownEntries(known),
         vector_jacobian=NONE,
     )
-    model.require_stochastic(model.entries(known))
+    model.require_transitions(known)
     return model

@@ -105,17 +105,6 @@ class RowBlocks:
         return RowEntries(row[owner], self.successor[first].astype(np.int64), place)
 
 
-def group_entries(row: IntArray, successor: IntArray, n_states: int) -> TransitionGroups:
-    """Group entries by (row, successor)."""
-    keys, group_of_entry = np.unique(row * n_states + successor, return_inverse=True)
-    return TransitionGroups(
-        group_of_entry=group_of_entry.reshape(-1),
-        row=keys // n_states,
-        successor=keys % n_states,
-        n_states=n_states,
-    )
-
-
 class TransitionModel(ABC):
     """Sparse P(s' | s, a) as a smooth function of a parameter vector.
 
@@ -246,7 +235,9 @@ class TransitionModel(ABC):
     @cached_property
     def groups(self) -> TransitionGroups:
         """Entries grouped by their distinct transition (s, a, s')."""
-        return group_entries(self.row, self.successor, self.n_states)
+        n_states = self.n_states
+        keys, place = np.unique(self.row * n_states + self.successor, return_inverse=True)
+        return TransitionGroups(place.reshape(-1), keys // n_states, keys % n_states, n_states)
 
     @cached_property
     def absorbing(self) -> BoolArray:
@@ -287,10 +278,7 @@ class TransitionModel(ABC):
 
     def require_transitions(self, local_probabilities: FloatArray) -> None:
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
-        self.require_stochastic(self.entries(local_probabilities))
-
-    def require_stochastic(self, entries: FloatArray) -> None:
-        """The same for (E,) entries."""
+        entries = self.entries(local_probabilities)
         if (bad := np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))).size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
         lengths = np.diff(self.row_start)

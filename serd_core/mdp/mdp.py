@@ -38,7 +38,10 @@ class Mdp:
     discount: float
 
     def __post_init__(self) -> None:
-        require_discount(self.discount)
+        if not (is_number(self.discount) and 0.0 <= self.discount < 1.0):
+            raise SerdError(
+                f"discount must be in [0, 1), got {shown(self.discount)}; use for example 0.99"
+            )
         object.__setattr__(self, "discount", float(self.discount))
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
@@ -96,12 +99,6 @@ class Mdp:
         if model.compiled_rows is not None:
             return model.compiled_rows.policy_pattern()
         return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)
-
-
-def require_discount(discount: float) -> None:
-    """SerdError unless 0 <= discount < 1."""
-    if not (is_number(discount) and 0.0 <= discount < 1.0):
-        raise SerdError(f"discount must be in [0, 1), got {shown(discount)}; use for example 0.99")
 
 
 #: How far a sum may be from 1; tables read from files are rounded.

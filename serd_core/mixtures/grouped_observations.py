@@ -59,10 +59,6 @@ class GroupedObservations:
             found = found + self.moves @ hidden.log_moves
         return np.asarray(found)
 
-    def scores(self, of_transitions: FloatArray, of_moves: FloatArray) -> FloatArray:
-        """(U, n) gradient of l_u, for the scores of transitions (G, n) and hidden moves (T, n)."""
-        return np.asarray(self.transitions @ of_transitions + self.moves @ of_moves)
-
 
 def group_observations(
     mdp: Mdp, decisions: Decisions, experts: IntArray | None = None

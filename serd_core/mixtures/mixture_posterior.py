@@ -211,7 +211,8 @@ class MixtureLogPosterior(Objective):
             of_transitions = transition_scores(posterior, parameters, value, part)
             of_moves = move_scores(value.expected, of_transitions)
             jacobian = self.space.belief.jacobian(parameters)
-            found.append(self.units.scores(of_transitions, of_moves) @ jacobian @ table)
+            of_units = self.units.transitions @ of_transitions + self.units.moves @ of_moves
+            found.append(np.asarray(of_units) @ jacobian @ table)
         return np.stack(found)
 
 

@@ -43,7 +43,7 @@ def expected_counts(
     hidden = seen.hidden
     if not hidden:
         return ExpectedCounts(seen, np.zeros(0), np.zeros(0), 0.0)
-    row = seen.row(true.model)[hidden.place]
+    row = seen.key[hidden.place] // true.model.n_states
     probability = seen.probabilities(true.local_probabilities)
     log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
     largest = np.full(len(hidden.count), -np.inf)

@@ -98,7 +98,10 @@ class PolicyPattern(ABC):
         order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=False)
         rank = np.argsort(order)
         row = np.repeat(np.arange(self.n_states), np.diff(self.row_start))
-        return _band(np.asarray(order, dtype=np.int64), rank, rank[self.column], rank[row])
+        row, column = rank[self.column], rank[row]  # of the transpose
+        below, above = int(np.max(row - column)), int(np.max(column - row))
+        place = column * (2 * below + above + 1) + below + above + row - column
+        return Band(np.asarray(order, dtype=np.int64), rank, below, above, place)
 
     @cached_property
     def elimination(self) -> Elimination:
@@ -289,13 +292,6 @@ class Band:
         flat = np.zeros(self.n_rows * len(self.order))
         flat[self.place] = data
         return flat.reshape(len(self.order), self.n_rows).T
-
-
-def _band(order: IntArray, rank: IntArray, row: IntArray, column: IntArray) -> Band:
-    below, above = int(np.max(row - column)), int(np.max(column - row))
-    n_rows = 2 * below + above + 1
-    place = column * n_rows + below + above + row - column
-    return Band(order=order, rank=rank, below=below, above=above, place=place)
 
 
 def policy_pattern(

@@ -88,11 +88,11 @@ def test_wrong_tables_are_refused_with_the_place(change, sentence):
 def test_a_row_that_is_no_distribution_is_named():
     model = two_models()
     with pytest.raises(SerdError, match=r"state 0, action 1 .* the row sums to 1.1"):
-        model.require_stochastic(model.entries(np.array([[0.3, 0.7], [0.5, 0.6]])))
+        model.require_transitions(np.array([[0.3, 0.7], [0.5, 0.6]]))
     with pytest.raises(SerdError, match=r"state 0, action 0 .* has an entry of -0.3"):
-        model.require_stochastic(model.entries(np.array([[-0.3, 1.3], [0.5, 0.5]])))
+        model.require_transitions(np.array([[-0.3, 1.3], [0.5, 0.5]]))
     with pytest.raises(SerdError, match="has an entry of nan"):
-        model.require_stochastic(model.entries(np.array([[np.nan, 1.0], [0.5, 0.5]])))
+        model.require_transitions(np.array([[np.nan, 1.0], [0.5, 0.5]]))
 
 
 def test_a_probability_of_zero_has_no_energy():
