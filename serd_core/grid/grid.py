@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+import scipy  # loads ndimage at its first use
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array
@@ -156,17 +157,9 @@ def action_of_direction(east: float, north: float) -> Action:
 def grid_wall_distance_m(grid: Grid) -> FloatArray:
     """(S,) metres from each cell's centre to the nearest blocked cell; outside is blocked."""
     distance = np.full(grid.n_states, np.inf)
-    for blocked in _facing_cells(grid.walkable):
+    free = np.pad(grid.walkable, 2)
+    near = scipy.ndimage.binary_dilation(free, np.ones((3, 3)))  # corners included
+    for blocked in np.argwhere(near & ~free) - 2.0:
         gap = np.maximum(np.abs(grid.cells - blocked) - 0.5, 0.0)
         distance = np.minimum(distance, np.hypot(gap[:, 0], gap[:, 1]))
     return np.asarray(distance * grid.cell_size_m)
-
-
-def _facing_cells(walkable: BoolArray) -> FloatArray:
-    """(B, 2) row and column of the blocked cells next to a walkable one, corners included."""
-    free = np.pad(walkable, 2)
-    near = np.zeros_like(free)
-    for down in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            near |= np.roll(free, (down, right), axis=(0, 1))
-    return np.asarray(np.argwhere(near & ~free) - 2.0)

@@ -14,6 +14,7 @@ other in these scores (k-means++, Arthur and Vassilvitskii 2007).
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import quadratic_step
@@ -113,15 +114,11 @@ def drawn_partition(points: FloatArray, n_parts: int, rng: np.random.Generator) 
     """(U,) part of each of the points (U, d): that of the nearest of k-means++ centres."""
     centres = [int(rng.integers(len(points)))]
     while len(centres) < n_parts:
-        squared = _squared_distances(points, centres).min(axis=1)
+        squared = cdist(points, points[centres], "sqeuclidean").min(axis=1)
         if not squared.sum() > 0:
             return rng.integers(n_parts, size=len(points))
         centres.append(int(rng.choice(len(points), p=squared / squared.sum())))
-    return np.asarray(np.argmin(_squared_distances(points, centres), axis=1))
-
-
-def _squared_distances(points: FloatArray, centres: list[int]) -> FloatArray:
-    return np.asarray(np.sum((points[:, None] - points[centres]) ** 2, axis=2))
+    return np.asarray(np.argmin(cdist(points, points[centres], "sqeuclidean"), axis=1))
 
 
 def unit_scores(objective: MixtureLogPosterior, vector: FloatArray) -> FloatArray:

@@ -50,6 +50,12 @@ class Parameters:
         start = sum(map(len, self._blocks[:number]))
         return slice(start, start + len(self._blocks[number]))
 
+    def placed(self, name: Block, table: FloatArray) -> FloatArray:
+        """(n, n) over that row with a table in the place of a block, 0 elsewhere."""
+        whole, place = np.zeros((len(self.vector),) * 2), self.place(name)
+        whole[place, place] = table
+        return whole
+
     def block(self, name: Block) -> FloatArray:
         """The block of that name."""
         values: FloatArray = getattr(self, name.value)

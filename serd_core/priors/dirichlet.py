@@ -60,15 +60,12 @@ class DirichletPrior(Prior):
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """In the part of the block, of outcome models -beta c K dP."""
-        table, place = np.zeros((len(parameters.vector),) * 2), parameters.place(self.block)
+        theta = parameters.block(self.block)
         if isinstance(model, SparseModel):
-            theta = parameters.block(self.block)
-            table[place, place] = self._of_transitions(model).hessian(theta)
-            return table
+            return parameters.placed(self.block, self._of_transitions(model).hessian(theta))
         models = require_outcome_models(model, "DirichletPrior")
-        slope = models.local_jacobian(parameters.block(self.block))
-        table[place, place] = -models.beta * self.pseudo_count * models.n_outcomes * slope
-        return table
+        scale = -models.beta * self.pseudo_count * models.n_outcomes
+        return parameters.placed(self.block, scale * models.local_jacobian(theta))
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
         """M times the volume of the coordinates over B(c, ..., c)."""

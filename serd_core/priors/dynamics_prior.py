@@ -53,12 +53,10 @@ class DynamicsPrior(Prior):
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Second derivatives, in the part of the block."""
-        theta, place = parameters.block(self.block), parameters.place(self.block)
+        theta = parameters.block(self.block)
         probability = transition_probabilities(model, theta)
         _, slope, bend = self.terms(model, self._weights(model), probability)
-        table = np.zeros((len(parameters.vector),) * 2)
-        table[place, place] = transition_hessian(model, theta, slope, bend)
-        return table
+        return parameters.placed(self.block, transition_hessian(model, theta, slope, bend))
 
     def _weights(self, model: TransitionModel) -> FloatArray:
         weights = self.weight * group_weights(model, self.state_action_weights)

@@ -62,10 +62,8 @@ class GaussianPrior(Prior):
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """-1 / sd^2 on the block's diagonal."""
         del model
-        diagonal = np.zeros(len(parameters.vector))
         deviation = self._deviations(parameters.block(self.block))
-        diagonal[parameters.place(self.block)] = -1.0 / deviation**2
-        return np.diag(diagonal)
+        return parameters.placed(self.block, np.diag(-1.0 / deviation**2))
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -53,16 +53,16 @@ class NormPrior(Prior):
         d2 n = diag(e^2 / a^3 (a / n)^(p-1)) + (p - 1) / n (diag(c^2 (a / n)^(p-2)) - s s^T)
         """
         del model
-        table = np.zeros((len(parameters.vector),) * 2)
-        theta, place = parameters.block(self.block), parameters.place(self.block)
-        if theta.size:
-            absolute, norm = self._norm(theta)
-            share, slope = absolute / norm, theta / absolute
-            kink = (self.smoothing / absolute) ** 2 / absolute * share ** (self.p - 1.0)
-            along = slope * share ** (self.p - 1.0)
-            bowl = np.diag(slope**2 * share ** (self.p - 2.0)) - np.outer(along, along)
-            table[place, place] = np.diag(kink) + (self.p - 1.0) / norm * bowl
-        return -self.weight * table
+        theta = parameters.block(self.block)
+        if not theta.size:
+            return np.zeros((len(parameters.vector),) * 2)
+        absolute, norm = self._norm(theta)
+        share, slope = absolute / norm, theta / absolute
+        kink = (self.smoothing / absolute) ** 2 / absolute * share ** (self.p - 1.0)
+        along = slope * share ** (self.p - 1.0)
+        bowl = np.diag(slope**2 * share ** (self.p - 2.0)) - np.outer(along, along)
+        table = np.diag(kink) + (self.p - 1.0) / norm * bowl
+        return parameters.placed(self.block, -self.weight * table)
 
     def _norm(self, theta: FloatArray) -> tuple[FloatArray, float]:
         """(n,) |theta|_e and its p-norm."""
