@@ -67,14 +67,14 @@ def fit_several_goals(
         start = float_array("initial_weights", initial_weights, (len(names),))
     ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
     each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
-    objective = SumOverGoals(each)
+    objective = SumOverGoals(each)  # transitions are known and only add a constant
     found = Scaled(objective, 1.0 / ranges).maximum(NewtonAscent(), start, on_step)
     weights = found.vector
     return SharedRewards(
         feature_names=names,
         reward_weights=weights,
         information=-objective.hessian(weights),
-        log_likelihoods=np.array([goal.evaluate(weights)[0] for goal in each]),
+        log_likelihoods=np.array([goal.found(weights)[1].policy_log_likelihood for goal in each]),
         n_decisions=sum(len(decisions) for _, decisions in goals),
         converged=found.converged,
         message=found.message,
@@ -116,16 +116,7 @@ def _log_likelihood(
     zeros = np.zeros(len(problem.feature_names))
     at = starting_parameters(problem, policy_model, zeros, known, FixedBelief())
     posterior = Posterior(problem, observations, policy_model, UniformPrior())
-    return _PolicyOnly(posterior, free_numbers(problem, FixedBelief(), at))
-
-
-class _PolicyOnly(LogPosterior):
-    """The log-likelihood of the choices; transitions are known and only add a constant."""
-
-    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = super().evaluate(vector)
-        _, found = self._found(vector)
-        return value - found.dynamics_log_likelihood, gradient
+    return LogPosterior(posterior, free_numbers(problem, FixedBelief(), at))
 
 
 def _shared_names(goals: Sequence[tuple[Problem, Decisions]]) -> tuple[str, ...]:

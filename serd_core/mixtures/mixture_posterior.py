@@ -227,6 +227,5 @@ def _covariance(scores: FloatArray, responsibilities: FloatArray) -> FloatArray:
 def _without_truth(prior: Prior) -> Prior:
     """The prior less its terms over theta_T."""
     if isinstance(prior, SumOfPriors):
-        terms = tuple(map(_without_truth, prior.terms))
-        return SumOfPriors(tuple(each for each in terms if not isinstance(each, UniformPrior)))
+        return SumOfPriors(tuple(map(_without_truth, prior.terms)))
     return UniformPrior() if prior.blocks == (Block.TRUTH,) else prior

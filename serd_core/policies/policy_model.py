@@ -4,7 +4,6 @@ Maximum discounted causal entropy: Boltzmann over soft Q-values (Eq. 4.13).
 Policy matching: Boltzmann over optimal Q-values with a temperature (Eqs. 3.11, 4.62, 4.63).
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,23 +13,28 @@ from serd_core.arrays import FloatArray, largest_per_row, require_positive, sum_
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
 
 
-class PolicyModel(ABC):
-    """pi_theta(a | s) = g(theta_P, Q)(s, a); equation: the one whose Q the policy is made of."""
+class PolicyModel:
+    """pi_theta(a | s) = g(theta_P, Q)(s, a); without parameters unless overridden.
+
+    equation: the one whose Q the policy is made of.
+    """
 
     equation: ClassVar[BellmanEquation]
 
     @property
-    @abstractmethod
     def initial_parameters(self) -> FloatArray:
         """theta_P to start from; empty where the model has none."""
+        return np.zeros(0)
 
-    @abstractmethod
     def temperature(self, policy_parameters: FloatArray) -> float:
         """Temperature of the Boltzmann distribution over Q."""
+        del policy_parameters
+        return 1.0
 
-    @abstractmethod
     def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A, p) derivative of log pi(a | s) by the p numbers of theta_P."""
+        del policy_parameters
+        return np.zeros((*q.shape, 0))
 
     def parameter_gradient(
         self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
@@ -39,11 +43,12 @@ class PolicyModel(ABC):
         scores = self.parameter_scores(policy_parameters, q)
         return np.tensordot(log_policy_gradient, scores, axes=2)
 
-    @abstractmethod
     def parameter_curvature(
         self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
     ) -> tuple[FloatArray, float]:
         """(S, A) derivative of `parameter_gradient` by Q, and its derivative by theta_P."""
+        del policy_parameters, q
+        return np.zeros_like(counts), 0.0
 
     def log_probabilities(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A) log pi(a | s); -inf where an action is unavailable."""
@@ -67,31 +72,12 @@ class PolicyModel(ABC):
 
 @dataclass(frozen=True)
 class MdcePolicy(PolicyModel):
-    """pi(a | s) = exp(Q(s, a) - V(s)) with soft Q (3.28); no parameters, temperature 1."""
+    """pi(a | s) = exp(Q(s, a) - V(s)) with soft Q (3.28); no parameters, temperature 1.
+
+    The scale of the reward weights expresses how noisy the expert is.
+    """
 
     equation = SoftBellman()
-
-    @property
-    def initial_parameters(self) -> FloatArray:
-        """None."""
-        return np.zeros(0)
-
-    def temperature(self, policy_parameters: FloatArray) -> float:
-        """One: the scale of the reward weights expresses how noisy the expert is."""
-        del policy_parameters
-        return 1.0
-
-    def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
-        """Empty."""
-        del policy_parameters
-        return np.zeros((*q.shape, 0))
-
-    def parameter_curvature(
-        self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
-    ) -> tuple[FloatArray, float]:
-        """Nothing."""
-        del policy_parameters, q
-        return np.zeros_like(counts), 0.0
 
 
 @dataclass(frozen=True)

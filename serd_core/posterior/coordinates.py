@@ -110,7 +110,7 @@ class LogPosterior(Objective):
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """J / divisor and its (d,) gradient."""
-        parameters, found = self._found(vector)
+        parameters, found = self.found(vector)
         by_free = self.coordinates.belief.pull_back(found.gradient, parameters) / self.divisor
         return found.objective / self.divisor, np.asarray(self.coordinates.table.T @ by_free)
 
@@ -118,7 +118,7 @@ class LogPosterior(Objective):
         """Exact (d, d) second derivatives of J / divisor; those of the last vector are kept."""
         if self._last_hessian is not None and np.array_equal(self._last_hessian[0], vector):
             return self._last_hessian[1]
-        parameters, found = self._found(vector)
+        parameters, found = self.found(vector)
         learns = self.coordinates.belief.learns_dynamics
         blocks = posterior_hessian(self.posterior, parameters, found, learns_dynamics=learns)
         by_free = vector_hessian(self.coordinates.belief, blocks, found.gradient, parameters)
@@ -134,8 +134,8 @@ class LogPosterior(Objective):
         jacobian = belief.jacobian(parameters) @ self.coordinates.table
         return np.asarray(-jacobian.T @ blocks @ jacobian) / self.divisor
 
-    def _found(self, vector: FloatArray) -> tuple[Parameters, PosteriorValue]:
-        """What was found at a vector; the last is kept."""
+    def found(self, vector: FloatArray) -> tuple[Parameters, PosteriorValue]:
+        """Parameters and posterior at a vector; the last are kept."""
         if self._last is None or not np.array_equal(self._last[0], vector):
             parameters = self.coordinates.parameters(vector)
             self._last = (vector.copy(), parameters, self.at(parameters))

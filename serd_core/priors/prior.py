@@ -1,7 +1,7 @@
 """What every prior offers: log P(theta) up to a constant, and its gradient."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -72,31 +72,6 @@ class Prior(ABC):
 
 
 @dataclass(frozen=True)
-class UniformPrior(Prior):
-    """No preference: log P(theta) = 0."""
-
-    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Zero everywhere."""
-        del model
-        return LogPrior(0.0, parameters.zeros())
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """None."""
-        return ()
-
-    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """0: no block has a density."""
-        del model, parameters
-        return 0.0
-
-    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Zero everywhere."""
-        del model
-        return np.zeros((len(parameters.vector),) * 2)
-
-
-@dataclass(frozen=True)
 class SumOfPriors(Prior):
     """Product of independent priors."""
 
@@ -108,15 +83,17 @@ class SumOfPriors(Prior):
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Sum of values and of gradients."""
-        first, *others = (term.evaluate(model, parameters) for term in self.terms)
-        value, gradient = first.value, first.gradient
-        for part in others:
+        value, gradient = 0.0, parameters.zeros()
+        for part in (term.evaluate(model, parameters) for term in self.terms):
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Sum of the terms' second derivatives."""
-        return np.asarray(sum(term.hessian(model, parameters) for term in self.terms))
+        table = np.zeros((len(parameters.vector),) * 2)
+        for term in self.terms:
+            table += term.hessian(model, parameters)
+        return table
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -130,7 +107,14 @@ class SumOfPriors(Prior):
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""
         terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
-        return SumOfPriors(terms)
+        return self if terms == self.terms else SumOfPriors(terms)
+
+
+@dataclass(frozen=True)
+class UniformPrior(SumOfPriors):
+    """No preference: log P(theta) = 0, a sum of no terms."""
+
+    terms: tuple[Prior, ...] = field(default=(), init=False, repr=False)
 
 
 def require_dynamics_block(name: str, block: Block) -> None:
