@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, floored, require_positive
+from serd_core.arrays import FloatArray, floored, require_kind, require_positive
 from serd_core.dynamics.counted_transitions import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
@@ -37,6 +37,7 @@ class DirichletPrior(Prior):
 
     def __post_init__(self) -> None:
         require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
+        require_kind("block", self.block, (Block,), "Block.TRUTH")
         require_dynamics_block("DirichletPrior", self.block)
 
     @property

@@ -9,7 +9,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, floored, require_each
+from serd_core.arrays import FloatArray, float_array, floored, require_each, require_kind
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.transition_derivatives import transition_hessian
@@ -31,8 +31,10 @@ class DynamicsPrior(Prior):
     mean_over_pairs: bool
 
     def __post_init__(self) -> None:
-        require_weight(f"weight of {type(self).__name__}", self.weight)
-        require_dynamics_block(type(self).__name__, self.block)
+        name = type(self).__name__
+        require_weight(f"weight of {name}", self.weight)
+        require_kind(f"block of {name}", self.block, (Block,), "Block.TRUTH")
+        require_dynamics_block(name, self.block)
 
     @abstractmethod
     def terms(
