@@ -22,7 +22,7 @@ from serd_core.mixtures.expert_types import (
     ExpertTypes,
     TypeChoice,
     choose_expert_types,
-    fit_mixtures,
+    fit_expert_types,
 )
 from serd_core.mixtures.pace import has_enough_times, pace_of_types
 from serd_core.posterior.beliefs import Belief, TiedBelief
@@ -96,8 +96,8 @@ def _choice(
 ) -> TypeChoice:
     if wanted == "auto":
         return choose_expert_types(problem, decisions, experts=experts, belief=belief)
-    found = fit_mixtures(problem, decisions, (wanted,), experts=experts, belief=belief)
-    return TypeChoice(tuple(found), minimum_episodes=0.0)
+    found = fit_expert_types(problem, decisions, wanted, experts=experts, belief=belief)
+    return TypeChoice((found,), minimum_episodes=0.0)
 
 
 def _compared(relation: str, choices: Mapping[str, TypeChoice]) -> str:

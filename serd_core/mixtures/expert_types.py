@@ -13,7 +13,6 @@ units, are given for comparison:
 A type needs `minimum_episodes` expected episodes; a mixture without them is not chosen.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -297,27 +296,9 @@ def fit_expert_types(
     settings: EmSettings = SETTINGS,
 ) -> ExpertTypes:
     """A mixture of a given number of types; arguments as in `choose_expert_types`."""
-    found = fit_mixtures(
-        problem, decisions, (n_types,), experts=experts, belief=belief, settings=settings
-    )
-    return found[0]
-
-
-def fit_mixtures(
-    problem: Problem,
-    decisions: Decisions,
-    numbers: Iterable[int],
-    *,
-    experts: IntArray | None = None,
-    belief: Belief = TIED,
-    settings: EmSettings = SETTINGS,
-) -> list[ExpertTypes]:
-    """A mixture of each of the numbers of types; arguments as in `choose_expert_types`."""
     search = _search(problem, decisions, experts, belief, settings)
-    wanted = list(numbers)
-    for n_types in wanted:
-        _require_types(n_types, len(search.units))
-    return [search.mixture(n_types) for n_types in wanted]
+    _require_types(n_types, len(search.units))
+    return search.mixture(n_types)
 
 
 def choose_expert_types(
