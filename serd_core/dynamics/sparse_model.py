@@ -80,7 +80,8 @@ class SparseModel(TransitionModel):
         return mask
 
     @cached_property
-    def _order(self) -> IntArray:
+    def local_index(self) -> IntArray:
+        """(E,) the user's number of each entry."""
         return np.argsort(self.state * self.n_pairs[1] + self.action, kind="stable")
 
     @cached_property
@@ -94,25 +95,12 @@ class SparseModel(TransitionModel):
     def row_entries(self, row: IntArray) -> RowEntries:
         """Entries of the given rows, one after the other."""
         found = self.blocks.entries(row)
-        return replace(found, local_index=self._order[found.local_index])
-
-    def flat(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries row by row."""
-        return self.entries(local_probabilities)
-
-    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
-        """(E,) gradient in the user's order."""
-        return self.gather(flat_gradient)
+        return replace(found, local_index=self.local_index[found.local_index])
 
     @cached_property
     def successor(self) -> IntArray:
         """(E,) next state of each entry, row by row."""
-        return np.asarray(self.next_state[self._order])
-
-    @property
-    def local_index(self) -> IntArray:
-        """(E,) the user's number of each entry."""
-        return self._order
+        return np.asarray(self.next_state[self.local_index])
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -154,12 +142,12 @@ class SparseModel(TransitionModel):
                 f"probabilities must have shape {self.state.shape}, one per entry, got"
                 f" {np.shape(local_probabilities)}; pass them in the order of state and action"
             )
-        return np.asarray(local_probabilities[self._order])
+        return np.asarray(local_probabilities[self.local_index])
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """(E,) gradient in the user's order."""
         local = np.empty_like(entry_gradient)
-        local[self._order] = entry_gradient
+        local[self.local_index] = entry_gradient
         return local
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:

@@ -127,13 +127,13 @@ class TransitionModel(ABC):
         """Entries of the given rows, one after the other."""
         return self.blocks.entries(row)
 
-    @abstractmethod
     def flat(self, local_probabilities: FloatArray) -> FloatArray:
-        """The list of probabilities that `blocks` refers to."""
+        """The list of probabilities that `blocks` refers to: the entries unless overridden."""
+        return self.entries(local_probabilities)
 
-    @abstractmethod
     def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
         """Gradient by the local probabilities for one by that list."""
+        return self.gather(flat_gradient)
 
     @property
     @abstractmethod

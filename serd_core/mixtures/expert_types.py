@@ -169,10 +169,6 @@ class ExpertTypes:
             assumptions=None,
         )
 
-    def has_episodes(self, minimum: float) -> bool:
-        """Whether each type has that many expected episodes, or there is one."""
-        return self.n_types == 1 or bool(np.all(self.n_episodes >= minimum))
-
     def unit_log_likelihoods(
         self, decisions: Decisions, experts: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
@@ -201,8 +197,9 @@ class TypeChoice:
 
     @property
     def chosen(self) -> ExpertTypes:
-        """That of highest evidence among those whose types have enough episodes."""
-        allowed = [each for each in self.candidates if each.has_episodes(self.minimum_episodes)]
+        """That of highest evidence among those of one type or whose types have enough episodes."""
+        least = self.minimum_episodes
+        allowed = (x for x in self.candidates if x.n_types == 1 or np.all(x.n_episodes >= least))
         return max(allowed, key=lambda each: each.log_evidence)
 
 
