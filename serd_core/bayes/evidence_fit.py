@@ -49,20 +49,10 @@ class SearchRecord:
     """
 
     on_step: StepCallback | None
-    n_decisions: int
     trace: list[float] = field(default_factory=list)
     n_evaluations: int = 0
     stopped: bool = False
     value: FloatArray | None = None
-
-    def after_step(self, step: Step, vector: FloatArray) -> bool:
-        """Count the step, with the free vector it reached, and whether to stop there."""
-        self.trace.append(step.objective)
-        if self.on_step is not None:
-            mean = step.objective / self.n_decisions
-            called = replace(step, number=len(self.trace), vector=vector, objective=mean)
-            self.stopped = bool(self.on_step(called))
-        return self.stopped
 
 
 @dataclass(eq=False)
@@ -123,7 +113,14 @@ class EvidenceSearch:
         return laplace_at(objective, self.mode)
 
     def _after_step(self, step: Step) -> bool:
-        return self.record.after_step(step, self.space.table @ step.vector)
+        """Count the step; whether to stop there."""
+        record, mean = self.record, step.objective / self.posterior.observations.n_decisions
+        record.trace.append(step.objective)
+        if record.on_step is not None:
+            vector, number = self.space.table @ step.vector, len(record.trace)
+            called = replace(step, number=number, vector=vector, objective=mean)
+            record.stopped = bool(record.on_step(called))
+        return record.stopped
 
 
 @dataclass(eq=False)
@@ -212,8 +209,8 @@ class EvidenceFit:
 
     def log_evidence(self) -> float:
         """log P(D), the strengths integrated out by Laplace's approximation over their logs."""
-        record = SearchRecord(None, self.objective.posterior.observations.n_decisions)
-        search = EvidenceSearch(self.objective.posterior, self.belief, self.parameters, record)
+        posterior, record = self.objective.posterior, SearchRecord(None)
+        search = EvidenceSearch(posterior, self.belief, self.parameters, record)
         evidence = EvidenceOfStrengths(search, self.strengths)
         loss, slope = evidence.loss(self.logs)
         n = len(self.logs)
@@ -250,7 +247,7 @@ def fit_by_evidence(
             "evidence is that of MdcePolicy, got a policy model with a temperature, whose posterior"
             " has kinks; use fit_mdce_serd, or give a prior that is not PriorByEvidence"
         )
-    record = SearchRecord(on_step, posterior.observations.n_decisions)
+    record = SearchRecord(on_step)
     search = EvidenceSearch(posterior, belief, start, record)
     strengths = by_evidence.strengths(belief)
     logs = strengths.start

@@ -19,6 +19,7 @@ from serd_core.arrays import (
     require_count,
     require_index,
 )
+from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import unique_names
 
@@ -73,10 +74,9 @@ class RouteNetwork:
 
     def turns(self, from_link: IntArray, to_link: IntArray) -> IntArray:
         """(N,) turn of each pair of links, -1 where there is none."""
-        wanted = from_link * self.n_links + to_link
-        place = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        place = places_of(from_link * self.n_links + to_link, self._keys)
         inside = (np.minimum(from_link, to_link) >= 0) & (to_link < self.n_links)
-        return np.where(inside & (self._keys[place] == wanted), place, -1)
+        return np.where(inside, place, -1)
 
     def exits_of(self, destination: int) -> IntArray:
         """Links on which a trip to the destination may end."""
