@@ -35,13 +35,7 @@ from serd_core.arrays import (
     shown,
     weighted_counts,
 )
-from serd_core.ascent.ascent import (
-    Climb,
-    FunctionObjective,
-    Point,
-    StepCallback,
-    require_limits,
-)
+from serd_core.ascent.ascent import Climb, FunctionObjective, Point, StepCallback, require_limits
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions

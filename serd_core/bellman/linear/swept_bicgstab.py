@@ -77,11 +77,7 @@ class SweptSystem(KrylovSystem):
         return np.asarray(solution)
 
     def _bicgstab(
-        self,
-        on_sides: Callable[..., list[Any]],
-        by_rows: bool,
-        r: Any,
-        relative_residual: float,
+        self, on_sides: Callable[..., list[Any]], by_rows: bool, r: Any, relative_residual: float
     ) -> Any:
         """x near the solution, from zero (van der Vorst 1992); uses up the right side r.
 
