@@ -91,14 +91,8 @@ class Decisions:
     def select(self, rows: BoolArray | IntArray) -> "Decisions":
         """The decisions of the given rows (mask (N,) or indices), in that order."""
         chosen = chosen_indices("rows", rows, len(self), "a row")
-        return Decisions(
-            episode=self.episode[chosen],
-            time_s=self.time_s[chosen],
-            state=self.state[chosen],
-            action=self.action[chosen],
-            next_state=self.next_state[chosen],
-            source=self.source,
-        )
+        columns: dict[str, Any] = {name: each[chosen] for name, each in self.columns().items()}
+        return replace(self, **columns)
 
     def select_episodes(self, episodes: Iterable[int]) -> "Decisions":
         """All decisions of the given episode numbers; SerdError for one that is not there."""

@@ -1,6 +1,6 @@
 """Sample demonstrations from a policy in known dynamics."""
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def sample_decisions(
     level = rng.random(n_episodes) * cumulative[-1]
     state = np.searchsorted(cumulative, level, side="right")
     moving = np.flatnonzero(~mdp.final[state])
-    rows: list[tuple[IntArray, ...]] = []
+    rows: list[tuple[IntArray, ...]] = [(np.zeros(0, dtype=np.int64),) * 5]
     for step in range(n_steps):
         if not moving.size:
             break
@@ -56,7 +56,10 @@ def sample_decisions(
         rows.append((moving, np.full(len(moving), step), present, action, following))
         state[moving] = following
         moving = moving[~mdp.final[following]]
-    return _decisions(rows, source)
+    columns: list[Any] = [np.concatenate(column) for column in zip(*rows, strict=True)]
+    order = np.lexsort((columns[1], columns[0]))
+    episode, time_s, present, action, following = (column[order] for column in columns)
+    return Decisions(episode, time_s, present, action, following, source)
 
 
 def _draw(probabilities: FloatArray, rng: np.random.Generator) -> IntArray:
@@ -76,21 +79,3 @@ def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generato
     level = cumulative[first] + rng.random(len(row)) * (cumulative[last] - cumulative[first])
     entry = np.searchsorted(cumulative, level, side="right") - 1
     return np.asarray(entries.successor[np.clip(entry, first, last - 1)])
-
-
-def _decisions(rows: Sequence[tuple[IntArray, ...]], source: str) -> Decisions:
-    if not rows:
-        empty = np.zeros(0, dtype=np.int64)
-        return Decisions(empty, empty.astype(np.float64), empty, empty, empty, source)
-    episode, step, state, action, following = (
-        np.concatenate(column) for column in zip(*rows, strict=True)
-    )
-    order = np.lexsort((step, episode))
-    return Decisions(
-        episode=episode[order],
-        time_s=step[order].astype(np.float64),
-        state=state[order],
-        action=action[order],
-        next_state=following[order],
-        source=source,
-    )
