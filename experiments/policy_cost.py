@@ -28,7 +28,7 @@ from report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.equations import SoftBellman
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.mdp import Mdp

@@ -21,9 +21,9 @@ from serd_core.bayes.modes import posterior_modes as posterior_modes
 from serd_core.bayes.sampler import sample_posterior as sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence
 from serd_core.bellman.linear.automatic import Automatic as Automatic
-from serd_core.bellman.linear.banded_lu import BandedLu as BandedLu
 from serd_core.bellman.linear.krylov import Krylov as Krylov
-from serd_core.bellman.linear.sparse_lu import SparseLu as SparseLu
+from serd_core.bellman.linear.lu import BandedLu as BandedLu
+from serd_core.bellman.linear.lu import SparseLu as SparseLu
 from serd_core.bellman.newton import Newton as Newton
 from serd_core.bellman.value_iteration import ValueIteration as ValueIteration
 from serd_core.demonstrations.decisions import HIDDEN as HIDDEN

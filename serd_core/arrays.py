@@ -4,7 +4,7 @@ Arrays kept in records are private read-only copies, so a record cannot change a
 axis along which a given array repeats (`numpy.broadcast_to`) stays one: the copy has no repeats.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -224,6 +224,22 @@ def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     if not mask.any():
         return None
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def differences(
+    function: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float
+) -> FloatArray:
+    """(n, ...) central differences of a function by each entry of a vector (n,)."""
+    above_and_below = ((vector + step * unit, vector - step * unit) for unit in np.eye(len(vector)))
+    return np.array([(function(a) - function(b)) / (2.0 * step) for a, b in above_and_below])
+
+
+def gradient_differences(
+    gradient: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float = 1e-5
+) -> FloatArray:
+    """(n, n) symmetric central differences of a gradient."""
+    table = differences(gradient, vector, step).reshape(len(vector), len(vector))
+    return np.asarray((table + table.T) / 2.0)
 
 
 def _converted(name: str, values: Any, dtype: Any) -> tuple[NDArray[Any], tuple[int, ...]]:

@@ -18,10 +18,9 @@ from benchmarks.measurement import best_of
 from benchmarks.report import measured_rows, save
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.banded_lu import BandedLu
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import LinearSolver
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import BandedLu, SparseLu
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index, is_number, shown
+from serd_core.arrays import FloatArray, first_index, gradient_differences, is_number, shown
 from serd_core.errors import SerdError
-from serd_core.posterior.derivatives.differences import gradient_differences
 
 #: Why an ascent ended.
 CONVERGED = "gradient within tolerance"

@@ -24,6 +24,8 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    differences,
+    gradient_differences,
     matrix_index_type,
     number_array,
     weighted_counts,
@@ -31,7 +33,6 @@ from serd_core.arrays import (
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
 from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
-from serd_core.posterior.derivatives.differences import gradient_differences
 
 if TYPE_CHECKING:
     from serd_core.dynamics.compiled_rows import CompiledRows
@@ -190,17 +191,9 @@ class TransitionModel(ABC):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(L, n_parameters) derivative of the flattened local probabilities, by differences."""
-        step = 1e-6
-        columns = [
-            (
-                self.local_probabilities(parameters + step * unit).ravel()
-                - self.local_probabilities(parameters - step * unit).ravel()
-            )
-            / (2.0 * step)
-            for unit in np.eye(self.n_parameters)
-        ]
         n_local = self.local_probabilities(parameters).size
-        return np.array(columns).reshape(self.n_parameters, n_local).T
+        slopes = differences(lambda at: self.local_probabilities(at).ravel(), parameters, 1e-6)
+        return slopes.reshape(self.n_parameters, n_local).T
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n, n) second derivatives of local_gradient . local_probabilities, by differences."""

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, is_number, require_kind, shown
+from serd_core.arrays import FloatArray, gradient_differences, is_number, require_kind, shown
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Block, Parameters
 
 

@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.linear.banded_lu import BandedLu
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem, WithFallback
+from serd_core.bellman.linear.lu import BandedLu, SparseLu
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
-from serd_core.bellman.linear.sparse_lu import SparseLu
 
 LU = SparseLu()
 BAND = BandedLu()

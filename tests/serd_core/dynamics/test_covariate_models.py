@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_core.bayes.laplace import laplace
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
+from serd_core.arrays import gradient_differences
 from serd_core.demonstrations.observations import observe
 from serd_core.mixtures.coordinates import mixture_coordinates
 from serd_core.mixtures.grouped_observations import group_observations
 from serd_core.mixtures.mixture_posterior import MixtureLogPosterior
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import BeliefAroundTruth, FixedBelief, FreeBelief, TiedBelief
-from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior

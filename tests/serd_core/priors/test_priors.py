@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import serd_core as sc
+from serd_core.arrays import gradient_differences
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.coupling import CouplingPrior
 from serd_core.priors.dirichlet import DirichletPrior

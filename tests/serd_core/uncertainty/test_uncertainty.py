@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe

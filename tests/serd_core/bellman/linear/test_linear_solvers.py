@@ -7,10 +7,9 @@ from benchmarks.learning import solvers
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.banded_lu import BandedFactor, BandedLu
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import WithFallback
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import BandedFactor, BandedLu, SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError

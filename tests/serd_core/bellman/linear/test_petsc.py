@@ -14,8 +14,8 @@ if importlib.util.find_spec("petsc4py") is None:
 
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.linear.petsc import Petsc
-from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy

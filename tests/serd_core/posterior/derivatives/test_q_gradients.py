@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import HardBellman, SoftBellman
-from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.posterior.derivatives.adjoint import adjoint

@@ -1,0 +1,96 @@
+"""LU factorisations of the S x S system I - gamma P_pi, in an order found once per MDP.
+
+Sparse: the matrix is strictly diagonally dominant by rows, so elimination needs no pivoting and the
+same fill-reducing order serves every policy.
+
+As a band matrix (LAPACK's gbtrf): states reordered by reverse Cuthill-McKee lie near their
+successors: in a hallway of w cells across the band is about w wide, in a square of n states
+sqrt(n). The work n * width^2 grows faster than that of a sparse factor with little fill, but it is
+plain arithmetic without any bookkeeping, which is what small and narrow problems would spend their
+time on. The transpose is factorised: it is diagonally dominant by columns, so that no rows are
+exchanged and the band stays narrow.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg.lapack
+import scipy.sparse.linalg
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.policy_pattern import Band, PolicyPattern
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True)
+class SparseLu(LinearSolver):
+    """SuperLU on the symmetrically reordered matrix."""
+
+    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
+        """Factorise the matrix with the given numbers."""
+        elimination = pattern.elimination
+        factor = scipy.sparse.linalg.splu(
+            elimination.matrix(data),
+            permc_spec="NATURAL",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        return LuFactor(factor=factor, order=elimination.order)
+
+
+@dataclass(frozen=True, eq=False)
+class LuFactor(LinearSystem):
+    """Factor of the reordered matrix; state `order[i]` is its i-th unknown."""
+
+    factor: Any
+    order: IntArray
+
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve to rounding."""
+        del relative_residual
+        solution = np.empty_like(right_side)
+        trans = "T" if transposed else "N"
+        solution[self.order] = self.factor.solve(right_side[self.order], trans=trans)
+        return solution
+
+
+@dataclass(frozen=True)
+class BandedLu(LinearSolver):
+    """LAPACK on the reordered band."""
+
+    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
+        """Factorise the matrix with the given numbers; SerdError where it is singular."""
+        band = pattern.band
+        factor, pivots, failed = scipy.linalg.lapack.dgbtrf(
+            band.filled(data), band.below, band.above, overwrite_ab=1
+        )
+        if failed:
+            raise SerdError(
+                f"I - gamma P_pi must be invertible, but pivot {failed} of its band is 0; check"
+                " that the transition probabilities are finite"
+            )
+        return BandedFactor(factor=factor, pivots=pivots, band=band)
+
+
+@dataclass(frozen=True, eq=False)
+class BandedFactor(LinearSystem):
+    """Factor of the reordered, transposed band, as LAPACK keeps it."""
+
+    factor: FloatArray
+    pivots: IntArray
+    band: Band
+
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve to rounding."""
+        del relative_residual
+        band, given = self.band, right_side[self.band.order]
+        reordered, _ = scipy.linalg.lapack.dgbtrs(
+            self.factor, band.below, band.above, given, self.pivots, int(not transposed)
+        )
+        return np.asarray(reordered[band.rank])
