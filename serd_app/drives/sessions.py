@@ -31,36 +31,23 @@ from serd_core.arrays import FloatArray
 
 
 class Session:
-    """One run of the clock; the newest stamps of poses and of ends of episodes in it."""
+    """One run of the clock; poses and intents: time (s), x and y of each, one after the other.
+
+    newest_pose_ns, newest_end_ns: the newest stamps of poses and of ends of episodes in it.
+    """
 
     def __init__(self, source: str) -> None:
         self._source = source
-        self._poses = array("d")
-        self._intents = array("d")
-        self._marks: list[EpisodeMark] = []
+        self.poses, self.intents = array("d"), array("d")
+        self.marks: list[EpisodeMark] = []
         self.newest_pose_ns = self.newest_end_ns = 0
-
-    def add_position(self, time_ns: int, x_m: float, y_m: float) -> None:
-        """A pose that was decoded already."""
-        self._poses.extend((time_ns / 1e9, x_m, y_m))
-
-    def add_intent(self, data: bytes, time_ns: int) -> None:
-        """A geometry_msgs/Vector3Stamped, placed at that time."""
-        vector = decode(data, "geometry_msgs/msg/Vector3Stamped").vector
-        self._intents.extend((time_ns / 1e9, vector.x, vector.y))
-
-    def add_marks(self, data: bytes, time_ns: int) -> bool:
-        """A diagnostic_msgs/DiagnosticArray; whether an episode ends with it."""
-        marks = marks_of(data, time_ns)
-        self._marks += marks
-        return any(mark.event == END for mark in marks)
 
     def drive(self) -> RecordedDrive:
         """Everything so far; BagError where there are poses and none is finite."""
-        rows = np.array(self._poses).reshape(-1, 3)
+        rows = np.array(self.poses).reshape(-1, 3)
         finite = finite_poses(rows, self._source)
         pose = _unique(finite)
-        intent = _unique(np.array(self._intents).reshape(-1, 3))
+        intent = _unique(np.array(self.intents).reshape(-1, 3))
         clear = np.isfinite(intent).all(axis=1)
         n_unclear = int((~clear).sum())
         return RecordedDrive(
@@ -68,7 +55,7 @@ class Session:
             position_m=pose[:, 1:],
             intent_time_s=intent[clear, 0],
             intent_action=actions_of_directions(intent[clear, 1:]),
-            episodes=spans_of_marks(self._marks, pose[:, 0], LONGEST_GAP_S),
+            episodes=spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S),
             source=self._source,
             n_bad_poses=len(rows) - len(finite),
             dropped={NOT_FINITE: n_unclear} if n_unclear else {},
@@ -107,9 +94,13 @@ class DriveSessions:
         stamp_ns = message_stamp_ns(data) if time_ns is None else time_ns
         session = self._session(topic, stamp_ns)
         if topic == INTENT:
-            session.add_intent(data, stamp_ns)
+            vector = decode(data, "geometry_msgs/msg/Vector3Stamped").vector
+            session.intents.extend((stamp_ns / 1e9, vector.x, vector.y))
             self.n_late += stamp_ns < session.newest_end_ns
-        elif session.add_marks(data, stamp_ns):
+            return
+        marks = marks_of(data, stamp_ns)
+        session.marks += marks
+        if any(mark.event == END for mark in marks):
             session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
             self.n_ended += 1
 
@@ -121,7 +112,7 @@ class DriveSessions:
         session = self._session_of_poses
         if stamp_ns < session.newest_pose_ns - RESTART_NS:
             session = self._session_of_poses = self._session(POSE, stamp_ns)
-        session.add_position(stamp_ns, x_m, y_m)
+        session.poses.extend((stamp_ns / 1e9, x_m, y_m))
         if stamp_ns > session.newest_pose_ns:
             session.newest_pose_ns = self._newest_ns[POSE] = stamp_ns
 

@@ -142,12 +142,6 @@ def leaving_outcomes(times: CrossingTimes, table: FloatArray) -> FloatArray:
     return leaving.reshape(table.shape)
 
 
-def covariates_of(flow: str, kind: str, people_pm2: float) -> tuple[float, ...]:
-    """(F,) numbers of `COVARIATES`; people_pm2: less the mean."""
-    named = {flow, kind, "intercept"}
-    return (*(float(name in named) for name in COVARIATES[:-1]), people_pm2)
-
-
 def dwell_model(times: CrossingTimes) -> DwellModel:
     """The law as it was fitted."""
     return DwellModel(
@@ -173,7 +167,9 @@ def mean_and_kind(
     times: CrossingTimes, flow: str, kind: Kind, people_pm2: float
 ) -> tuple[FloatArray, IntArray]:
     """(1,) mean (s) and (1,) place of the kind of one class of moves, at the pace of the mean."""
-    design = np.array([covariates_of(flow, kind.value, people_pm2 - times.mean_people_pm2)])
+    named = {flow, kind.value, "intercept"}
+    row = [float(name in named) for name in COVARIATES[:-1]]
+    design = np.array([[*row, people_pm2 - times.mean_people_pm2]])
     return dwell_model(times).mean_s(design), np.array([_KINDS.index(kind.value)])
 
 

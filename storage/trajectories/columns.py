@@ -102,13 +102,6 @@ class Columns:
 
 def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     """The columns; FileError where x, y or time cannot be found. values: (R, C), text as NaN."""
-    found = _located(where, names, values, wanted)
-    if wanted.time_unit is None:
-        return found
-    return replace(found, frames=False, time_s=_SECONDS[wanted.time_unit])
-
-
-def _located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     by_name = _by_names(names)
     by_name |= {
         role: _index(where, names, values.shape[1], text, role)
@@ -116,8 +109,8 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
         if (text := getattr(wanted, role))
     }
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
-        return _of_names(names, values, by_name, has_rate=wanted.fps is not None)
-    if names or by_name:
+        found = _of_names(names, values, by_name, has_rate=wanted.fps is not None)
+    elif names or by_name:
         known = by_name.keys() | ({"time"} if "frame" in by_name else set())
         missing = [each for each in ("time", "x", "y") if each not in known]
         raise FileError(
@@ -126,7 +119,11 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
             f" {', '.join(names) or 'those named'}; name the columns in a --mapping file"
             " (time:, agent:, x:, y:)"
         )
-    return _of_values(where, values)
+    else:
+        found = _of_values(where, values)
+    if wanted.time_unit is None:
+        return found
+    return replace(found, frames=False, time_s=_SECONDS[wanted.time_unit])
 
 
 def role_of(name: str) -> str | None:

@@ -281,7 +281,7 @@ def tolerated(writer):
 def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
     session = Session("bag x")
     for time_s in (1.0, 2.0):
-        session.add_position(round(time_s * 1e9), np.nan, 0.0)
+        session.poses.extend((time_s, np.nan, 0.0))
     with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
         session.drive()
 
