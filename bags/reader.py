@@ -1,24 +1,34 @@
 """Messages of any rosbag2 or ROS 1 bag, compressed or not, with all damage found on the way.
 
 Three steps: scan the records of each file, decompress messages, compare counts with metadata.yaml.
-The order is that of the files; log times step back where the recorder received them so.
+The order is that of the files; log times step back where the recorder received them so. Outside of
+MCAP rosbag2 compresses whole storage files or single messages by zstd.
 """
 
+import shutil
+import tempfile
 import weakref
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import zstandard
+
 from bags.damage import Damage, FileCount, Losses, losses, missing_messages
-from bags.errors import DamagedBagError
-from bags.formats.limits import MOST_FAULTS
+from bags.errors import BagError, DamagedBagError
+from bags.formats.limits import LARGEST_CONTENT, MOST_FAULTS, most_unpacked
 from bags.formats.mcap.scan import McapScan
 from bags.formats.ros1.scan import Ros1Scan
-from bags.formats.rosbag2.compression import DecompressedFiles, Decompression
-from bags.formats.rosbag2.layout import ROS1_SUFFIX, BagLayout, bag_layout
+from bags.formats.rosbag2.layout import COMPRESSED_FILE, ROS1_SUFFIX, BagLayout, bag_layout
 from bags.formats.sqlite.scan import SqliteScan
 from bags.topic import RawMessage, Topic
+from storage.errors import disk_errors
+
+#: Bytes of which zstd makes 32 MiB at most.
+_PIECE = 1024
+#: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
+_COMPRESSED = zstandard.FRAME_HEADER
 
 
 class BagReader:
@@ -40,7 +50,7 @@ class BagReader:
         self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
         self.layout: BagLayout = bag_layout(path)
         self._thorough = thorough
-        self._files = DecompressedFiles(self.layout.files)
+        self._files = _DecompressedFiles(self.layout.files)
         weakref.finalize(self, self._files.close)
         if self.layout.fault:
             self._report([Damage(self.path, None, self.layout.fault)])
@@ -54,7 +64,7 @@ class BagReader:
         files: list[FileCount] = []
         self.copied = []
         for file, scan in self._scans():
-            unpacking = Decompression()
+            unpacking = _Decompression()
             yield from unpacking.messages(scan.messages(wanted))
             self.has_checksums &= scan.has_checksums
             counts.update(scan.counts)
@@ -93,3 +103,78 @@ class BagReader:
             raise DamagedBagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
+
+
+class _Decompression:
+    """Decompresses messages that are; n_broken: those so far that cannot be."""
+
+    n_broken = 0
+
+    def messages(self, recorded: Iterable[RawMessage]) -> Iterator[RawMessage]:
+        """Those that are sound, each with its content."""
+        for message in recorded:
+            if message.data.startswith(_COMPRESSED):
+                data = _decompressed(message.data)
+                if data is None:
+                    self.n_broken += 1
+                    continue
+                message = message._replace(data=data)
+            yield message
+
+
+def _decompressed(data: bytes) -> bytes | None:
+    """The content of one compressed message, None where it is damaged."""
+    try:
+        if zstandard.frame_content_size(data) > LARGEST_CONTENT:
+            return None
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CONTENT)
+    except (zstandard.ZstdError, MemoryError):
+        return None
+
+
+class _DecompressedFiles:
+    """paths: what to read in place of each file; damage: of files that decompress only in part.
+
+    `close` removes the decompressed copies.
+    """
+
+    def __init__(self, files: Sequence[Path]) -> None:
+        self.damage: list[Damage] = []
+        self._folder: Path | None = None
+        self.paths = tuple(self._path(number, file) for number, file in enumerate(files))
+
+    def close(self) -> None:
+        """Remove the decompressed files; further calls do nothing."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _path(self, number: int, file: Path) -> Path:
+        if file.suffix != COMPRESSED_FILE:
+            return file
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
+        target = self._folder / f"{number}_{file.stem}"
+        try:
+            with disk_errors("unpack", file, BagError):
+                self._decompress(file, target)
+        except BagError:
+            self.close()
+            raise
+        return target
+
+    def _decompress(self, file: Path, target: Path) -> None:
+        """Write as much of the content as can be decompressed and a file of its size may hold."""
+        left = most_unpacked(file.stat().st_size)
+        with file.open("rb") as source, target.open("wb") as copy:
+            decompressor = zstandard.ZstdDecompressor().decompressobj()
+            try:
+                while (piece := source.read(_PIECE)) and left > 0:
+                    left -= copy.write(decompressor.decompress(piece)[:left])
+            except zstandard.ZstdError as error:
+                self.damage.append(Damage(file, None, f"it cannot be unpacked ({error})"))
+                return
+        if left <= 0:
+            what = "it unpacks to more than a file of its size can hold; the rest is not read"
+            self.damage.append(Damage(file, None, what))
+        elif not decompressor.eof:
+            self.damage.append(Damage(file, None, "the compressed file is cut off"))
