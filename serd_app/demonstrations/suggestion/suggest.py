@@ -8,7 +8,7 @@ uses the poses alone.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,14 +102,13 @@ def suggest_mapping(bag: Path) -> Suggestion:
         )
     ranked = tuple(f"pose on {each.topic.name}: {each.way}" for each in poses)
     comments = {"": (*ranked, *(f"left out: {line}" for line in rejected), ASSUMED_UNITS)}
+    search = _Search(bag, collected, poses, comments)
     if collected.own:
         own = {**comments, "pose_topic": ("as the recorder of this project writes it",)}
-        found = _tested(bag, collected, collected.own.mapping, own, poses[0])
+        found = search.tested(collected.own.mapping, own, poses[0])
         if found.reports:
             return found
-    return _by_velocity(bag, collected, poses, comments) or _by_poses(
-        bag, collected, poses, comments
-    )
+    return search.by_velocity() or search.by_poses()
 
 
 def mapping_of_poses(bag: Path) -> BagMapping | None:
@@ -125,55 +124,93 @@ def mapping_of_poses(bag: Path) -> BagMapping | None:
     return _poses_alone(poses[0]).model_copy(update={"episode_topic": marks})
 
 
-def _by_velocity(
-    bag: Path,
-    collected: Candidates,
-    poses: Sequence[PoseCandidate],
-    comments: dict[str, tuple[str, ...]],
-) -> Suggestion | None:
-    """None where no command topic explains the motion; the comments then state how far."""
-    pairs = list(_fitted(poses, collected.actions))
-    if not pairs:
-        comments["action_from"] = (
-            "no velocity commands were found, so actions are hidden",
-            *_MOTION,
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """poses: the likeliest first; comments: see `Suggestion`, those on actions are added."""
+
+    bag: Path
+    collected: Candidates
+    poses: Sequence[PoseCandidate]
+    comments: dict[str, tuple[str, ...]]
+
+    def by_velocity(self) -> Suggestion | None:
+        """None where no command topic explains the motion; the comments then state how far."""
+        pairs = list(_fitted(self.poses, self.collected.actions))
+        if not pairs:
+            self.comments["action_from"] = (
+                "no velocity commands were found, so actions are hidden",
+                *_MOTION,
+            )
+            return None
+        of_one = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])]
+        if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
+            pairs = of_one  # /tf is in no namespace
+        least = min(fit.disagreement for *_, fit in pairs)
+        pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
+        others = tuple(
+            f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
+            for other, topic, each in pairs
+            if (other, topic) != (pose, name)
         )
-        return None
-    of_one = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])]
-    if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
-        pairs = of_one  # /tf is in no namespace
-    least = min(fit.disagreement for *_, fit in pairs)
-    pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
-    others = tuple(
-        f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
-        for other, topic, each in pairs
-        if (other, topic) != (pose, name)
-    )
-    comments["action_from"] = (
-        f"commands on {name} and the motion of {pose.topic.name} disagree in"
-        f" {100 * fit.disagreement:.1f} % of the time,",
-        f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in {100 * fit.usual:.1f} %",
-        *others,
-    )
-    if fit.disagreement > _MOST_DISAGREEMENT:
-        comments["action_from"] += (
-            "so the commands are of no use, and actions are hidden",
-            *_MOTION,
+        self.comments["action_from"] = (
+            f"commands on {name} and the motion of {pose.topic.name} disagree in"
+            f" {100 * fit.disagreement:.1f} % of the time,",
+            f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in"
+            f" {100 * fit.usual:.1f} %",
+            *others,
         )
+        if fit.disagreement > _MOST_DISAGREEMENT:
+            self.comments["action_from"] += (
+                "so the commands are of no use, and actions are hidden",
+                *_MOTION,
+            )
+            return None
+        shares = []
+        for mapping in _velocity_mappings(pose, name, fit):
+            found = self.tested(mapping, {**self.comments, **_hold_comments(fit)}, pose)
+            if found.reports:
+                shares.append(_moving_waits(found))
+                if shares[-1] <= MOST_MOVING_WAITS:
+                    return found
+        reason = "they give no decision"
+        if shares:
+            waits = f"{100 * min(shares):.1f} % of the decisions"
+            reason = f"{waits} would be waits while the robot moves"
+        self.comments["action_from"] += (f"{reason}, so actions are hidden", *_MOTION)
         return None
-    shares = []
-    for mapping in _velocity_mappings(pose, name, fit):
-        found = _tested(bag, collected, mapping, {**comments, **_hold_comments(fit)}, pose)
-        if found.reports:
-            shares.append(_moving_waits(found))
-            if shares[-1] <= MOST_MOVING_WAITS:
+
+    def by_poses(self) -> Suggestion:
+        """By the likeliest pose; AppError where no pose gives a decision."""
+        for pose in self.poses:
+            found = self.tested(_poses_alone(pose), self.comments, pose)
+            if found.reports:
                 return found
-    reason = "they give no decision"
-    if shares:
-        waits = f"{100 * min(shares):.1f} % of the decisions"
-        reason = f"{waits} would be waits while the robot moves"
-    comments["action_from"] += (f"{reason}, so actions are hidden", *_MOTION)
-    return None
+        raise AppError(
+            f"bag {self.bag} must hold a drive of at least {PERIOD_S:g} s without gaps, its poses"
+            f" ({', '.join(each.topic.name for each in self.poses)}) give no decision; record a"
+            " longer one"
+        )
+
+    def tested(
+        self, mapping: BagMapping, comments: Mapping[str, tuple[str, ...]], pose: PoseCandidate
+    ) -> Suggestion:
+        """The mapping as `serd demos` uses it; without reports where it gives no decision."""
+        if mapping.frame:
+            moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
+            comments = {**comments, "frame": (moved,)}
+        reports, size_m = {}, cell_size_m(pose.track)
+        for period_s in _PERIODS_S:
+            try:
+                drive = self.collected.drive(mapping, period_s)
+                recording = Recording(self.bag, (drive,), (), Losses())
+                grid = fitted_grid([recording], size_m)
+                (found,) = demonstrations_of_all([recording], grid, period_s)
+            except (BagError, AppError) as error:
+                comments = {**comments, "": (*comments.get("", ()), str(error))}
+                continue
+            if found.report.n_decisions:
+                reports[period_s] = found.report
+        return Suggestion(self.bag, mapping, dict(comments), reports, size_m)
 
 
 def _fitted(
@@ -183,11 +220,8 @@ def _fitted(
         for name, each in actions.items():
             at_s, commands_mps, _ = each.stated(pose.track)
             if len(at_s):
-                yield (
-                    pose,
-                    name,
-                    fit_commands(pose.track, at_s, commands_mps, minimum_speed_mps(pose.track)),
-                )
+                least_mps = minimum_speed_mps(pose.track)
+                yield pose, name, fit_commands(pose.track, at_s, commands_mps, least_mps)
 
 
 def _velocity_mappings(pose: PoseCandidate, name: str, fit: CommandFit) -> Iterator[BagMapping]:
@@ -219,52 +253,9 @@ def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _by_poses(
-    bag: Path,
-    collected: Candidates,
-    poses: Sequence[PoseCandidate],
-    comments: dict[str, tuple[str, ...]],
-) -> Suggestion:
-    """By the likeliest pose; AppError where no pose gives a decision."""
-    for pose in poses:
-        mapping = _poses_alone(pose)
-        found = _tested(bag, collected, mapping, comments, pose)
-        if found.reports:
-            return found
-    raise AppError(
-        f"bag {bag} must hold a drive of at least {PERIOD_S:g} s without gaps, its poses"
-        f" ({', '.join(each.topic.name for each in poses)}) give no decision; record a longer one"
-    )
-
-
 def _poses_alone(pose: PoseCandidate) -> BagMapping:
     values = {"action_from": "hidden", "minimum_speed_mps": minimum_speed_mps(pose.track)}
     return pose.mapping.model_copy(update=values)
-
-
-def _tested(
-    bag: Path,
-    collected: Candidates,
-    mapping: BagMapping,
-    comments: dict[str, tuple[str, ...]],
-    pose: PoseCandidate,
-) -> Suggestion:
-    """The mapping as `serd demos` uses it; without reports where it gives no decision."""
-    if mapping.frame:
-        moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
-        comments = {**comments, "frame": (moved,)}
-    reports, size_m = {}, cell_size_m(pose.track)
-    for period_s in _PERIODS_S:
-        try:
-            recording = Recording(bag, (collected.drive(mapping, period_s),), (), Losses())
-            grid = fitted_grid([recording], size_m)
-            (found,) = demonstrations_of_all([recording], grid, period_s)
-        except (BagError, AppError) as error:
-            comments = {**comments, "": (*comments.get("", ()), str(error))}
-            continue
-        if found.report.n_decisions:
-            reports[period_s] = found.report
-    return Suggestion(bag, mapping, comments, reports, size_m)
 
 
 def _moving_waits(found: Suggestion) -> float:
