@@ -88,7 +88,14 @@ def read_learning_files(
     outcome models depend on the density of people.
     """
     files = files_beside(table)
-    decisions, grid = load_decisions(table), load_grid(files["grid"])
+    decisions = load_decisions(table)
+    for name in ("grid", "record"):
+        if not files[name].exists():
+            raise FileError(
+                f"{table}: {files[name].name}, which 'serd demos' writes with it, must be beside it;"
+                " move it there, or run 'serd demos' again"
+            )
+    grid = load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
     place = scenario or scenario_beside(table, record.scenario)
     known = load_scenario(place) if place else None

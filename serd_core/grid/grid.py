@@ -44,6 +44,8 @@ class Outcome(IntEnum):
 #: (5, 2) steps (east, north) in cells, in the order of `Action`.
 DIRECTION_VECTORS: IntArray = np.array([[0, 0], [0, 1], [1, 0], [0, -1], [-1, 0]], dtype=np.int64)
 DIRECTION_VECTORS.flags.writeable = False
+#: Products of larger lengths, and of those below its inverse, overflow, also in single precision.
+_LARGEST_M = 1e30
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,11 @@ class Grid:
             raise SerdError(f"origin_m must be two finite numbers (x, y), got {self.origin_m}")
         if not (np.isfinite(self.cell_size_m) and self.cell_size_m > 0):
             raise SerdError(f"cell_size_m must be finite and above 0, got {self.cell_size_m}")
+        if not 1.0 / _LARGEST_M <= self.cell_size_m <= _LARGEST_M >= np.abs(origin).max():
+            raise SerdError(
+                f"cell_size_m must be from {1.0 / _LARGEST_M:g} to {_LARGEST_M:g} and origin_m at"
+                f" most that, got {self.cell_size_m:g} and {origin}; use metres"
+            )
         walkable = bool_array("walkable", self.walkable, (None, None))
         if not walkable.any():
             raise SerdError("walkable must have at least one true cell, got none; check the map")
