@@ -65,6 +65,16 @@ def require_file_place(path: Path) -> None:
             raise OSError(errno.EISDIR, "")
 
 
+def require_beside(owner: Path, *needed: Path) -> None:
+    """FileError where a file is not there that is written together with another."""
+    for path in needed:
+        if not path.exists():
+            raise FileError(
+                f"{owner}: {path.name}, which is written with it, must be beside it; move it there,"
+                " or make both again"
+            )
+
+
 def delete_file(path: Path) -> None:
     """Delete the file where there is one; FileError where that is not possible."""
     if os.path.lexists(path):  # read-only file systems refuse to delete what is not there, too

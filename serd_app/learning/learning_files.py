@@ -26,6 +26,7 @@ from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigati
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
+from storage.files import require_beside
 from storage.yaml_config import load_yaml_model
 
 FlowSource = Literal["auto", "scenario", "recorded", "none"]
@@ -89,12 +90,7 @@ def read_learning_files(
     """
     files = files_beside(table)
     decisions = load_decisions(table)
-    for name in ("grid", "record"):
-        if not files[name].exists():
-            raise FileError(
-                f"{table}: {files[name].name}, which 'serd demos' writes with it, must be beside it;"
-                " move it there, or run 'serd demos' again"
-            )
+    require_beside(table, files["grid"], files["record"])
     grid = load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
     place = scenario or scenario_beside(table, record.scenario)

@@ -36,7 +36,7 @@ class MapFile(StrictModel):
     model_config = ConfigDict(extra="ignore")
 
     image: str = Field(min_length=1)
-    resolution: float = Field(gt=0)
+    resolution: float = Field(gt=0, le=1e6)
     origin: tuple[float, float, float]
     negate: bool | Literal[0, 1] = False
     occupied_thresh: float = Field(default=0.65, ge=0, le=1)

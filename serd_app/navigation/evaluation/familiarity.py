@@ -38,6 +38,7 @@ from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
+from storage.files import require_beside
 from storage.model_file import ModelFile, load_model
 
 _MOST_ASSUMED = 5
@@ -180,6 +181,7 @@ def _discretise(
     table: Path,
 ) -> str:
     """Write decisions on the model's grid, with the people of the recording or the model's flow."""
+    require_beside(model, outcome_files(model)["grid"])
     grid = load_grid(outcome_files(model)["grid"])
     place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
     recordings = read_recordings(

@@ -19,6 +19,9 @@ from sim.episodes.execution import Execution
 from sim.planning.catalogue import baseline_names, planner_names
 from sim.scenario.scenario import scenario_suite, suite_names
 
+#: All episodes of a table are listed in memory before the first is run.
+MOST_SEEDS = 100_000
+
 
 def batch(
     output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
@@ -70,6 +73,8 @@ def batch(
         given = f"{seeds} and {first_seed}"
         raise UsageError(f"--seeds must be at least 1 and --first-seed at least 0, got {given}")
     counts: list[int | None] = [*people] if people else [None]
+    if seeds > MOST_SEEDS:
+        raise UsageError(f"--seeds must be at most {MOST_SEEDS}, got {seeds}; run them in parts")
     tasks = [
         EpisodeTask(
             scenario=place,

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from report.figures.faults import FaultWays, draw_fault_ways
 from report.style import save_figure
+from serd_cli.commands.simulation.batch import MOST_SEEDS
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
@@ -37,7 +38,7 @@ def faults(
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = EpisodeTask.driver,
     seeds: Annotated[
-        int, typer.Option(min=1, help="episodes of each, seeds first-seed and up")
+        int, typer.Option(min=1, max=MOST_SEEDS, help="episodes of each, seeds first-seed and up")
     ] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
     jobs: Jobs = EXECUTION.n_jobs,

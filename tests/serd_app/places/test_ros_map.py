@@ -116,6 +116,10 @@ def test_the_last_map_of_a_bag_is_read_in_its_place(tmp_path):
         ("image: map.pgm\norigin: [0, 0, 0]\n", "resolution is required but missing; add it"),
         ("image: map.pgm\nresolution: 0\norigin: [0, 0, 0]\n", "resolution must be greater than 0"),
         (
+            "image: map.pgm\nresolution: 1e300\norigin: [0, 0, 0]\n",
+            "resolution must be less than or equal to 1000000, ",
+        ),
+        (
             "image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: 0.7\n",
             "free_thresh must be below occupied_thresh (0.65), got 0.7; lower it",
         ),

@@ -137,6 +137,10 @@ def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
     ended = serd("compare", model, far, "--output", tmp_path / "out.csv")
     assert ended.code == 2
     assert "holds no decision on the grid of" in ended.err
+    model.with_suffix(".grid.yaml").unlink()
+    alone = serd("compare", model, people)
+    assert alone.code == 2
+    assert "model.grid.yaml, which is written with it, must be beside it" in alone.err
 
 
 def test_a_scenario_of_a_file_is_found_beside_the_model_and_the_table(serd, root, tmp_path):

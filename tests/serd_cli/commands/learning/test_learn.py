@@ -364,7 +364,7 @@ def test_files_that_do_not_belong_together_are_refused(serd, demonstrations):
     assert "states must be below 176" in serd("learn", table).err
     for suffix in (".yaml", ".grid.yaml"):
         table.with_suffix(suffix).unlink()
-        sentence = f"decisions.csv: decisions{suffix}, which 'serd demos' writes with it, must be"
+        sentence = f"decisions.csv: decisions{suffix}, which is written with it, must be beside it"
         assert sentence in serd("learn", table).err
     assert another_period.code == another_grid.code == no_plan.code == 2
 

@@ -45,6 +45,10 @@ def test_more_seeds_add_to_the_table_and_keep_what_is_there(serd, tmp_path):
         (("--output", "r.csv", "--start-area", "transfr"), "did you mean 'transfer'?"),
         (("--output", "r.csv", "--people", "-1"), "number of people must be at least 0, got -1"),
         (("--output", "r.csv", "--seeds", "0"), "--seeds must be at least 1"),
+        (
+            ("--output", "r.csv", "--seeds", "2000000000"),
+            "at most 100000, got 2000000000; run them",
+        ),
         (("--output", "r.csv", "--backend", "loki"), "did you mean 'loky'?"),
     ],
 )
