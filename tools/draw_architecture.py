@@ -9,9 +9,9 @@ unreadable. Run `make pictures` after changing any of them.
 import ast
 import subprocess
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -151,10 +151,10 @@ def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
     own = {*graph}
     if NAV2_BRIDGE in graph:
         graph |= _nav2(graph)
-    topics = _ends(_with_all_subscriptions(graph), "publishes", "subscribes")
+    topics = _ends(graph, ("publishes",), ("subscribes", "may_subscribe"))
     shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers >= own]
     groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
-    services = _grouped(_ends(graph, "calls", "serves"))
+    services = _grouped(_ends(graph, ("calls",), ("serves",)))
     nodes = {name: _NODE_LOOK if name in own else _OTHER_LOOK for name in graph}
     nodes |= dict.fromkeys(groups, _TOPIC_LOOK)
     nodes |= dict.fromkeys(services, _SERVICE_LOOK)
@@ -202,13 +202,13 @@ def _label(name: str, module: Path) -> str:
 
 
 def _ends(
-    graph: Mapping[str, Mapping[str, list[str]]], first: str, second: str
+    graph: Mapping[str, Mapping[str, list[str]]], *sides: Sequence[str]
 ) -> dict[str, tuple[set[str], set[str]]]:
-    """{topic or service: (nodes that list it under `first`, nodes that list it under `second`)}."""
+    """{topic or service: (nodes that list it under keys of one side, those of the other side)}."""
     found: dict[str, tuple[set[str], set[str]]] = {}
     for node, listed in graph.items():
-        for side, key in enumerate((first, second)):
-            for name in listed.get(key) or ():
+        for side, keys in enumerate(sides):
+            for name in chain.from_iterable(listed.get(key) or () for key in keys):
                 found.setdefault(name, (set(), set()))[side].add(node)
     return dict(sorted(found.items()))
 
@@ -232,16 +232,6 @@ def _nav2(graph: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, l
     bridge["calls"] = [*bridge.get("calls", ()), _NAV2_ACTIONS]
     nav2 = {"serves": [_NAV2_ACTIONS], "subscribes": ["scan"], "publishes": ["cmd_vel_raw"]}
     return {NAV2_BRIDGE: bridge, NAV2: nav2}
-
-
-def _with_all_subscriptions(
-    graph: Mapping[str, Mapping[str, list[str]]],
-) -> dict[str, dict[str, list[str]]]:
-    """The graph with the topics that a parameter adds among those subscribed to."""
-    return {
-        node: {**ends, "subscribes": [*ends.get("subscribes", []), *ends.get("may_subscribe", [])]}
-        for node, ends in graph.items()
-    }
 
 
 def _grouped(
