@@ -9,7 +9,7 @@ run goes on where it stopped.
 import hashlib
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -59,23 +59,17 @@ class ClosedLoopPlan:
     @property
     def tasks(self) -> tuple[EpisodeTask, ...]:
         """One task per episode, seed by seed from 1 up."""
+        conditions = {
+            "seed": range(1, self.n_seeds + 1),
+            "people_from": self.people_from,
+            "planner": self.planners,
+            "scenario": self.scenarios,
+            "n_people": self.n_people,
+            "driver": self.drivers,
+        }
         return tuple(
-            EpisodeTask(
-                scenario=scenario,
-                seed=seed,
-                n_people=people,
-                planner=planner,
-                driver=driver,
-                people_from=source,
-            )
-            for seed, source, planner, scenario, people, driver in product(
-                range(1, self.n_seeds + 1),
-                self.people_from,
-                self.planners,
-                self.scenarios,
-                self.n_people,
-                self.drivers,
-            )
+            EpisodeTask(**dict(zip(conditions, each, strict=True)))
+            for each in product(*conditions.values())
         )
 
 
@@ -114,18 +108,11 @@ def drive_all(title: str, tasks: Sequence[EpisodeTask], table: Path) -> list[Tab
 def code_digest() -> str:
     """Digest of all code and scenarios that episodes depend on."""
     digest = hashlib.sha256()
-    for path in _code_files():
-        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def _code_files() -> Iterator[Path]:
     for package in ("serd_core", "sim"):
-        yield from sorted(
-            path
-            for path in (ROOT / package).rglob("*")
-            if path.suffix in (".py", ".yaml", ".urdf") and path.parent.name != "pictures"
-        )
+        for path in sorted((ROOT / package).rglob("*")):
+            if path.suffix in (".py", ".yaml", ".urdf") and path.parent.name != "pictures":
+                digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def _row(summary: ConditionSummary) -> Row:

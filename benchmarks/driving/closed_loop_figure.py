@@ -12,14 +12,14 @@ from report.style import new_figure
 from sim.episodes.batch_summary import ConditionSummary
 
 _Measure = Callable[[ConditionSummary], float]
-_MEASURES: tuple[_Measure, ...] = (
-    lambda each: 100 * each.arrival_rate,
-    lambda each: each.mean_time_of_arrival_s,
-    lambda each: 100 * each.metrics.personal_share,
-    lambda each: 100 * each.metrics.intimate_share,
-    lambda each: each.person_on_robot,
-    lambda each: each.robot_on_person,
-)
+_MEASURES: dict[str, _Measure] = {
+    "arrived, %\n(95 % interval)": lambda each: 100 * each.arrival_rate,
+    "time of arrival, s": lambda each: each.mean_time_of_arrival_s,
+    "% of time nearer\nthan 1.2 m": lambda each: 100 * each.metrics.personal_share,
+    "% of time nearer\nthan 0.45 m": lambda each: 100 * each.metrics.intimate_share,
+    "people who walked\ninto the robot,\nper episode": lambda each: each.person_on_robot,
+    "people the robot\ndrove into,\nper episode": lambda each: each.robot_on_person,
+}
 
 
 @dataclass(frozen=True)
@@ -80,17 +80,11 @@ def _draw_series(
     panels: Sequence[Axes], place: np.ndarray, series: list[ConditionSummary], look: _Look
 ) -> None:
     """One planner with one source of people: a dot in every panel, an interval in the first."""
-    for axes, measure in zip(panels, _MEASURES, strict=True):
-        axes.plot(
-            place,
-            [measure(each) for each in series],
-            look.marker,
-            color=look.colour,
-            markerfacecolor=look.colour if look.filled else "white",
-            label=look.label,
-            markersize=4.5,
-            clip_on=False,
-        )
+    face = look.colour if look.filled else "white"
+    mark = {"color": look.colour, "markerfacecolor": face, "markersize": 4.5}
+    for axes, measure in zip(panels, _MEASURES.values(), strict=True):
+        values = [measure(each) for each in series]
+        axes.plot(place, values, look.marker, label=look.label, clip_on=False, **mark)
     for each, x in zip(series, place, strict=True):
         interval = (100 * each.arrival_low, 100 * each.arrival_high)
         panels[0].plot((x, x), interval, color=look.colour, linewidth=1.2, zorder=1)
@@ -101,15 +95,7 @@ def _words(n_people: int | None, driver: str) -> str:
 
 
 def _label(panels: np.ndarray) -> None:
-    names = (
-        "arrived, %\n(95 % interval)",
-        "time of arrival, s",
-        "% of time nearer\nthan 1.2 m",
-        "% of time nearer\nthan 0.45 m",
-        "people who walked\ninto the robot,\nper episode",
-        "people the robot\ndrove into,\nper episode",
-    )
-    for axes, name in zip(panels[:, 0], names, strict=True):
+    for axes, name in zip(panels[:, 0], _MEASURES, strict=True):
         axes.set_ylabel(name)
     for axes in panels[1:].ravel():
         axes.set_ylim(bottom=0)

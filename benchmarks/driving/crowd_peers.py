@@ -26,14 +26,8 @@ PEOPLE = (30, 100, 200)
 WIDTH_M, LENGTH_M, STEP_S, RADIUS_M, SPEED_MPS = 6.0, 24.0, 0.05, 0.25, 1.34
 _END_M = 1.0
 _PEERS = ("crowd_pysocialforce.py", "crowd_jupedsim.py", "crowd_irsim.py")
-_WALLS = np.array(
-    [
-        [[0.0, 0.0], [LENGTH_M, 0.0]],
-        [[LENGTH_M, 0.0], [LENGTH_M, WIDTH_M]],
-        [[LENGTH_M, WIDTH_M], [0.0, WIDTH_M]],
-        [[0.0, WIDTH_M], [0.0, 0.0]],
-    ]
-)
+_CORNERS = np.array([[0.0, 0.0], [LENGTH_M, 0.0], [LENGTH_M, WIDTH_M], [0.0, WIDTH_M]])
+_WALLS = np.stack([_CORNERS, np.roll(_CORNERS, -1, axis=0)], axis=1)
 
 
 def run() -> None:

@@ -7,21 +7,19 @@ unanswered.
 
 import os
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
 import rclpy
-from domain_coordinator import domain_id
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 from bags.messages.plain import message_stamp_ns
+from benchmarks.faults.kill_matrix import place
 from benchmarks.report import Row, save
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.workspace import ros_environment
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent
@@ -86,10 +84,7 @@ def published(planner: str) -> tuple[list[Received], ...]:
     """What was published on the topics from the first command on."""
     taken: dict[str, list[Received]] = {name: [] for name in _TOPICS}
     with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory())
-        domain = stack.enter_context(domain_id())
-        environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}
-        environment["ROS_LOG_DIR"] = folder
+        environment, _ = stack.enter_context(place())
         given = {
             "hallway_sim.people": PEOPLE,
             "seed": SEED,
@@ -101,7 +96,7 @@ def published(planner: str) -> tuple[list[Received], ...]:
             stack.callback(running.wait)
             stack.callback(running.terminate)
         context = Context()
-        context.init(domain_id=domain)
+        context.init(domain_id=int(environment["ROS_DOMAIN_ID"]))
         stack.callback(context.try_shutdown)
         node = rclpy.create_node("latency", context=context)
         stack.callback(node.destroy_node)

@@ -6,18 +6,13 @@ where numba is installed.
 """
 
 import math
-import os
 import subprocess
-import tempfile
-from pathlib import Path
 from unittest.mock import patch
 
-from domain_coordinator import domain_id
-
 from benchmarks.driving.step_profile import StepProfile, profile_steps
+from benchmarks.faults.kill_matrix import place
 from benchmarks.report import Row, save
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
 from sim import compiled
 from sim.planning.catalogue import planner_names
@@ -106,13 +101,12 @@ def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) 
     if not recorded:
         nodes = tuple(node for node in stack.nodes if node != "demo_recorder")
         stack = stack.model_copy(update={"nodes": nodes, "parameters": {}})
-    with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
-        place = Path(folder) / "scenario.yaml"
-        atomic_write_text(place, model_yaml(scenario))
-        given = {"scenario": str(place), "seed": SEED, "scripted_expert.episodes": ROS_EPISODES}
-        given["scripted_expert.output"] = folder
+    with place() as (environment, folder):
+        file = folder / "scenario.yaml"
+        atomic_write_text(file, model_yaml(scenario))
+        given = {"scenario": str(file), "seed": SEED, "scripted_expert.episodes": ROS_EPISODES}
+        given["scripted_expert.output"] = str(folder)
         given |= {"demo_recorder.output": f"{folder}/bag"} if recorded else _WITHOUT_RECORDER
-        environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}
         running = [
             subprocess.Popen(each.command, env=environment, stderr=subprocess.DEVNULL)
             for each in stack_processes(stack, given, environment, composed=composed)
@@ -121,6 +115,6 @@ def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) 
         for process in running:
             process.terminate()
             process.wait()
-        rows = load_episodes(Path(folder) / "episodes.csv")
+        rows = load_episodes(folder / "episodes.csv")
     rows = rows[-EPISODES:]
     return sum(row.duration_s for row in rows) / sum(row.wall_s for row in rows)

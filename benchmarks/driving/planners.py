@@ -7,6 +7,7 @@ condition has the same seeds. Episodes are kept under .cache until the simulator
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from statistics import fmean
 
 from matplotlib.axes import Axes
@@ -87,7 +88,8 @@ def run() -> None:
     summaries = summarise(drive_all("planners", tasks(), table))
     save_figure(FIGURE, planners_figure(summaries))
     about = f"Planners in {SUITE}: means over scenarios, {N_SEEDS} episodes in each"
-    per_scenario = {name: _rows(group) for name, group in _by_scenario(summaries).items()}
+    groups = _grouped(summaries, attrgetter("scenario"))
+    per_scenario = {name: _rows(group) for name, group in groups.items()}
     save("planners", about, _rows(summaries), {"scenarios": per_scenario})
 
 
@@ -98,23 +100,20 @@ def label_of(summary: ConditionSummary) -> str:
 
 def planners_figure(summaries: Sequence[ConditionSummary]) -> Figure:
     """A panel per measure: a small dot per scenario, a bar at the mean."""
-    names = list(dict.fromkeys(label_of(each) for each in summaries))
+    groups = _grouped(summaries, label_of)
     with style.report_style():
         figure = new_figure(10.5, 8.2)
         panels = figure.subplots(3, 4, sharey=True)
         for axes, measure in zip(panels.flat, MEASURES, strict=True):
-            _draw(axes, measure, summaries, names)
-        panels[0, 0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-        panels[0, 0].set_ylim(len(names) - 0.4, -0.6)
+            _draw(axes, measure, groups)
+        panels[0, 0].set_yticks(range(len(groups)), [name.replace("_", " ") for name in groups])
+        panels[0, 0].set_ylim(len(groups) - 0.4, -0.6)
     return figure
 
 
-def _draw(
-    axes: Axes, measure: Measure, summaries: Sequence[ConditionSummary], names: list[str]
-) -> None:
-    for place, name in enumerate(names):
-        values = [measure.value(each) for each in summaries if label_of(each) == name]
-        found = [value for value in values if not math.isnan(value)]
+def _draw(axes: Axes, measure: Measure, groups: dict[str, list[ConditionSummary]]) -> None:
+    for place, (name, group) in enumerate(groups.items()):
+        found = _values(measure, group)
         colour = style.BLUE if name.startswith(planner_names()) else style.RED
         axes.plot(found, [place] * len(found), "o", color=colour, alpha=0.35, markersize=4)
         axes.plot([fmean(found)], [place], "|", color=colour, markersize=15, markeredgewidth=3)
@@ -124,22 +123,21 @@ def _draw(
 
 
 def _rows(summaries: Sequence[ConditionSummary]) -> list[Row]:
-    names = dict.fromkeys(label_of(each) for each in summaries)
-    groups = {name: [each for each in summaries if label_of(each) == name] for name in names}
     return [
-        {"planner": name} | {measure.name: _mean(measure, group) for measure in MEASURES}
-        for name, group in groups.items()
+        {"planner": name} | {each.name: round(fmean(_values(each, group)), 3) for each in MEASURES}
+        for name, group in _grouped(summaries, label_of).items()
     ]
 
 
-def _mean(measure: Measure, group: Sequence[ConditionSummary]) -> float:
-    """Over scenarios; those without an arrival have no time of arrival."""
-    values = [measure.value(each) for each in group]
-    return round(fmean(value for value in values if not math.isnan(value)), 3)
+def _values(measure: Measure, group: Sequence[ConditionSummary]) -> list[float]:
+    """Of each scenario; those without an arrival have no time of arrival."""
+    return [value for each in group if not math.isnan(value := measure.value(each))]
 
 
-def _by_scenario(summaries: Sequence[ConditionSummary]) -> dict[str, list[ConditionSummary]]:
+def _grouped(
+    summaries: Sequence[ConditionSummary], key: Callable[[ConditionSummary], str]
+) -> dict[str, list[ConditionSummary]]:
     groups: dict[str, list[ConditionSummary]] = {}
     for each in summaries:
-        groups.setdefault(each.scenario, []).append(each)
+        groups.setdefault(key(each), []).append(each)
     return groups

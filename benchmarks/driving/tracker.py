@@ -19,7 +19,7 @@ from sim.planning.catalogue import make_planner
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan, ScanGeometry
 from sim.safety.settings import GuardSettings
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import load_scenario
 from sim.world.command import Command
 from sim.world.observation import Observation, People
 from sim.world.world import HallwayWorld
@@ -106,7 +106,9 @@ def _measured(case: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _drive(case: Mapping[str, float], seed: int, sightings: Sightings) -> None:
-    scenario, rng = _hallway(int(case["people"])), np.random.default_rng(seed)
+    scenario = load_scenario("hallway").with_pedestrian_count(int(case["people"]))
+    scenario = scenario.with_values("lidar", noise_deviation_m=NOISE_M)
+    rng = np.random.default_rng(seed)
     lidar, limits = scenario.lidar, GuardSettings.of_scenario(scenario, "scan")
     geometry = ScanGeometry(
         lidar.angle_min_rad, lidar.angle_increment_rad, lidar.range_min_m, lidar.range_max_m
@@ -130,10 +132,3 @@ def _drive(case: Mapping[str, float], seed: int, sightings: Sightings) -> None:
 
         planner, driver = make_planner("dwa", scenario), ScriptedExpert(scenario, seed)
         run_episode(world, planner, driver, episode=0, observer=observe)
-
-
-def _hallway(n_people: int) -> Scenario:
-    scenario = load_scenario("hallway")
-    lidar = scenario.lidar.model_copy(update={"noise_deviation_m": NOISE_M})
-    crowd = scenario.pedestrians.model_copy(update={"count": n_people})
-    return scenario.model_copy(update={"lidar": lidar, "pedestrians": crowd})

@@ -12,6 +12,7 @@ where it is undecided.
 
 import argparse
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -49,11 +50,9 @@ def run(n_worlds: int = N_WORLDS) -> None:
     save("belief_choice", "Belief or truth, chosen by evidence", summary(rows))
 
 
-def measure(
-    family: str, expert: str, demonstrations: int, world: int, seed: int = SEED
-) -> dict[str, Any]:
+def measure(family: str, expert: str, demonstrations: int, world: int) -> dict[str, Any]:
     """Probability of each relation, and log-likelihoods of tied, free and the choice."""
-    fresh, rng = fresh_world(family, expert, demonstrations, world, seed)
+    fresh, rng = fresh_world(family, expert, demonstrations, world)
     found = compare_beliefs(fresh.problem, fresh.demonstrations(demonstrations, rng))
     shares = zip(found.relations, found.probabilities.tolist(), strict=True)
     return (
@@ -67,12 +66,12 @@ def measure(
 
 
 def fresh_world(
-    family: str, expert: str, demonstrations: int, world: int, seed: int = SEED
+    family: str, expert: str, demonstrations: int, world: int
 ) -> tuple[World, np.random.Generator]:
     """A world, and the generator of its demonstrations."""
     first, draw = FAMILIES[family]
     place = (first, list(EXPERTS).index(expert))
-    rng = np.random.default_rng([seed, *place, demonstrations, world])
+    rng = np.random.default_rng([SEED, *place, demonstrations, world])
     return draw(rng, wrong_belief=EXPERTS[expert]), rng
 
 
@@ -89,31 +88,31 @@ def policies_of(found: BeliefComparison) -> dict[str, FloatArray]:
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row per family, expert and size."""
     table = []
-    for family in FAMILIES:
-        for expert in EXPERTS:
-            for size in SIZES:
-                case = {"family": family, "expert": expert, "demonstrations": size}
-                all_here = [row for row in rows if row | case == row]
-                here = [row for row in all_here if not row.get("left out")]
-                tied = np.array([row[TiedBelief.__name__] for row in here])
-                free = np.array([row[FreeBelief.__name__] for row in here])
-                near = np.array([row[BeliefAroundTruth.__name__] for row in here])
-                regret = [max(row["tied"], row["free"]) - row["chosen"] for row in here]
-                gain = [row["chosen"] - row["tied"] for row in here]
-                gain_of_free = [row["free"] - row["tied"] for row in here]
-                table.append(
-                    case
-                    | {
-                        "worlds": len(here),
-                        "not compared": len(all_here) - len(here),
-                        "not tied": float(np.mean(tied < 0.5)),
-                        "free": float(np.mean(free > np.maximum(tied, near))),
-                        "decided not tied": float(np.mean(tied < 0.05)),
-                        "mean regret": float(np.mean(regret)),
-                        "better than tied by": float(np.mean(gain)),
-                        "free better than tied by": float(np.mean(gain_of_free)),
-                    }
-                )
+    for family, expert, size in product(FAMILIES, EXPERTS, SIZES):
+        case = {"family": family, "expert": expert, "demonstrations": size}
+        all_here = [row for row in rows if row | case == row]
+        here = [row for row in all_here if not row.get("left out")]
+        tied, free, near = (
+            np.array([row[relation.__name__] for row in here])
+            for relation in (TiedBelief, FreeBelief, BeliefAroundTruth)
+        )
+        regret = [max(row["tied"], row["free"]) - row["chosen"] for row in here]
+        gain, gain_of_free = (
+            [row[name] - row["tied"] for row in here] for name in ("chosen", "free")
+        )
+        table.append(
+            case
+            | {
+                "worlds": len(here),
+                "not compared": len(all_here) - len(here),
+                "not tied": float(np.mean(tied < 0.5)),
+                "free": float(np.mean(free > np.maximum(tied, near))),
+                "decided not tied": float(np.mean(tied < 0.05)),
+                "mean regret": float(np.mean(regret)),
+                "better than tied by": float(np.mean(gain)),
+                "free better than tied by": float(np.mean(gain_of_free)),
+            }
+        )
     return table
 
 

@@ -92,14 +92,8 @@ def growth_figure(rows: Sequence[Row], details: dict[str, Any]) -> Figure:
         states = [row["states"] for row in rows]
         for name, colour in (("cold", RED), ("warm", BLUE)):
             label = f"{name}: ∝ states$^{{{details[f'exponent_{name}']:.2f}}}$"
-            kept = [row for row in rows if row[f"{name} (ms)"] is not None]
-            times.loglog(
-                [row["states"] for row in kept],
-                [row[f"{name} (ms)"] for row in kept],
-                "o-",
-                color=colour,
-                label=label,
-            )
+            shown = [(row["states"], row[f"{name} (ms)"]) for row in rows if row[f"{name} (ms)"]]
+            times.loglog(*zip(*shown, strict=True), "o-", color=colour, label=label)
         times.set(xlabel="states", ylabel="one gradient (ms)")
         times.legend(title=f"fitted from {LARGE:,} states")
         memory.loglog(states, [row["peak memory (MB)"] for row in rows], "o-", color=BLUE)

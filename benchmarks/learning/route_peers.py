@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.learning.peers import compare_weights
+from benchmarks.learning.learning_peers import compare_weights
 from benchmarks.report import save
 from serd_core.arrays import FloatArray
 from serd_core.routes.network import RouteNetwork, trips_on

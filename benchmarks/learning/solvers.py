@@ -42,71 +42,65 @@ BY_HAND: dict[str, LinearSolver] = {
 WIDEST_BAND, MOST_FILL_STATES = 300, 3_000
 
 
-def grid(n_states: int, rng: np.random.Generator) -> IntArray:
+def grid(n_states: int) -> IntArray:
     """Square of cells with four neighbours."""
-    del rng
     return _lattice(round(n_states ** (1 / 2)), 2)
 
 
-def cube(n_states: int, rng: np.random.Generator) -> IntArray:
+def cube(n_states: int) -> IntArray:
     """Cube of cells with six neighbours."""
-    del rng
     return _lattice(round(n_states ** (1 / 3)), 3)
 
 
-def random_graph(n_states: int, rng: np.random.Generator) -> IntArray:
+def random_graph(n_states: int) -> IntArray:
     """Four successors anywhere."""
+    rng = np.random.default_rng(0)
     return np.column_stack([np.arange(n_states), rng.integers(n_states, size=(n_states, 4))])
 
 
-def small_world(n_states: int, rng: np.random.Generator) -> IntArray:
+def small_world(n_states: int) -> IntArray:
     """A ring in which one state of twenty leads anywhere."""
-    successors = ring(n_states, rng)
+    successors, rng = ring(n_states), np.random.default_rng(0)
     far = rng.random(n_states) < 0.05
     successors[far, 4] = rng.integers(n_states, size=int(far.sum()))
     return successors
 
 
-def ring(n_states: int, rng: np.random.Generator) -> IntArray:
+def ring(n_states: int) -> IntArray:
     """One or two steps either way around."""
-    del rng
     return (np.arange(n_states)[:, None] + np.array([0, 1, -1, 2, -2])) % n_states
 
 
-def chain(n_states: int, rng: np.random.Generator) -> IntArray:
+def chain(n_states: int) -> IntArray:
     """A line whose ends hold; the first state is absorbing."""
-    del rng
     successors = np.arange(n_states)[:, None] + np.array([0, 1, -1, 2, -2])
     successors[0] = 0
     return np.clip(successors, 0, n_states - 1)
 
 
-def tree(n_states: int, rng: np.random.Generator) -> IntArray:
+def tree(n_states: int) -> IntArray:
     """To the parent or to one of two children."""
-    del rng
     own = np.arange(n_states)
     children = [np.where(2 * own + side < n_states, 2 * own + side, own) for side in (1, 2)]
     return np.column_stack([own, np.maximum(own - 1, 0) // 2, *children, own])
 
 
-def star(n_states: int, rng: np.random.Generator) -> IntArray:
+def star(n_states: int) -> IntArray:
     """Rings of as many states as there are rings, each around a centre; the centres around one."""
-    del rng
     own, size = np.arange(n_states), round(n_states**0.5)
     centre = own // size * size
     next_on_ring = np.minimum(np.where(own % size == size - 1, centre, own + 1), n_states - 1)
     return np.column_stack([own, centre, next_on_ring, np.where(own == centre, 0, own), centre])
 
 
-def hub(n_states: int, rng: np.random.Generator) -> IntArray:
+def hub(n_states: int) -> IntArray:
     """A chain each state of which may lead to the first one."""
-    del rng
     own = np.arange(n_states)
     steps = np.clip(own[:, None] + np.array([0, 1, -1]), 0, n_states - 1)
     return np.column_stack([steps, np.zeros(n_states, dtype=np.int64)])
 
 
-GRAPHS: dict[str, Callable[[int, np.random.Generator], IntArray]] = {
+GRAPHS: dict[str, Callable[[int], IntArray]] = {
     "grid": grid,
     "cube": cube,
     "random graph": random_graph,
@@ -167,7 +161,7 @@ class Case:
 
 def measure(graph: str, size: int, discount: float) -> dict[str, Any]:
     """The fastest solver by hand on one case, its times, and the ratios of the automatic choice."""
-    case = case_of(GRAPHS[graph](size, np.random.default_rng(0)), discount)
+    case = case_of(GRAPHS[graph](size), discount)
     pattern = case.problem.mdp.policy_pattern
     times = {}
     for solver_name, solver in BY_HAND.items():

@@ -41,27 +41,14 @@ def steps_of(model, agent_parameters, n_substeps: int) -> float:
     return seconds
 
 
-name = f"JuPedSim {version('jupedsim')}"
 answer(
-    [
-        {
-            "simulator": name,
-            "computes": computes,
-            "step_seconds": steps_of(model, agent_parameters, n_substeps),
-        }
-        for computes, model, agent_parameters, n_substeps in (
-            (
-                "social force with body contact, walls, way-finding, five steps of 0.01 s",
-                jupedsim.SocialForceModel(),
-                jupedsim.SocialForceModelAgentParameters,
-                5,
-            ),
-            (
-                "collision-free speed, walls, way-finding",
-                jupedsim.CollisionFreeSpeedModel(),
-                jupedsim.CollisionFreeSpeedModelAgentParameters,
-                1,
-            ),
-        )
-    ]
+    f"JuPedSim {version('jupedsim')}",
+    {
+        "social force with body contact, walls, way-finding, five steps of 0.01 s": steps_of(
+            jupedsim.SocialForceModel(), jupedsim.SocialForceModelAgentParameters, 5
+        ),
+        "collision-free speed, walls, way-finding": steps_of(
+            jupedsim.CollisionFreeSpeedModel(), jupedsim.CollisionFreeSpeedModelAgentParameters, 1
+        ),
+    },
 )

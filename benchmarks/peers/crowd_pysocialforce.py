@@ -36,12 +36,5 @@ assert crowd.peds.step_width == task["step_s"]
 start = crowd.peds.pos().copy()
 step_seconds = seconds_per_step(crowd.step_once)
 assert np.abs(crowd.peds.pos() - start).max() > 1.0
-answer(
-    [
-        {
-            "simulator": f"PySocialForce {version('pysocialforce')}",
-            "computes": "social force, walls as points",
-            "step_seconds": step_seconds,
-        }
-    ]
-)
+name = f"PySocialForce {version('pysocialforce')}"
+answer(name, {"social force, walls as points": step_seconds})

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -128,7 +128,7 @@ def _recording(folder: Path) -> Whole:
     content = file.read_bytes()
     starts = [start for start in _starts(content) if content[start] == Opcode.CHUNK]
     ends = [*starts[1:], len(content)]
-    counts = [len(_read_part(folder, content[:end])) for end in ends]
+    counts = [len(_read_content(folder, content[:end])[0]) for end in ends]
     return Whole(content, messages, tuple(zip(starts, counts, strict=True)))
 
 
@@ -171,9 +171,7 @@ def _unfinished(whole: Whole) -> Whole:
 
 def _of(folder: Path, whole: Whole, broken: bytes, n_taken: int | None = None) -> Loss:
     """What is lost of the first n_taken messages, None for all."""
-    path = folder / "broken.mcap"
-    path.write_bytes(broken)
-    found, detected = _read(path)
+    found, detected = _read_content(folder, broken)
     taken = whole.messages[:n_taken]
     lost = sorted(set(taken) - set(found), key=lambda message: message[1])
     lost_s = (lost[-1][1] - lost[0][1]) * 1e-9 + 1 / _RATE_HZ if lost else 0.0
@@ -188,10 +186,10 @@ def _read(path: Path) -> tuple[tuple[Message, ...], bool]:
     return found, bool(scan.damage)
 
 
-def _read_part(folder: Path, content: bytes) -> tuple[Message, ...]:
-    path = folder / "part.mcap"
+def _read_content(folder: Path, content: bytes) -> tuple[tuple[Message, ...], bool]:
+    path = folder / "broken.mcap"
     path.write_bytes(content)
-    return _read(path)[0]
+    return _read(path)
 
 
 def _starts(content: bytes) -> list[int]:
@@ -209,11 +207,8 @@ def _middles(content: bytes) -> list[int]:
 
 
 def _line(name: str, losses: Sequence[Loss]) -> str:
-    def of(value: Callable[[Loss], float]) -> list[float]:
-        return [value(loss) for loss in losses]
-
-    seconds = of(lambda loss: loss.lost_s)
-    most = int(max(of(lambda loss: loss.n_lost)))
+    seconds = [loss.lost_s for loss in losses]
+    most = max(loss.n_lost for loss in losses)
     undetected = sum(loss.undetected for loss in losses)
     times = f"{np.mean(seconds):.2f}", f"{max(seconds):.2f}"
     return markdown_row([name, len(losses), *times, most, undetected])

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from bags.health.check import check_bag
 from bags.reader import BagReader
@@ -23,7 +22,8 @@ from bags.writer import BagWriter
 from benchmarks.measurement import best_of, peak_memory_mb
 from benchmarks.report import Row, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_core.grid.grid import Grid
+from serd_app.drives.episode_mark import END, START, EpisodeMark
+from serd_core.grid.grid import Action, Grid
 
 _N_POSES = 200_000
 _PERIOD_S = 2.0
@@ -102,42 +102,24 @@ def _write_drive(folder: Path) -> tuple[int, float]:
 
 
 def _drive_messages() -> list[tuple[str, bytes, int]]:
-    store = get_typestore(Stores.ROS2_JAZZY)
+    # Here, so that the process whose memory is measured does without ROS.
+    from rclpy.serialization import serialize_message
 
-    def make(name: str, *values: object) -> object:
-        return store.types[name](*values)
+    from serd_ros.convert.command import to_intent
+    from serd_ros.convert.diagnostics import to_episode_message
+    from serd_ros.convert.pose import to_pose_stamped
 
-    def header(time_s: float) -> object:
-        time_ns = round(time_s * 1e9)
-        stamp = make("builtin_interfaces/msg/Time", time_ns // 10**9, time_ns % 10**9)
-        return make("std_msgs/msg/Header", stamp, "map")
-
-    def mark(time_s: float, event: str, outcome: str) -> bytes:
-        pairs = [
-            make("diagnostic_msgs/msg/KeyValue", key, value)
-            for key, value in (("episode", "0"), ("outcome", outcome))
-        ]
-        status = make("diagnostic_msgs/msg/DiagnosticStatus", 0, "episode", event, "", pairs)
-        return bytes(
-            store.serialize_cdr(make(_DIAGNOSTICS, header(time_s), [status]), _DIAGNOSTICS)
-        )
-
-    turned = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    east = make("geometry_msgs/msg/Vector3", 1.0, 0.0, 0.0)
-    rows = [("/episode", mark(0.0, "start", ""), 0)]
+    begin, end_s = EpisodeMark(START, 0.0, 0), (_N_POSES - 1) * _POSE_PERIOD_S
+    sent: list[tuple[str, object, float]] = [("/episode", to_episode_message(begin), 0.0)]
     for tick in range(_N_POSES):
         time_s = tick * _POSE_PERIOD_S
-        time_ns = round(time_s * 1e9)
-        x = 0.5 + 11.5 * (1.0 - np.cos(time_s / 40.0))
-        place = make("geometry_msgs/msg/Point", float(x), 2.5, 0.0)
-        pose = make(_POSE, header(time_s), make("geometry_msgs/msg/Pose", place, turned))
-        rows.append(("/robot_pose", bytes(store.serialize_cdr(pose, _POSE)), time_ns))
+        x_m = 0.5 + 11.5 * (1.0 - np.cos(time_s / 40.0))
+        sent.append(("/robot_pose", to_pose_stamped((x_m, 2.5, 0.0), time_s), time_s))
         if tick % 40 == 0:
-            intent = make(_VECTOR, header(time_s), east)
-            rows.append(("/intent", bytes(store.serialize_cdr(intent, _VECTOR)), time_ns))
-    end_s = _N_POSES * _POSE_PERIOD_S - _POSE_PERIOD_S
-    rows.append(("/episode", mark(end_s, "end", "arrived"), round(end_s * 1e9)))
-    return rows
+            sent.append(("/intent", to_intent(Action.EAST, time_s), time_s))
+    end = EpisodeMark(END, end_s, 0, outcome="arrived")
+    sent.append(("/episode", to_episode_message(end), end_s))
+    return [(topic, serialize_message(each), round(time_s * 1e9)) for topic, each, time_s in sent]
 
 
 def _size_rows(folder: Path, size: int, number: int) -> list[Row]:

@@ -9,14 +9,13 @@ make bench ARGS=compliance
 
 import json
 import shutil
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.recordings.sources import serd
 from benchmarks.report import markdown_row, write_rows
 from storage.files import atomic_write_text
 
@@ -58,11 +57,11 @@ def run() -> None:
             write_tracks(tables[title], kind, n_robots, seed)
         decisions, model = folder / "decisions.csv", folder / "model.yaml"
         cells = ("--cell-size-m", "1", "--period-s", "1")
-        _serd("demos", tables["learned from"], *cells, "--output", decisions)
-        _serd("learn", decisions, "--output", model)
+        serd("demos", tables["learned from"], *cells, "--output", decisions)
+        serd("learn", decisions, "--output", model)
         options = ("--output", folder / "c.csv", "--json")
         rows = [
-            _row(title, json.loads(_serd("compare", model, table, *options)))
+            _row(title, json.loads(serd("compare", model, table, *options)))
             for title, table in tables.items()
         ]
         shutil.copy(folder / "c.png", _PICTURE)
@@ -86,8 +85,3 @@ def _row(title: str, found: dict[str, Any]) -> str:
 
 def _number(value: float | None) -> str:
     return "-inf" if value is None else f"{value:.3f}"
-
-
-def _serd(*words: str | Path) -> str:
-    command = [str(Path(sys.executable).with_name("serd")), *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -9,21 +9,18 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 
 import numpy as np
 import rclpy
-from domain_coordinator import domain_id
 from geometry_msgs.msg import PoseStamped
 
 from bags.reader import BagReader
+from benchmarks.faults.kill_matrix import place
 from benchmarks.report import Row, save
 from serd_cli.processes.node_commands import node_command
-from serd_cli.processes.workspace import ros_environment
 from serd_ros.endpoints import qos
 
 _HOUR_NS = 3_600_000_000_000
@@ -63,9 +60,8 @@ def _row(name: str, late_ms: np.ndarray) -> Row:
 
 def measured_ms() -> np.ndarray:
     """(M,) log time of each message less the wall clock before it was published."""
-    with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
-        bag = Path(folder) / "bag"
-        environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}
+    with place() as (environment, folder):
+        bag = folder / "bag"
         given = {
             "output": str(bag),
             "topics": [f"{name}:geometry_msgs/msg/PoseStamped" for name in _STAMPS],
@@ -76,7 +72,7 @@ def measured_ms() -> np.ndarray:
         with ExitStack() as stack:
             stack.callback(recorder.wait)
             stack.callback(recorder.send_signal, signal.SIGINT)
-            sent_ns = _published_ns(domain)
+            sent_ns = _published_ns(int(environment["ROS_DOMAIN_ID"]))
         messages = BagReader(bag).messages()
         return np.array(
             [

@@ -47,10 +47,6 @@ class Source:
     mapping: str = ""
 
 
-def _cells(size_m: float, period_s: float) -> tuple[str, ...]:
-    return "--cell-size-m", f"{size_m:g}", "--period-s", f"{period_s:g}"
-
-
 def _fixed(path: Path) -> Callable[[Path], Path]:
     return lambda _: path
 
@@ -80,7 +76,7 @@ def _pedestrians(name: str) -> Callable[[Path], Path]:
 
 
 _MCAP, _SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
-_ROOM, _METRE = _cells(0.5, 1.0), _cells(1.0, 1.0)
+_ROOM, _METRE = (("--cell-size-m", size_m, "--period-s", "1") for size_m in ("0.5", "1"))
 _TF = "pose_topic: tf\naction_from: motion\n"
 _NAMED, _ETH = written.write_named, written.write_eth
 SOURCES = (
@@ -145,7 +141,7 @@ def _measured(source: Source, folder: Path) -> Row:
     table = folder / "decisions.csv"
     try:
         words = ("demos", path, *source.options, *_mapping(source, path, folder), "--output", table)
-        (found,) = json.loads(_serd(*words, "--json"))["bags"]
+        (found,) = json.loads(serd(*words, "--json"))["bags"]
     except _RefusedError as refused:
         return Row(source, error=str(refused))
     counts = tuple(found[name] for name in ("n_decisions", "n_episodes", "n_moving_waits"))
@@ -165,7 +161,7 @@ def _mapping(source: Source, path: Path, folder: Path) -> Iterator[str | Path]:
     if source.mapping:
         atomic_write_text(mapping, source.mapping)
     else:
-        _serd("bag", "suggest", path, "--output", mapping)
+        serd("bag", "suggest", path, "--output", mapping)
     yield from ("--mapping", mapping)
 
 
@@ -173,7 +169,8 @@ class _RefusedError(Exception):
     """A command ended with an error, whose last line this is."""
 
 
-def _serd(*words: str | Path) -> str:
+def serd(*words: str | Path) -> str:
+    """What a command prints; _RefusedError where it ends with an error."""
     command = [str(Path(sys.executable).with_name("serd")), *map(str, words)]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode:

@@ -3,7 +3,7 @@
 The drive is our recording of the hallway: poses as recorded, velocity commands derived from them.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -123,31 +123,11 @@ class _Messages:
         return self._make("std_msgs/msg/Header", *number, stamp, frame)
 
 
-def _ros2_store() -> Typestore:
+def write_ros2(path: Path, drive: Driven, topics: dict[str, str], storage: StoragePlugin) -> Path:
+    """A rosbag2 of rosbags."""
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(_STEERED_TEXT, _STEERED))
     store.register(get_types_from_msg(_DRIVE_TEXT, _ACKERMANN))
-    return store
-
-
-def _sent(
-    messages: _Messages, drive: Driven, topics: dict[str, str]
-) -> Iterator[tuple[str, int, Any]]:
-    """(topic, time in ns, message) in the order of time; topics: their types."""
-    makers: dict[str, Callable[[float, FloatArray, float], Any]] = {
-        _ODOM: messages.odometry,
-        _TWIST: messages.twist,
-        _TF: messages.transform,
-        _ACKERMANN: messages.steered,
-    }
-    for time_s, pose, speed_mps in zip(drive.time_s, drive.poses, drive.speed_mps, strict=True):
-        for topic, kind in topics.items():
-            yield topic, round(time_s * 1e9), makers[kind](float(time_s), pose, float(speed_mps))
-
-
-def write_ros2(path: Path, drive: Driven, topics: dict[str, str], storage: StoragePlugin) -> Path:
-    """A rosbag2 of rosbags."""
-    store = _ros2_store()
     with Ros2Writer(path, version=9, storage_plugin=storage) as writer:
         _write(writer, store, drive, topics, ros1=False)
     return path
@@ -166,11 +146,20 @@ def write_ros1(path: Path, drive: Driven, topics: dict[str, str]) -> Path:
 def _write(
     writer: Any, store: Typestore, drive: Driven, topics: dict[str, str], *, ros1: bool
 ) -> None:
-    """Messages of the drive to an open writer of rosbags."""
+    """Messages of the drive, in the order of time, to an open writer; topics: their types."""
     serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+    messages = _Messages(store, ros1=ros1)
+    makers: dict[str, Callable[[float, FloatArray, float], Any]] = {
+        _ODOM: messages.odometry,
+        _TWIST: messages.twist,
+        _TF: messages.transform,
+        _ACKERMANN: messages.steered,
+    }
     to = {name: writer.add_connection(name, kind, typestore=store) for name, kind in topics.items()}
-    for topic, time_ns, message in _sent(_Messages(store, ros1=ros1), drive, topics):
-        writer.write(to[topic], time_ns, serialise(message, topics[topic]))
+    for time_s, pose, speed_mps in zip(drive.time_s, drive.poses, drive.speed_mps, strict=True):
+        for topic, kind in topics.items():
+            message = makers[kind](float(time_s), pose, float(speed_mps))
+            writer.write(to[topic], round(time_s * 1e9), serialise(message, kind))
 
 
 def write_tum(path: Path, drive: Driven) -> Path:

@@ -250,7 +250,7 @@ def test_single_precision_is_refined_and_sweeps_follow_where_it_fails(
 @pytest.mark.parametrize("graph", ["grid", "random graph"])
 def test_graphs_that_are_not_local_start_with_sweeps(monkeypatch, graph):
     monkeypatch.setattr(krylov, "QUICK_FROM", 0)
-    mdp = solvers.case_of(solvers.GRAPHS[graph](10_000, np.random.default_rng(0)), 0.9).problem.mdp
+    mdp = solvers.case_of(solvers.GRAPHS[graph](10_000), 0.9).problem.mdp
     system = Krylov().prepare(mdp.policy_pattern, np.ones(len(mdp.policy_pattern.column)))
     assert isinstance(system, WithFallback if graph == "grid" else SweptSystem)
 

@@ -109,8 +109,7 @@ GRAPHS = [
 
 
 def pattern_of(graph, n_states):
-    successors = solvers.GRAPHS[graph](n_states, np.random.default_rng(0))
-    return solvers.case_of(successors, 0.9).problem.mdp.policy_pattern
+    return solvers.case_of(solvers.GRAPHS[graph](n_states), 0.9).problem.mdp.policy_pattern
 
 
 @pytest.mark.parametrize(("graph", "n_states", "horizon", "chosen"), GRAPHS)
