@@ -121,13 +121,9 @@ def _optima(name: str, prior: Prior, angles: FloatArray) -> list[Row]:
 
 def _row(name: str, value: float, angle: float | None) -> Row:
     row: Row = {"prior": name, "log_prior": value}
+    columns = ("theta_1", "theta_2", "p_1", "p_2")
     if angle is None:
-        return row | {"theta_1": None, "theta_2": None, "p_1": None, "p_2": None}
+        return row | dict.fromkeys(columns)
     theta = np.array([np.cos(angle), np.sin(angle)])
-    first, second = MODEL.local_probabilities(theta)[0]
-    return row | {
-        "theta_1": float(theta[0]),
-        "theta_2": float(theta[1]),
-        "p_1": float(first),
-        "p_2": float(second),
-    }
+    numbers = [*theta, *MODEL.local_probabilities(theta)[0]]
+    return row | dict(zip(columns, map(float, numbers), strict=True))

@@ -12,7 +12,7 @@ from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
-from serd_core.arrays import BoolArray, FloatArray, first_index, float_array, require_index
+from serd_core.arrays import BoolArray, FloatArray, float_array, require_index
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
@@ -23,27 +23,6 @@ from storage.episode_table import EpisodeResult
 from storage.model_file import ModelType
 
 
-def finite_number(name: str, value: float) -> float:
-    """`value` as a float; NaN and infinity are refused."""
-    number = float(value)
-    if not np.isfinite(number):
-        raise ReportError(f"{name} must be a finite number, got {number}; leave out the bad sample")
-    return number
-
-
-def array_with_gaps(name: str, values: Any, shape: tuple[int | None, ...]) -> FloatArray:
-    """Read-only float copy of `values` in which NaN marks a gap; infinity is refused."""
-    array = np.array(values, dtype=np.float64)
-    infinite = first_index(np.isinf(array))
-    if infinite is not None:
-        raise ReportError(
-            f"{name}{list(infinite)} must be a number or NaN, got {array[infinite]}; repair it"
-        )
-    float_array(name, np.nan_to_num(array), shape)
-    array.flags.writeable = False
-    return array
-
-
 @dataclass(frozen=True)
 class PhaseTiming:
     """Wall-clock time of one phase, and the simulated time it covered if it simulated anything."""
@@ -51,11 +30,6 @@ class PhaseTiming:
     name: str
     wall_s: float
     simulated_s: float | None = None
-
-    def __post_init__(self) -> None:
-        finite_number(f"wall_s of the phase {self.name!r}", self.wall_s)
-        if self.simulated_s is not None:
-            finite_number(f"simulated_s of the phase {self.name!r}", self.simulated_s)
 
     @property
     def real_time_factor(self) -> float | None:
@@ -110,7 +84,6 @@ class CrowdSnapshot:
 
     def __post_init__(self) -> None:
         people = len(self.people_position_m)
-        finite_number("time_s of the snapshot", self.time_s)
         shapes: dict[str, tuple[int | None, ...]] = {
             "robot_pose": (3,),
             "people_position_m": (people, 2),
@@ -119,7 +92,8 @@ class CrowdSnapshot:
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, float_array(name, getattr(self, name), shape))
-        trail = array_with_gaps("people_trail_m", self.people_trail_m, (None, people, 2))
+        trail = np.asarray(self.people_trail_m, dtype=np.float64)
+        float_array("people_trail_m", np.where(np.isnan(trail), 0.0, trail), (None, people, 2))
         object.__setattr__(self, "people_trail_m", trail)
 
 
@@ -211,9 +185,19 @@ class ReportInputs:
                 "episodes must have at least one row where there is no forecast, got none; drive"
                 " the policy"
             )
-        if not finite_number("timeout_s", self.timeout_s) > 0:
-            raise ReportError(f"timeout_s must be above 0, got {self.timeout_s}; use seconds")
-        self._check_learned()
+        if not 0 < self.timeout_s < np.inf:
+            raise ReportError(
+                f"timeout_s must be above 0 and finite, got {self.timeout_s}; use seconds"
+            )
+        states = self.problem.grid.n_states
+        require_index("demonstrations.state", self.demonstrations.state, states, "a state")
+        # What else the fit and the policy hold is checked by the figures that draw it.
+        float_array("fit.objective_trace", self.fit.objective_trace, (None,))
+        if self.fit.feature_names != self.problem.feature_names:
+            raise ReportError(
+                f"fit.feature_names must be those of the problem {self.problem.feature_names}, "
+                f"got {self.fit.feature_names}; pass the problem the fit was made on"
+            )
         tracks = tuple(
             float_array(f"demonstration_tracks_m[{i}]", track, (None, 2))
             for i, track in enumerate(self.demonstration_tracks_m)
@@ -224,18 +208,3 @@ class ReportInputs:
     def arrival_times_s(self) -> FloatArray:
         """(N,) time of arrival of each episode, inf where it did not arrive."""
         return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])
-
-    def _check_learned(self) -> None:
-        states, models = self.problem.grid.n_states, len(self.problem.model_names)
-        require_index("demonstrations.state", self.demonstrations.state, states, "a state")
-        float_array("policy.value", self.policy.value, (states,))
-        float_array("fit.reward_weights", self.fit.reward_weights, (None,))
-        float_array("fit.objective_trace", self.fit.objective_trace, (None,))
-        for name in ("outcome_probabilities", "initial_outcome_probabilities"):
-            float_array(f"fit.{name}", getattr(self.fit, name), (models, None))
-        float_array("predicted.cdf", self.predicted.cdf, (len(self.predicted.times_s),))
-        if self.fit.feature_names != self.problem.feature_names:
-            raise ReportError(
-                f"fit.feature_names must be those of the problem {self.problem.feature_names}, "
-                f"got {self.fit.feature_names}; pass the problem the fit was made on"
-            )

@@ -57,14 +57,8 @@ STYLES = {
 def draw_band(axes: Axes, sizes: Sequence[int], curve: Mapping[str, Any], learner: str) -> None:
     """Draw columns `median`, `lower` and `upper` over the sizes: a line with a band around it."""
     style = STYLES[learner]
-    axes.plot(
-        sizes,
-        curve["median"],
-        **style.arguments,
-        label=learner,
-        markeredgecolor=INK,
-        markeredgewidth=0.4,
-    )
+    look = style.arguments | {"markeredgecolor": INK, "markeredgewidth": 0.4}
+    axes.plot(sizes, curve["median"], **look, label=learner)
     axes.fill_between(
         sizes, curve["lower"], curve["upper"], color=style.colour, alpha=0.18, linewidth=0
     )
@@ -77,25 +71,23 @@ def draw_intervals(
 
     place: 0 for no shift; curves of neighbouring places do not cover each other's error bars.
     """
-    axes.errorbar(
-        np.asarray(sizes) * 1.04**place,
-        values[1],
-        yerr=bar_lengths(*values),
-        **STYLES[learner].arguments,
-        markersize=5,
-        linewidth=1.4,
-        elinewidth=1.0,
-        label=learner,
-    )
+    look = STYLES[learner].arguments | {"markersize": 5, "linewidth": 1.4, "elinewidth": 1.0}
+    draw_bars(axes, np.asarray(sizes) * 1.04**place, values, **look, label=learner)
 
 
-def bar_lengths(low: ArrayLike, middle: ArrayLike, high: ArrayLike) -> FloatArray:
-    """(2, n) lengths of error bars below and above (n,) values.
-
-    One array, as Matplotlib 3.10 takes each part of a list for a number where n is 1.
-    """
+def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:
+    """Error bars of (3, n) lower ends, values and upper ends; look: as `Axes.errorbar` has it."""
+    ends = np.asarray(values, dtype=np.float64)
     with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
-        return np.diff(np.array([low, middle, high], dtype=np.float64), axis=0)
+        lengths = np.diff(ends, axis=0)
+    axes.errorbar(at, ends[1], yerr=lengths, **look)
+
+
+def draw_points(
+    axes: Axes, at: ArrayLike, values: ArrayLike, colour: str, label: str | None
+) -> None:
+    """Repetitions as small pale points."""
+    axes.plot(at, values, "o", color=colour, markersize=3, alpha=0.5, label=label)
 
 
 def tick_sizes(axes: Axes, sizes: Sequence[int]) -> None:

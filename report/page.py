@@ -34,22 +34,17 @@ def render_page(
     )
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
     return environment.get_template("report.html.j2").render(
-        title=inputs.title,
-        scenario=inputs.scenario,
+        inputs=inputs,
         headline=headline_of(summary),
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
         outcome_labels=OUTCOME_LABELS,
-        episodes=inputs.episodes,
-        run=inputs.run,
-        knowledge=inputs.knowledge,
         models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
         links=links,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
         surprises=surprise_rows(inputs),
-        advice=inputs.advice,
         groups=[each.kept for each in inputs.groups],
     )
 

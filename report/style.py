@@ -87,6 +87,8 @@ def report_style() -> Iterator[None]:
 
 
 PNG_DOTS_PER_INCH = 160
+#: Keyword arguments of a function of Matplotlib.
+Look = dict[str, Any]
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
@@ -99,12 +101,12 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 def png_bytes(figure: Figure) -> bytes:
     """The figure as PNG; equal figures give equal bytes."""
-    return _saved(figure, "png", {"Software": None}, dpi=PNG_DOTS_PER_INCH)
+    return _saved(figure, "png", {"Software": None})
 
 
 def svg_bytes(figure: Figure) -> bytes:
     """The figure as SVG with text as outlines, so that it looks the same everywhere."""
-    return _saved(figure, "svg", {"Date": None}, dpi=PNG_DOTS_PER_INCH)
+    return _saved(figure, "svg", {"Date": None})
 
 
 def save_figure(path: Path, figure: Figure) -> None:
@@ -113,12 +115,12 @@ def save_figure(path: Path, figure: Figure) -> None:
     atomic_write_bytes(path, formats[path.suffix.lower()](figure))
 
 
-def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: int) -> bytes:
+def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     buffer = BytesIO()
     with report_style():
         _take_names_as_they_are(figure)
         figure.draw_without_rendering()  # maps of fixed aspect settle in the second layout only
-        figure.savefig(buffer, format=kind, metadata=metadata, dpi=dpi)
+        figure.savefig(buffer, format=kind, metadata=metadata, dpi=PNG_DOTS_PER_INCH)
     return buffer.getvalue()
 
 

@@ -8,11 +8,10 @@ from matplotlib.figure import Figure
 
 from report.figures.arrival import (
     at_times,
-    draw_arrival,
+    draw_comparison,
     draw_forecasts,
     measured_curve,
     predicted_curve,
-    shown_until_s,
 )
 from report.figures.charts import OUTCOME_LABELS, draw_outcomes, draw_progress, draw_weights
 from report.figures.hallway import draw_hallway
@@ -57,7 +56,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     summary = summary_of(inputs)
     pictures = {}
-    for name, figure in all_figures(inputs).items():
+    for name, figure in (_map_figures(inputs) | _chart_figures(inputs)).items():
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
         save_figure(folder / "figures" / f"{name}.png", figure)
@@ -155,12 +154,8 @@ def outcomes_table(inputs: ReportInputs) -> str:
     return csv_text([*header, "initial_probability", "learned_probability"], rows)
 
 
-def all_figures(inputs: ReportInputs) -> dict[str, Figure]:
-    """Every figure of the report, keyed as in `report.page`."""
-    return _map_figures(inputs) | _chart_figures(inputs)
-
-
 def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
+    """By their names in the template of the page."""
     layout, problem = layout_of(inputs.scenario), inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
@@ -177,30 +172,24 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.familiarity is not None:
         surprising = inputs.familiarity.surprising(SURPRISING)
         found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
-    for number, group in enumerate(inputs.groups, start=1):
-        found[f"expert_{number}"] = draw_policy_map(
-            layout, grid, group.policy.value, group.policy.greedy, problem.goal_states, group.traps
+    policies = {f"expert_{i}": (each.policy, each.traps) for i, each in enumerate(inputs.groups, 1)}
+    policies["policy"] = inputs.policy, trapped_states(inputs)
+    for name, (policy, traps) in policies.items():
+        found[name] = draw_policy_map(
+            layout, grid, policy.value, policy.greedy, problem.goal_states, traps
         )
-    return found | {
-        "policy": draw_policy_map(
-            layout,
-            grid,
-            inputs.policy.value,
-            inputs.policy.greedy,
-            problem.goal_states,
-            trapped_states(inputs),
-        ),
-        "features": draw_features(
-            layout, grid, problem.features, problem.feature_names, problem.mdp.available
-        ),
-    }
+    found["features"] = draw_features(
+        layout, grid, problem.features, problem.feature_names, problem.mdp.available
+    )
+    return found
 
 
 def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
     found: dict[str, Figure] = {}
     if inputs.episodes:
-        found["arrival"] = _arrival_figure(inputs)
+        times_s = inputs.arrival_times_s
+        found["arrival"] = draw_comparison(inputs.predicted, times_s, inputs.timeout_s)
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s)
@@ -218,13 +207,3 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
             inputs.knowledge,
         ),
     }
-
-
-def _arrival_figure(inputs: ReportInputs) -> Figure:
-    n_episodes, times_s = len(inputs.episodes), inputs.arrival_times_s
-    return draw_arrival(
-        predicted_curve(inputs.predicted, n_episodes),
-        measured_curve(times_s, inputs.timeout_s),
-        n_episodes=n_episodes,
-        shown_until_s=shown_until_s(inputs.predicted, times_s, inputs.timeout_s),
-    )

@@ -22,7 +22,7 @@ import shapely
 from PIL import Image
 from selenium.webdriver import Chrome
 
-from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
+from report.figures.arrival import draw_comparison
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_policy_map, draw_visitation
 from report.style import png_bytes
@@ -110,13 +110,7 @@ def draw_demo_arrival(path: Path, kept: Path) -> None:
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     rows = load_episodes(kept / "episodes.csv")
     times_s = np.array([row.time_of_arrival_s if row.arrived else np.inf for row in rows])
-    figure = draw_arrival(
-        predicted_curve(law, len(rows)),
-        measured_curve(times_s, strategy.timeout_s),
-        n_episodes=len(rows),
-        shown_until_s=shown_until_s(law, times_s, strategy.timeout_s),
-    )
-    path.write_bytes(png_bytes(figure))
+    path.write_bytes(png_bytes(draw_comparison(law, times_s, strategy.timeout_s)))
 
 
 def draw_episode(path: Path, _kept: Path) -> None:

@@ -28,7 +28,7 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.strategy import Strategy, start_distribution
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.chain import ArrivalTimes
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, entry_times_s, steps_within
@@ -99,7 +99,10 @@ def episode(scenario: str, people: int | None, start: str, episode: int) -> dict
     for size in SIZES:
         navigator = navigator_of(place, size, group_of(size, episode))
         greedy = navigator.strategy.policy.greedy
-        drive = next((each for each in drives if _agrees(each, greedy)), None)
+        agreeing = (
+            each for each in drives if np.all(greedy[each.decisions.state] == each.decisions.action)
+        )
+        drive = next(agreeing, None)
         if drive is None:
             drive = _drive(navigator, place, episode)
             drives.append(drive)
@@ -114,10 +117,6 @@ def episode(scenario: str, people: int | None, start: str, episode: int) -> dict
 def group_of(size: int, episode: int) -> int:
     """The group of demonstrations of the model that drives an episode."""
     return episode % (N_DEMONSTRATIONS // size)
-
-
-def _agrees(drive: EpisodeRecord, greedy: IntArray) -> bool:
-    return bool(np.all(greedy[drive.decisions.state] == drive.decisions.action))
 
 
 def _drive(navigator: Navigator, place: Place, episode: int) -> EpisodeRecord:

@@ -76,7 +76,8 @@ def climb(config: AscentsConfig, name: AscentName) -> tuple[Row, pd.DataFrame]:
     sizes = GridworldConfig(side=config.side, n_steps=config.n_steps, seed=config.seed)
     scene, _ = scenes(sizes)
     rng = np.random.default_rng([config.seed, 1])
-    decisions = demonstrate(sizes, scene, config.n_demonstrations, rng)
+    n_episodes, n_steps = config.n_demonstrations, config.n_steps
+    decisions = demonstrate(scene.world, scene.policy, n_episodes, n_steps, rng)
     began_s = time.perf_counter()
     fit = fit_mdce_serd(
         scene.world.problem,

@@ -69,7 +69,8 @@ def one_repetition(config: EarlyStoppingConfig, number: int) -> list[Row]:
     """Sample demonstrations, fit growing parts of them in all three ways, measure."""
     training, transfer = scenes(config.world)
     rng = np.random.default_rng([config.seed, 1, number])
-    decisions = demonstrate(config.world, training, max(config.sizes), rng)
+    n_most, n_steps = max(config.sizes), config.n_steps
+    decisions = demonstrate(training.world, training.policy, n_most, n_steps, rng)
     rows = []
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)

@@ -75,7 +75,7 @@ class Scene:
 
 def run_gridworld(config: GridworldConfig, session: Session) -> Findings:
     """The measures with their tests, and the two environments."""
-    table = all_measures(config, session)
+    table = session.repeat(partial(one_repetition, config), config.n_repetitions, config)
     found = with_measures(table)
     files = dict(found.files)
     if config.n_repetitions > 1:
@@ -87,11 +87,6 @@ def run_gridworld(config: GridworldConfig, session: Session) -> Findings:
         visits = state_counts(scene.test, len(value))
         files[f"{name}.png"] = environment_figure(scene.world, weights, value, visits)
     return Findings(found.summary, files)
-
-
-def all_measures(config: GridworldConfig, session: Session) -> pd.DataFrame:
-    """The rows of all repetitions."""
-    return session.repeat(partial(one_repetition, config), config.n_repetitions, config)
 
 
 def with_measures(table: pd.DataFrame) -> Findings:
@@ -106,12 +101,13 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
     """Sample demonstrations, fit every learner on growing parts of them, measure."""
     training, transfer = scenes(config)
     rng = np.random.default_rng([config.seed, 1, number])
-    decisions = demonstrate(config, training, max(config.sizes), rng)
+    n_most, n_steps = max(config.sizes), config.n_steps
+    decisions = demonstrate(training.world, training.policy, n_most, n_steps, rng)
     rows = []
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)
         for name, learner in EXPERTS[config.expert].items():
-            given = LearnerInput(training.world.problem, seen, config.n_steps, rng)
+            given = LearnerInput(training.world.problem, seen, n_steps, rng)
             row: Row = {"repetition": number, "size": size, "learner": name}
             rows.append(row | measures(training, transfer, learner(given)))
     return rows
@@ -191,25 +187,15 @@ def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:
     truth = Estimate(np.array(config.weights), true_dynamics(), temperature, converged=True)
     policy = policy_of(world.problem, truth)
     rng = np.random.default_rng([config.seed, 3, number])
-    scene = Scene(world, policy, _nothing())
-    return Scene(world, policy, demonstrate(config, scene, config.n_test_episodes, rng))
+    test = demonstrate(world, policy, config.n_test_episodes, config.n_steps, rng)
+    return Scene(world, policy, test)
 
 
 def demonstrate(
-    config: GridworldConfig, scene: Scene, n_episodes: int, rng: np.random.Generator
+    world: Gridworld, policy: FloatArray, n_episodes: int, n_steps: int, rng: np.random.Generator
 ) -> Decisions:
-    """Sample demonstrations of the scene's expert."""
+    """Sample demonstrations of an expert with that policy (S, A)."""
+    mdp, truth = world.problem.mdp, true_dynamics()
     return sample_decisions(
-        scene.world.problem.mdp,
-        scene.policy,
-        true_dynamics(),
-        scene.world.starts,
-        n_episodes=n_episodes,
-        n_steps=config.n_steps,
-        rng=rng,
+        mdp, policy, truth, world.starts, n_episodes=n_episodes, n_steps=n_steps, rng=rng
     )
-
-
-def _nothing() -> Decisions:
-    empty = np.zeros(0, dtype=np.int64)
-    return Decisions(empty, empty.astype(np.float64), empty, empty, empty)

@@ -8,7 +8,6 @@ A mask may replace the rule. Photographs are read by Pillow, multi-band TIFF til
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.ndimage
@@ -99,30 +98,26 @@ def otsu_threshold(values: FloatArray) -> float:
 
 def image_brightness(path: Path) -> FloatArray:
     """(height, width) brightness in [0, 1], northern row first."""
+    import tifffile
+    from PIL import Image
+
     if not path.is_file():
         raise SerdError(f"image must be a file, got {path}, which is not there")
-    bands = _tile(path) if path.suffix.lower() in (".tif", ".tiff") else _photograph(path)
+    is_tile = path.suffix.lower() in (".tif", ".tiff")
+    try:
+        if is_tile:
+            raw = np.asarray(tifffile.imread(path), dtype=np.float64)
+        else:
+            with Image.open(path) as image:
+                raw = np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0
+    except (tifffile.TiffFileError, OSError, ValueError) as error:
+        raise SerdError(f"image {path} cannot be read: {error}; use PNG, JPEG or TIFF") from error
+    bands = _stretched_bands(path, raw) if is_tile else raw
     return np.asarray(np.clip(bands @ BRIGHTNESS, 0.0, 1.0))
 
 
-def _photograph(path: Path) -> FloatArray:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0
-    except (UnidentifiedImageError, OSError) as error:
-        raise SerdError(f"image {path} cannot be read: {error}; use PNG, JPEG or TIFF") from error
-
-
-def _tile(path: Path) -> FloatArray:
+def _stretched_bands(path: Path, raw: FloatArray) -> FloatArray:
     """Red, green and blue of a tile whose bands run from blue on, each stretched to [0, 1]."""
-    import tifffile
-
-    try:
-        raw: Any = np.asarray(tifffile.imread(path), dtype=np.float64)
-    except (tifffile.TiffFileError, OSError, ValueError) as error:
-        raise SerdError(f"image {path} cannot be read: {error}; use PNG, JPEG or TIFF") from error
     bands = raw[:, :, None] if raw.ndim == 2 else raw
     if bands.ndim != 3:
         raise SerdError(f"image {path} must have rows, columns and bands, got shape {raw.shape}")

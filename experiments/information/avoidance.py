@@ -17,7 +17,7 @@ from scipy.stats import beta
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row, quantile, read_table
 from report import style
-from report.learners import bar_lengths, tick_sizes
+from report.learners import draw_bars, tick_sizes
 from report.style import new_figure
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray
@@ -50,6 +50,11 @@ TITLES = {
     "norm assumed": "no norm in the reward,\nbut the learner admits one",
 }
 MASS = 0.9
+ENDS = ("lower", "median", "upper")
+#: Of information, in nats.
+SOURCES = ("from_transitions", "from_choices", "shared")
+#: Of columns about the posterior, and about counts alone.
+_PREFIXES = ("", "counted_")
 OUTCOME = Outcome.FORWARD
 
 
@@ -134,24 +139,17 @@ def summary_of(table: pd.DataFrame) -> pd.DataFrame:
     rows: list[Row] = []
     for (case, size), chosen in table.groupby(["case", "size"], sort=False):
         good = chosen[chosen["converged"]]
-        rows.append(
-            {
-                "case": case,
-                "size": size,
-                "n": len(good),
-                "failed": len(chosen) - len(good),
-                "moves": float(good["moves"].mean()),
-                "median": quantile(good["median"].to_numpy(), 0.5),
-                "counted_median": quantile(good["counted_median"].to_numpy(), 0.5),
-                "width": float((good["upper"] - good["lower"]).mean()),
-                "counted_width": float((good["counted_upper"] - good["counted_lower"]).mean()),
-                "coverage": float(_holds(good, "lower", "upper").mean()),
-                "counted_coverage": float(_holds(good, "counted_lower", "counted_upper").mean()),
-                "from_transitions": float(good["from_transitions"].mean()),
-                "from_choices": float(good["from_choices"].mean()),
-                "shared": float(good["shared"].mean()),
-            }
-        )
+        low, middle, high = ({kind: good[f"{kind}{end}"] for kind in _PREFIXES} for end in ENDS)
+        row: Row = {"case": case, "size": size, "n": len(good), "failed": len(chosen) - len(good)}
+        row["moves"] = float(good["moves"].mean())
+        for kind, values in middle.items():
+            row[f"{kind}median"] = quantile(values.to_numpy(), 0.5)
+        for kind in _PREFIXES:
+            row[f"{kind}width"] = float((high[kind] - low[kind]).mean())
+        for kind in _PREFIXES:
+            holds = (low[kind] <= good["truth"]) & (good["truth"] <= high[kind])
+            row[f"{kind}coverage"] = float(holds.mean())
+        rows.append(row | {name: float(good[name].mean()) for name in SOURCES})
     return pd.DataFrame(rows)
 
 
@@ -162,16 +160,11 @@ def _row(problem: NavigationProblem, decisions: Decisions) -> Row:
         known = outcome_information(laplace(problem, decisions, fit), MASS)
     except SerdError as error:
         return {"truth": truth, "converged": False, "message": str(error)}
-    counted = _counted_quantiles(problem, decisions, fit)
     return {
         "truth": truth,
         **forward_against_flow(fit, known),
-        "counted_lower": counted[0],
-        "counted_median": counted[1],
-        "counted_upper": counted[2],
-        "from_transitions": float(known.from_transitions[AGAINST_FLOW]),
-        "from_choices": float(known.from_choices[AGAINST_FLOW]),
-        "shared": float(known.shared[AGAINST_FLOW]),
+        **_counted_quantiles(problem, decisions, fit),
+        **{name: float(getattr(known, name)[AGAINST_FLOW]) for name in SOURCES},
         "partner": problem.feature_names[known.partner[AGAINST_FLOW]],
     }
 
@@ -182,15 +175,11 @@ def forward_against_flow(fit: FitResult, known: OutcomeInformation) -> Row:
         "converged": fit.converged,
         "message": fit.message,
         "moves": float(known.n_decisions[AGAINST_FLOW]),
-        "lower": float(known.lower[AGAINST_FLOW, OUTCOME]),
-        "median": float(known.median[AGAINST_FLOW, OUTCOME]),
-        "upper": float(known.upper[AGAINST_FLOW, OUTCOME]),
+        **{end: float(getattr(known, end)[AGAINST_FLOW, OUTCOME]) for end in ENDS},
     }
 
 
-def _counted_quantiles(
-    problem: NavigationProblem, decisions: Decisions, fit: FitResult
-) -> list[float]:
+def _counted_quantiles(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Row:
     """Of P(outcome) under counts alone, with the pseudo-count of the fit.
 
     An observed move that several outcomes explain counts for each in equal shares.
@@ -205,12 +194,9 @@ def _counted_quantiles(
     explains = models.successors[state, action] == following[:, None]
     counts = np.sum(explains / explains.sum(axis=1, keepdims=True), axis=0) + pseudo
     own = counts[OUTCOME]
-    ends = [(1 - MASS) / 2, 0.5, (1 + MASS) / 2]
-    return [float(each) for each in beta.ppf(ends, own, counts.sum() - own)]
-
-
-def _holds(rows: pd.DataFrame, lower: str, upper: str) -> pd.Series:
-    return (rows[lower] <= rows["truth"]) & (rows["truth"] <= rows[upper])
+    shares = [(1 - MASS) / 2, 0.5, (1 + MASS) / 2]
+    found = beta.ppf(shares, own, counts.sum() - own)
+    return {f"counted_{end}": float(each) for end, each in zip(ENDS, found, strict=True)}
 
 
 def avoidance_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
@@ -240,25 +226,15 @@ _KINDS = (
 
 def _draw_posterior(axes: Axes, rows: pd.DataFrame, totals: pd.DataFrame) -> None:
     """Means over the repetitions of the median and of both ends of the interval; coverage."""
-    means = rows.groupby("size")[
-        [f"{kind}{end}" for _, kind, *_ in _KINDS for end in ("lower", "median", "upper")]
-    ].mean()
+    means = rows.groupby("size")[[f"{kind}{end}" for kind in _PREFIXES for end in ENDS]].mean()
     sizes = means.index.to_numpy(np.float64)
     truth = float(rows["truth"].iloc[0])
     axes.axhline(truth, color=style.GREEN, linestyle="--", linewidth=1.2, label="measured truth")
     for label, kind, colour, marker, shift in _KINDS:
-        low, middle, high = (means[f"{kind}{end}"] for end in ("lower", "median", "upper"))
-        axes.errorbar(
-            sizes * 1.1**shift,
-            middle,
-            yerr=bar_lengths(low, middle, high),
-            color=colour,
-            marker=marker,
-            markersize=4.5,
-            linestyle="none",
-            capsize=2,
-            label=f"{label}, {100 * MASS:.0f} % interval",
-        )
+        ends = means[[f"{kind}{end}" for end in ENDS]].to_numpy().T
+        look = {"color": colour, "marker": marker, "markersize": 4.5, "linestyle": "none"}
+        look |= {"capsize": 2, "label": f"{label}, {100 * MASS:.0f} % interval"}
+        draw_bars(axes, sizes * 1.1**shift, ends, **look)
     axes.text(
         0.02, 0.95, "SERD's intervals that hold the truth:", transform=axes.transAxes, fontsize=7.5
     )
@@ -272,11 +248,12 @@ def _draw_posterior(axes: Axes, rows: pd.DataFrame, totals: pd.DataFrame) -> Non
 def _draw_information(axes: Axes, totals: pd.DataFrame) -> None:
     """Means over the repetitions of the nats by source."""
     sizes = totals["size"].to_numpy(np.float64)
-    for name, label, colour, line in (
-        ("from_transitions", "from counts", style.MUTED, "-s"),
-        ("from_choices", "from choices", style.BLUE, "-o"),
-        ("shared", "shared with the reward weights", style.RED, "--^"),
-    ):
+    looks = (
+        ("from counts", style.MUTED, "-s"),
+        ("from choices", style.BLUE, "-o"),
+        ("shared with the reward weights", style.RED, "--^"),
+    )
+    for name, (label, colour, line) in zip(SOURCES, looks, strict=True):
         axes.plot(sizes, totals[name], line, color=colour, markersize=4.5, label=label)
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="y")

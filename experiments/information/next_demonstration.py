@@ -128,9 +128,7 @@ def summary_of(table: pd.DataFrame, config: NextDemonstrationConfig) -> pd.DataF
                 {
                     "size": size,
                     "arm": arm,
-                    "shortfall": found.value,
-                    "lower": found.lower,
-                    "upper": found.upper,
+                    **found.columns("shortfall"),
                     "median": float(values[arm].median()),
                     "decisions": float(decisions[arm]),
                     "p_value": p,

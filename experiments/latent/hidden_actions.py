@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row
 from report import style
-from report.style import new_figure
+from report.learners import draw_points
+from report.style import Look, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import laplace
@@ -93,14 +94,10 @@ def learn_one_world(config: HiddenActionsConfig, number: int) -> list[Row]:
     """Rows of one repetition: every size and kind, each set a part of the next."""
     rng = np.random.default_rng([config.seed, number])
     problem = terrain_problem(config, rng)
+    mdp, n_steps, n_episodes = problem.mdp, config.longest, -(-max(config.sizes) // config.longest)
+    policy, starts = soft_policy(problem, WEIGHTS, TRUTH).probabilities, uniform_starts(mdp)
     decisions = sample_decisions(
-        problem.mdp,
-        soft_policy(problem, WEIGHTS, TRUTH).probabilities,
-        TRUTH,
-        np.full(problem.mdp.n_states, 1.0 / problem.mdp.n_states),
-        n_episodes=-(-max(config.sizes) // config.longest),
-        n_steps=config.longest,
-        rng=rng,
+        mdp, policy, TRUTH, starts, n_episodes=n_episodes, n_steps=n_steps, rng=rng
     )
     rows = []
     for size in config.sizes:
@@ -109,6 +106,11 @@ def learn_one_world(config: HiddenActionsConfig, number: int) -> list[Row]:
             here = {"repetition": number, "size": size, "kind": kind}
             rows += [here | row for row in _estimates(problem, with_actions(chosen, kind))]
     return rows
+
+
+def uniform_starts(mdp: Mdp) -> FloatArray:
+    """(S,) each state as likely."""
+    return np.full(mdp.n_states, 1.0 / mdp.n_states)
 
 
 def with_actions(decisions: Decisions, kind: str) -> Decisions:
@@ -135,18 +137,10 @@ def _estimates(problem: TabularProblem, decisions: Decisions) -> list[Row]:
         [*rewards, *outcomes[:, Outcome.FORWARD]]
         for rewards, outcomes in zip(found.reward, found.outcome_probabilities, strict=True)
     )
-    return [
-        {
-            "number": name,
-            "truth": float(truth[i]),
-            "estimate": float(estimate[i]),
-            "lower": float(lower[i]),
-            "upper": float(upper[i]),
-            "converged": fit.converged,
-            "message": fit.message,
-        }
-        for i, name in enumerate(names)
-    ]
+    columns = {"truth": truth, "estimate": estimate, "lower": lower, "upper": upper}
+    table = pd.DataFrame({"number": names} | columns).astype(dict.fromkeys(columns, float))
+    rows: list[Row] = table.assign(converged=fit.converged, message=fit.message).to_dict("records")
+    return rows
 
 
 def summary_of(table: pd.DataFrame) -> pd.DataFrame:
@@ -194,35 +188,19 @@ def hidden_actions_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
 def _draw_estimates(axes: Axes, rows: pd.DataFrame, totals: pd.DataFrame) -> None:
     """Points beside their mean; above them the coverage of the intervals."""
     sizes = list(dict.fromkeys(rows["size"]))
-    spread = np.random.default_rng(0)
-    axes.axhline(
-        rows["truth"].iloc[0], color=style.RED, linestyle="--", linewidth=1.2, label="truth"
-    )
+    spread, truth = np.random.default_rng(0), rows["truth"].iloc[0]
+    axes.axhline(truth, color=style.RED, linestyle="--", linewidth=1.2, label="truth")
+    on_top: Look = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
     for place, kind in enumerate(KINDS):
         for number, size in enumerate(sizes):
             at = number + 0.27 * (place - 1)
             found = rows[(rows["size"] == size) & (rows["kind"] == kind)]["estimate"]
             beside = at + spread.uniform(-0.07, 0.07, len(found))
             label = f"actions {kind}" if kind != KINDS[1] else "actions of a fifth of the episodes"
-            axes.plot(
-                beside,
-                found,
-                "o",
-                color=_COLOURS[kind],
-                markersize=3,
-                alpha=0.5,
-                label=label if number == 0 else None,
-            )
+            draw_points(axes, beside, found, _COLOURS[kind], label if number == 0 else None)
             axes.plot([at - 0.1, at + 0.1], [found.mean()] * 2, color=_COLOURS[kind], linewidth=2.5)
             total = totals[(totals["size"] == size) & (totals["kind"] == kind)].iloc[0]
-            axes.annotate(
-                f"{100 * total['coverage']:.0f} %",
-                (at, 0.97),
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="top",
-                fontsize=7.5,
-            )
+            axes.annotate(f"{100 * total['coverage']:.0f} %", (at, 0.97), fontsize=7.5, **on_top)
     low, high = rows["estimate"].min(), rows["estimate"].max()
     axes.set_ylim(low - 0.05 * (high - low), high + 0.18 * (high - low))
     axes.set_xticks(range(len(sizes)), [f"{size} moves" for size in sizes])

@@ -13,12 +13,17 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.latent.hidden_actions import TRUTH, HiddenActionsConfig, terrain_problem
+from experiments.latent.hidden_actions import (
+    TRUTH,
+    HiddenActionsConfig,
+    terrain_problem,
+    uniform_starts,
+)
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.statistics import StatisticsSettings, mean_interval
 from experiments.running.tables import Row
 from report import style
-from report.learners import bar_lengths
+from report.learners import draw_bars, draw_points
 from report.style import new_figure
 from serd_app.demonstrations.decision_table import concatenate
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
@@ -114,18 +119,12 @@ def demonstrations(
     problem: TabularProblem, types: IntArray, size: int, longest: int, rng: np.random.Generator
 ) -> tuple[Decisions, IntArray]:
     """Those of experts of given types, `size` moves of each, and (N,) the expert of each."""
-    n_states, found, experts = problem.mdp.n_states, [], []
+    mdp, starts, found, experts = problem.mdp, uniform_starts(problem.mdp), [], []
     policies = [soft_policy(problem, weights, TRUTH).probabilities for weights in WEIGHTS]
-    n_episodes = -(-size // longest)
+    n_episodes, n_steps = -(-size // longest), min(longest, size)
     for expert, each in enumerate(types):
         own = sample_decisions(
-            problem.mdp,
-            policies[each],
-            TRUTH,
-            np.full(n_states, 1.0 / n_states),
-            n_episodes=n_episodes,
-            n_steps=min(longest, size),
-            rng=rng,
+            mdp, policies[each], TRUTH, starts, n_episodes=n_episodes, n_steps=n_steps, rng=rng
         ).select(np.arange(size))
         found.append(replace(own, episode=own.episode + expert * n_episodes))
         experts.append(np.full(size, expert))
@@ -198,18 +197,8 @@ def summary_of(table: pd.DataFrame, seed: int = 0) -> pd.DataFrame:
         rng = np.random.default_rng([seed, n_types, moves])
         for measure in MEASURES:
             mean = mean_interval(good[measure].to_numpy(dtype=np.float64), INTERVALS, rng)
-            rows.append(
-                {
-                    "types": n_types,
-                    "moves": moves,
-                    "measure": measure,
-                    "n": len(good),
-                    "failed": len(chosen) - len(good),
-                    "mean": mean.value,
-                    "lower": mean.lower,
-                    "upper": mean.upper,
-                }
-            )
+            place: Row = {"types": n_types, "moves": moves, "measure": measure, "n": len(good)}
+            rows.append(place | {"failed": len(chosen) - len(good)} | mean.columns("mean"))
     return pd.DataFrame(rows)
 
 
@@ -224,13 +213,9 @@ def mixed_experts_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
         for (n_types, size), rows in good.groupby(["types", "moves"]):
             sizes = list(dict.fromkeys(good["moves"]))
             at = n_types + 0.3 * (sizes.index(size) - (len(sizes) - 1) / 2)
-            rand.plot(
-                [at - 0.13, at + 0.13],
-                [rows["rand_known"].mean()] * 2,
-                color=style.INK,
-                linestyle=":",
-                label="true rewards known, mean" if at < 1 else None,
-            )
+            label = "true rewards known, mean" if at < 1 else None
+            ends, mean = [at - 0.13, at + 0.13], rows["rand_known"].mean()
+            rand.plot(ends, [mean] * 2, color=style.INK, linestyle=":", label=label)
         rand.set_title("adjusted Rand index", loc="left")
         _draw_points(gain, good, summary, "gain")
         gain.axhline(0.0, color=style.MUTED, linewidth=0.8)
@@ -250,8 +235,8 @@ def _draw_right(axes: Axes, summary: pd.DataFrame) -> None:
         rows = summary[summary["measure"] == f"right_{name}"]
         at = np.arange(len(cases)) + 0.25 * (place - 1)
         axes.bar(at, rows["mean"], width=0.22, color=colours[name], label=labels[name])
-        lengths = bar_lengths(rows["lower"], rows["mean"], rows["upper"])
-        axes.errorbar(at, rows["mean"], yerr=lengths, fmt="none", color=style.INK, lw=0.8)
+        ends = rows[["lower", "mean", "upper"]].to_numpy().T
+        draw_bars(axes, at, ends, fmt="none", color=style.INK, lw=0.8)
     axes.set_xticks(range(len(cases)), [f"{types} × {moves}" for types, moves in cases], fontsize=8)
     axes.set_ylim(0, 1.05)
     axes.set_title("worlds with the right number\n(types × moves of an expert)", loc="left")
@@ -270,28 +255,13 @@ def _draw_points(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame, measure
             at = n_types + 0.3 * (place - (len(sizes) - 1) / 2)
             beside = at + spread.uniform(-0.09, 0.09, len(rows))
             label = f"{size} moves" if n_types == types[0] else None
-            axes.plot(
-                beside,
-                rows[measure],
-                "o",
-                color=colours.get(size, style.INK),
-                markersize=3,
-                alpha=0.5,
-                label=label,
-            )
+            draw_points(axes, beside, rows[measure], colours.get(size, style.INK), label)
             total = summary[
                 (summary["types"] == n_types)
                 & (summary["moves"] == size)
                 & (summary["measure"] == measure)
             ].iloc[0]
-            axes.errorbar(
-                at,
-                total["mean"],
-                yerr=[[total["mean"] - total["lower"]], [total["upper"] - total["mean"]]],
-                fmt="_",
-                color=style.INK,
-                markersize=12,
-                lw=1.2,
-            )
+            ends = total[["lower", "mean", "upper"]].to_numpy()[:, None]
+            draw_bars(axes, [at], ends, fmt="_", color=style.INK, markersize=12, lw=1.2)
     axes.set_xticks(types, [f"{each} type{'s' if each > 1 else ''}" for each in types])
     axes.grid(axis="y")

@@ -9,7 +9,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,29 +22,14 @@ FILE_NAME = "provenance.yaml"
 PACKAGES = ("serd", "numpy", "scipy")
 
 
-@dataclass(frozen=True)
-class Run:
-    """One run: its command, settings in full, time, code, and whether it finished.
-
-    commit: of the code's repository, with "+ changes" where files differed from it, or None where
-    the code is installed without one.
-    """
-
-    command: str
-    settings: str
-    began: str
-    seconds: float
-    finished: bool
-    commit: str | None
-    python: str
-    packages: dict[str, str]
-
-
 @contextmanager
 def recorded(
     folder: Path, command: str, settings: object, clock: Callable[[], float] = time.perf_counter
 ) -> Iterator[None]:
     """Record the run inside in `folder` when it ends or is interrupted; errors are not recorded.
+
+    That is its command, settings in full, time, code, and whether it finished; the commit is None
+    where the code is installed without a repository.
 
     SerdError where another study or experiment wrote into the folder: tables share names.
     """
@@ -53,17 +37,18 @@ def recorded(
     began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
 
     def note(*, finished: bool) -> None:
-        run = Run(
-            command=command,
-            settings=repr(settings),
-            began=began.isoformat(timespec="seconds"),
-            seconds=round(clock() - start_s, 1),
-            finished=finished,
-            commit=commit,
-            python=platform.python_version(),
-            packages=installed_versions(PACKAGES),
-        )
-        _append(folder / FILE_NAME, run)
+        run = {
+            "command": command,
+            "settings": repr(settings),
+            "began": began.isoformat(timespec="seconds"),
+            "seconds": round(clock() - start_s, 1),
+            "finished": finished,
+            "commit": commit,
+            "python": platform.python_version(),
+            "packages": installed_versions(PACKAGES),
+        }
+        file = folder / FILE_NAME
+        atomic_write_text(file, write_yaml({"runs": [*_runs(file), run]}))
 
     try:
         yield
@@ -95,10 +80,6 @@ def installed_versions(names: Sequence[str]) -> dict[str, str]:
         with suppress(PackageNotFoundError):
             found[name] = version(name)
     return found
-
-
-def _append(path: Path, run: Run) -> None:
-    atomic_write_text(path, write_yaml({"runs": [*_runs(path), asdict(run)]}))
 
 
 def _runs(path: Path) -> list[dict[str, Any]]:

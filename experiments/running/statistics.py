@@ -36,6 +36,10 @@ class Interval:
     lower: float
     upper: float
 
+    def columns(self, name: str) -> Row:
+        """The number under its name, with the interval."""
+        return {name: self.value, "lower": self.lower, "upper": self.upper}
+
 
 def bootstrap(
     n_repetitions: int,
@@ -102,15 +106,8 @@ def paired_family(
     ours = values[first].to_numpy()
     for name, theirs in values.drop(columns=first).items():
         difference = mean_interval(ours - theirs.to_numpy(), settings, rng)
-        family.append(
-            {
-                "second": name,
-                "mean_difference": difference.value,
-                "lower": difference.lower,
-                "upper": difference.upper,
-                "p_value": paired_p_value(ours, theirs, rng),
-            }
-        )
+        row: Row = {"second": name} | difference.columns("mean_difference")
+        family.append(row | {"p_value": paired_p_value(ours, theirs, rng)})
     adjusted = holm([row["p_value"] for row in family])
     return [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
 

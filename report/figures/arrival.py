@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from report import style
 from report.errors import ReportError
-from report.style import new_figure
+from report.style import Look, new_figure
 from serd_core.arrays import FloatArray, float_array
 from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.law import ArrivalLaw
@@ -95,6 +95,17 @@ def shown_from_s(*curves: ArrivalCurve) -> float:
     return 0.9 * min((start_s for start_s in starts_s if start_s is not None), default=0.0)
 
 
+def draw_comparison(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> Figure:
+    """`draw_arrival` of a prediction and of the (N,) times of episodes, inf without an arrival."""
+    n_episodes = len(np.asarray(arrival_times_s))
+    return draw_arrival(
+        predicted_curve(predicted, n_episodes),
+        measured_curve(arrival_times_s, timeout_s),
+        n_episodes=n_episodes,
+        shown_until_s=shown_until_s(predicted, arrival_times_s, timeout_s),
+    )
+
+
 def draw_arrival(
     predicted: ArrivalCurve, measured: ArrivalCurve, *, n_episodes: int, shown_until_s: float
 ) -> Figure:
@@ -105,11 +116,10 @@ def draw_arrival(
         draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
         draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
         begin_s = shown_from_s(predicted, measured)
-        axes.set(xlim=(min(begin_s, 0.9 * shown_until_s), shown_until_s))
-        axes.set(ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
-        axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
-        axes.grid()
-        _legend_lines_first(axes)
+        _frame(axes, min(begin_s, 0.9 * shown_until_s), shown_until_s)
+        handles, labels = axes.get_legend_handles_labels()
+        order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
+        axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")
     return figure
 
 
@@ -130,13 +140,15 @@ def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:
         until_s = max(shown_until_s(law, [0.0], timeout_s) for law in laws.values())
         starts_s = [law.times_s[law.cdf >= _LEFT_ZERO][:1] for law in laws.values()]
         from_s = 0.9 * float(np.concatenate(starts_s).min(initial=until_s))
-        axes.set(
-            xlim=(from_s, max(until_s, from_s + 1e-3)), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5)
-        )
-        axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
-        axes.grid()
+        _frame(axes, from_s, max(until_s, from_s + 1e-3))
         axes.legend(loc="lower right", title="from")
     return figure
+
+
+def _frame(axes: Axes, from_s: float, until_s: float) -> None:
+    axes.set(xlim=(from_s, until_s), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+    axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
+    axes.grid()
 
 
 def draw_curve(
@@ -144,28 +156,7 @@ def draw_curve(
 ) -> None:
     """A curve as steps with its band, in the look of its kind."""
     colour, line = _LOOKS[kind]
-    axes.fill_between(
-        curve.time_s,
-        curve.lower,
-        curve.upper,
-        step="post",
-        color=colour,
-        alpha=0.18,
-        linewidth=0,
-        label=f"95 % band, {kind}",
-    )
-    axes.step(
-        curve.time_s,
-        curve.probability,
-        where="post",
-        color=colour,
-        linestyle=line,
-        label=label,
-        **look,
-    )
-
-
-def _legend_lines_first(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
-    axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")
+    shade: Look = {"step": "post", "color": colour, "alpha": 0.18, "linewidth": 0}
+    axes.fill_between(curve.time_s, curve.lower, curve.upper, label=f"95 % band, {kind}", **shade)
+    look |= {"where": "post", "color": colour, "linestyle": line}
+    axes.step(curve.time_s, curve.probability, label=label, **look)

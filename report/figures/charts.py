@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from report import style
 from report.errors import ReportError
-from report.learners import bar_lengths
-from report.style import in_words, new_figure
+from report.learners import draw_bars
+from report.style import Look, in_words, new_figure
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_core.arrays import FloatArray, IntArray, float_array
 from serd_core.bayes.information import PRIOR_ONLY
@@ -33,12 +33,8 @@ def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> 
         rows = np.arange(len(weights))
         colours = [style.BLUE if w >= 0 else style.RED for w in weights]
         bars = axes.barh(rows, weights, height=0.6, color=colours)
-        axes.bar_label(
-            bars,
-            labels=[f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights],
-            padding=4,
-            fontsize=8.5,
-        )
+        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights]
+        axes.bar_label(bars, labels=labels, padding=4, fontsize=8.5)
         axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
         axes.invert_yaxis()
         axes.axvline(0, color=style.MUTED, linewidth=0.8)
@@ -81,7 +77,8 @@ def draw_outcomes(
         for i, axes in enumerate(panels.flat[: len(model_names)]):
             rows = () if knowledge is None else knowledge.by_model[model_names[i]]
             tops = [row.upper for row in rows] or after[i]
-            _draw_model(axes, before[i], after[i], tops, only_prior=_only_prior(rows))
+            only_prior = bool(rows) and rows[0].known_from == PRIOR_ONLY
+            _draw_model(axes, before[i], after[i], tops, only_prior=only_prior)
             decided = counted(int(decisions_per_model[i]), "decision")
             if rows:
                 _draw_intervals(axes, rows)
@@ -96,17 +93,12 @@ def draw_outcomes(
     return figure
 
 
-def _only_prior(rows: Sequence[OutcomeRow]) -> bool:
-    return bool(rows) and rows[0].known_from == PRIOR_ONLY
-
-
 def _draw_intervals(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
     """Median and interval of each outcome over its bar."""
-    low, middle, high = np.array([(row.lower, row.median, row.upper) for row in rows]).T
-    axes.errorbar(
+    draw_bars(
+        axes,
         np.arange(len(rows)) + _BAR_WIDTH / 2,
-        middle,
-        yerr=bar_lengths(low, middle, high),
+        np.array([(row.lower, row.median, row.upper) for row in rows]).T,
         fmt="_",
         color=style.INK,
         markersize=7,
@@ -144,15 +136,10 @@ def _draw_model(
         alpha=0.3 if only_prior else 1.0,
         label="learned (SERD)",
     )
+    above: Look = {"xytext": (0, 1.5), "textcoords": "offset points", "ha": "center"}
     for place, probability, top in zip(places, learned, tops, strict=True):
-        axes.annotate(
-            f"{probability:.2f}".lstrip("0"),
-            (place + _BAR_WIDTH / 2, max(probability, top)),
-            xytext=(0, 1.5),
-            textcoords="offset points",
-            ha="center",
-            fontsize=7,
-        )
+        at = (place + _BAR_WIDTH / 2, max(probability, top))
+        axes.annotate(f"{probability:.2f}".lstrip("0"), at, fontsize=7, **above)
     axes.set_xticks(places, OUTCOME_LABELS, fontsize=8)
     axes.set_ylim(0, 1.08)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1.0])
@@ -161,9 +148,8 @@ def _draw_model(
     axes.spines["left"].set_visible(False)
 
 
-def draw_progress(objective_trace: FloatArray, *, converged: bool) -> Figure:
-    """objective_trace (n_steps,): log posterior after each step; the last point is the fit."""
-    trace = float_array("objective_trace", objective_trace, (None,))
+def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
+    """trace (n_steps,): log posterior after each step; the last point is the fit."""
     if not len(trace):
         raise ReportError("objective_trace must have at least one step, got none; run the fit")
     with style.report_style():

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from report import style
+from report.learners import LearnerStyle
 from report.style import new_figure
 from serd_core.arrays import FloatArray
 
@@ -34,10 +35,10 @@ class CrowdPlace:
 
 
 _LOOKS = (
-    (style.BLUE, "o", "-"),
-    (style.GREEN, "D", "-."),
-    (style.PURPLE, "s", "--"),
-    (style.YELLOW, "^", ":"),
+    LearnerStyle(style.BLUE, "o"),
+    LearnerStyle(style.GREEN, "D", "-."),
+    LearnerStyle(style.PURPLE, "s", "--"),
+    LearnerStyle(style.YELLOW, "^", ":"),
 )
 _MEASURES = (
     ("speed_mps", "mean speed, m/s"),
@@ -83,14 +84,8 @@ def _draw(axes: Axes, place: CrowdPlace, measure: str) -> None:
         axes.fill_between(
             measured.density_pm2, values - band, values + band, color=style.INK, alpha=0.12, lw=0
         )
-    for curve, (colour, marker, line) in zip(place.simulated, _LOOKS, strict=False):
-        axes.plot(
-            curve.density_pm2,
-            getattr(curve, measure),
-            color=colour,
-            marker=marker,
-            linestyle=line,
-            label=curve.name.replace("_", " "),
-        )
+    for curve, look in zip(place.simulated, _LOOKS, strict=False):
+        label, values = curve.name.replace("_", " "), getattr(curve, measure)
+        axes.plot(curve.density_pm2, values, label=label, **look.arguments)
     axes.set(xlim=(0, None), ylim=(0, None))
     axes.grid()

@@ -1,5 +1,7 @@
 """The hallway at one recorded moment: walls, areas, robot, and people with arrows and trails."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -33,48 +35,21 @@ def draw_hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
 
 
 def _people(axes: Axes, snapshot: CrowdSnapshot) -> None:
-    for x, y in snapshot.people_position_m:
-        axes.add_patch(
-            Circle(
-                (x, y),
-                _PERSON_RADIUS_M,
-                facecolor=style.PERSON_COLOUR,
-                edgecolor="white",
-                linewidth=0.6,
-                zorder=8,
-                gid="person",
-            )
-        )
+    look = {"facecolor": style.PERSON_COLOUR, "edgecolor": "white", "linewidth": 0.6, "zorder": 8}
+    for place in snapshot.people_position_m:
+        axes.add_patch(Circle(tuple(place), _PERSON_RADIUS_M, gid="person", **look))
     if not len(snapshot.people_position_m):
         return
     shift = snapshot.people_velocity_mps * _ARROW_PER_SPEED_S
-    draw_vectors(
-        axes,
-        snapshot.people_position_m,
-        shift,
-        width=0.017,
-        headwidth=5,
-        headlength=5,
-        headaxislength=4.5,
-        color=style.INK,
-        zorder=9,
-        gid="walking direction",
-    )
+    arrow = {"width": 0.017, "headwidth": 5, "headlength": 5, "headaxislength": 4.5, "zorder": 9}
+    named = {"color": style.INK, "gid": "walking direction"}
+    draw_vectors(axes, snapshot.people_position_m, shift, **arrow, **named)
 
 
 def _robot(axes: Axes, pose: FloatArray, radius_m: float) -> None:
     x, y, yaw = pose
-    axes.add_patch(
-        Circle(
-            (x, y),
-            1.5 * radius_m,
-            facecolor=style.ROBOT_COLOUR,
-            edgecolor="white",
-            linewidth=1.2,
-            zorder=10,
-            gid="robot",
-        )
-    )
+    look = {"facecolor": style.ROBOT_COLOUR, "edgecolor": "white", "linewidth": 1.2, "zorder": 10}
+    axes.add_patch(Circle((x, y), 1.5 * radius_m, gid="robot", **look))
     nose = 1.4 * radius_m * np.array([np.cos(yaw), np.sin(yaw)])
     axes.plot([x, x + nose[0]], [y, y + nose[1]], color="white", linewidth=2.0, zorder=11)
 
@@ -91,22 +66,12 @@ def _fading_trail(axes: Axes, trail: FloatArray, colour: str, width: float) -> N
 
 
 def _legend() -> list[Line2D]:
-    def dot(colour: str, size: float, label: str) -> Line2D:
-        return Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker="o",
-            markersize=size,
-            label=label,
-            markerfacecolor=colour,
-            markeredgecolor="white",
-        )
-
-    trail = Line2D([], [], color=style.PERSON_COLOUR, alpha=0.5, linewidth=1.6)
-    trail.set_label("the last seconds")
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgecolor": "white"}
+    robot, person = style.ROBOT_COLOUR, style.PERSON_COLOUR
     return [
-        dot(style.ROBOT_COLOUR, 10, "robot (enlarged)"),
-        dot(style.PERSON_COLOUR, 7, "person, arrow = velocity"),
-        trail,
+        Line2D([], [], markersize=10, markerfacecolor=robot, label="robot (enlarged)", **dot),
+        Line2D(
+            [], [], markersize=7, markerfacecolor=person, label="person, arrow = velocity", **dot
+        ),
+        Line2D([], [], color=person, alpha=0.5, linewidth=1.6, label="the last seconds"),
     ]

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,8 +19,8 @@ from matplotlib.path import Path
 from matplotlib.ticker import MultipleLocator
 
 from report import style
-from report.style import new_figure
-from serd_core.arrays import FloatArray, IntArray
+from report.style import Look, new_figure
+from serd_core.arrays import BoolArray, FloatArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from sim.scenario.scenario import Scenario
 
@@ -74,10 +76,10 @@ def map_figure(
     layout: HallwayLayout, n_panels: int = 1, *, height_in: float, width_in: float
 ) -> tuple[Figure, list[Axes]]:
     """A figure of `n_panels` equal map axes, arranged to be as large as the given space allows."""
-    panels = _arranged(layout, n_panels, width_in, height_in)
-    figure = new_figure(*panels.figure_size_in)
+    rows, columns, size_in = _arranged(layout, n_panels, width_in, height_in)
+    figure = new_figure(*size_in)
     with style.report_style():
-        grid = figure.subplots(panels.rows, panels.columns, squeeze=False, sharex=True, sharey=True)
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     axes = list(grid.ravel())
     for spare in axes[n_panels:]:
         spare.remove()
@@ -86,16 +88,33 @@ def map_figure(
     return figure, axes[:n_panels]
 
 
-def place_figure(grid: Grid, layout: HallwayLayout | None) -> tuple[Figure, Axes]:
-    """A figure with one map of the plan, or of the grid alone where no plan is known."""
+def cell_map(
+    grid: Grid,
+    layout: HallwayLayout | None,
+    values: FloatArray,
+    norm: Normalize,
+    colour_map: object,
+    *,
+    areas: bool = True,
+) -> tuple[Figure, Axes, PatchCollection]:
+    """A figure with one map of the plan, or of the grid alone where no plan is known.
+
+    Its cells are filled by values (S,); areas: whether those of the plan are outlined.
+    """
     if layout is None:
-        return _fitted_figure(grid)
-    figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
-    return figure, axes
+        figure, axes = _fitted_figure(grid)
+    else:
+        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
+        if areas:
+            draw_areas(axes, layout, filled=False)
+    cells = draw_cells(axes, grid, values, norm, colour_map)
+    if layout is None:
+        axes.autoscale_view()
+    return figure, axes, cells
 
 
 def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
-    """A figure of the grid's proportions and its axes, where no plan of the place is known."""
+    """A figure of the grid's proportions and its axes."""
     rows, columns = grid.walkable.shape
     width_in, height_in = np.maximum(
         np.array([columns, rows]) * _LONGER_SIDE_IN / max(columns, rows), _SHORTEST_SIDE_IN
@@ -106,74 +125,46 @@ def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-@dataclass(frozen=True)
-class _Panels:
-    """Rows and columns of equal maps of `size_m` at `scale` inches per metre."""
-
-    rows: int
-    columns: int
-    size_m: tuple[float, float]
-    scale: float
-
-    @property
-    def figure_size_in(self) -> tuple[float, float]:
-        """Width and height with room for titles, labels and a colour bar or legend."""
-        pitch = max(self.size_m[0] * self.scale + _GAP_IN, _TITLE_WIDTH_IN)
-        width = max(self.columns * pitch + _SIDE_IN, _LEGEND_WIDTH_IN)
-        return width, self.rows * (self.size_m[1] * self.scale + _TITLE_HEIGHT_IN) + _FOOT_IN
-
-
-def _arranged(layout: HallwayLayout, n_panels: int, width_in: float, height_in: float) -> _Panels:
+def _arranged(
+    layout: HallwayLayout, n_panels: int, width_in: float, height_in: float
+) -> tuple[int, int, tuple[float, float]]:
+    """Rows, columns, and the size with room for titles, labels and a colour bar or legend."""
     x_min, y_min, x_max, y_max = layout.bounds_m
-    size_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
+    width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
     candidates = []
     for columns in range(1, n_panels + 1):
         rows = math.ceil(n_panels / columns)
-        across = (width_in - _SIDE_IN - columns * _GAP_IN) / (columns * size_m[0])
-        upright = (height_in - _FOOT_IN - rows * _TITLE_HEIGHT_IN) / (rows * size_m[1])
-        candidates.append(_Panels(rows, columns, size_m, max(min(across, upright), 0.01)))
-    return max(candidates, key=lambda panels: panels.scale)
+        across = (width_in - _SIDE_IN - columns * _GAP_IN) / (columns * width_m)
+        upright = (height_in - _FOOT_IN - rows * _TITLE_HEIGHT_IN) / (rows * height_m)
+        candidates.append((max(min(across, upright), 0.01), rows, columns))
+    scale, rows, columns = max(candidates, key=itemgetter(0))
+    pitch_in = max(width_m * scale + _GAP_IN, _TITLE_WIDTH_IN)
+    size_in = max(columns * pitch_in + _SIDE_IN, _LEGEND_WIDTH_IN)
+    return rows, columns, (size_in, rows * (height_m * scale + _TITLE_HEIGHT_IN) + _FOOT_IN)
 
 
 def draw_layout(axes: Axes, layout: HallwayLayout) -> None:
     """Floor, walls, obstacles and axes in metres."""
     axes.add_patch(Polygon(layout.outline_m, facecolor=style.FLOOR, edgecolor="none", zorder=0))
-    axes.add_patch(
-        Polygon(
-            layout.outline_m,
-            fill=False,
-            edgecolor=style.WALL,
-            linewidth=2.2,
-            zorder=6,
-            joinstyle="miter",
-            gid="wall",
-        )
-    )
+    wall: Look = {"edgecolor": style.WALL, "zorder": 6}
+    outline = wall | {"fill": False, "linewidth": 2.2, "joinstyle": "miter", "gid": "wall"}
+    axes.add_patch(Polygon(layout.outline_m, **outline))
     for obstacle in layout.obstacles_m:
-        axes.add_patch(
-            Polygon(obstacle, facecolor=style.WALL, edgecolor=style.WALL, zorder=6, gid="obstacle")
-        )
+        axes.add_patch(Polygon(obstacle, facecolor=style.WALL, gid="obstacle", **wall))
     _frame(axes, layout)
 
 
 def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
     """The goal area and the dashed start areas: filled and named, or as outlines over data."""
-    colours = _start_colours(layout)
+    starts = zip(layout.start_areas_m, cycle(style.START_COLOURS), strict=False)
     areas = [("goal", layout.goal_area_m, style.GOAL_COLOUR)]
-    areas += [(f"start\n{name}", polygon, colours[name]) for name, polygon in layout.start_areas_m]
+    areas += [(f"start\n{name}", polygon, colour) for (name, polygon), colour in starts]
     for name, polygon, colour in areas:
-        axes.add_patch(
-            Polygon(
-                polygon,
-                facecolor=colour + "26" if filled else "none",
-                edgecolor=colour,
-                linewidth=1.4,
-                linestyle="-" if name == "goal" else "--",
-                zorder=2,
-                gid=f"area {name}",
-                label=name.replace("\n", " "),
-            )
-        )
+        look: Look = {"edgecolor": colour, "linewidth": 1.4, "zorder": 2}
+        look |= {"linestyle": "-" if name == "goal" else "--"}
+        look |= {"facecolor": colour + "26" if filled else "none"}
+        label = name.replace("\n", " ")
+        axes.add_patch(Polygon(polygon, gid=f"area {name}", label=label, **look))
         if filled:
             _label_area(axes, name, polygon, colour, Path(layout.outline_m))
 
@@ -197,14 +188,9 @@ def draw_cells(
     axes: Axes, grid: Grid, values: FloatArray, norm: Normalize, colour_map: object
 ) -> PatchCollection:
     """Every state's cell filled by its value (S,); returns the collection for a colour bar."""
-    collection = PatchCollection(
-        cell_squares(grid.centers_m, grid.cell_size_m),
-        cmap=colour_map,
-        norm=norm,
-        edgecolor="#ffffff",
-        linewidth=0.4,
-        zorder=1,
-    )
+    look: Look = {"edgecolor": "#ffffff", "linewidth": 0.4, "zorder": 1}
+    squares = cell_squares(grid.centers_m, grid.cell_size_m)
+    collection = PatchCollection(squares, cmap=colour_map, norm=norm, **look)
     collection.set_array(np.asarray(values, dtype=np.float64))
     axes.add_collection(collection)
     return collection
@@ -240,19 +226,9 @@ def draw_vectors(axes: Axes, from_m: FloatArray, shift_m: FloatArray, **look: An
     )
 
 
-def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
-    """A dashed line around the given states, one for all that lie side by side."""
-    borders = list(_borders(grid, np.asarray(states, dtype=np.int64)))
-    axes.add_collection(
-        LineCollection(
-            borders, colors=colour, linewidths=1.3, linestyles=[OUTLINE_DASHES], zorder=5, gid=gid
-        )
-    )
-
-
-def _borders(grid: Grid, states: IntArray) -> FloatArray:
-    """(N, 2, 2) both ends of every side, a little inside, beyond which lies none of the states."""
-    half = 0.46 * grid.cell_size_m
+def outline_traps(axes: Axes, grid: Grid, trapped: BoolArray) -> None:
+    """A dashed red line, a little inside, around the cells (S,) that lie side by side."""
+    states, half = np.flatnonzero(trapped), 0.46 * grid.cell_size_m
     sides = []
     for action in (Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST):
         beyond = grid.neighbours[states, action]
@@ -261,7 +237,8 @@ def _borders(grid: Grid, states: IntArray) -> FloatArray:
         along = 0.5 * grid.cell_size_m * np.array([-across[1], across[0]])
         middle = grid.centers_m[at_border] + half * across
         sides.append(np.stack([middle - along, middle + along], axis=1))
-    return np.concatenate(sides)
+    look = {"colors": style.RED, "linewidths": 1.3, "linestyles": [OUTLINE_DASHES]}
+    axes.add_collection(LineCollection(list(np.concatenate(sides)), zorder=5, gid="trap", **look))
 
 
 def _frame(axes: Axes, layout: HallwayLayout) -> None:
@@ -279,13 +256,6 @@ def _frame(axes: Axes, layout: HallwayLayout) -> None:
         spine.set_visible(False)
 
 
-def _start_colours(layout: HallwayLayout) -> dict[str, str]:
-    return {
-        name: style.START_COLOURS[i % len(style.START_COLOURS)]
-        for i, (name, _) in enumerate(layout.start_areas_m)
-    }
-
-
 def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str, floor: Path) -> None:
     """The name below or above the area where that is outside the floor, else on it."""
     (left, bottom), (right, top) = polygon.min(axis=0), polygon.max(axis=0)
@@ -294,16 +264,6 @@ def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str, floor: 
         if not floor.contains_point((x, edge + beyond)):
             y, aligned, name = edge + beyond / 2, vertical, name.replace("\n", " ")
             break
-    axes.text(
-        x,
-        y,
-        name,
-        color=colour,
-        fontsize=7.5,
-        fontweight="bold",
-        ha="center",
-        va=aligned,
-        zorder=10,
-        parse_math=False,
-        bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},
-    )
+    look: Look = {"fontsize": 7.5, "fontweight": "bold", "ha": "center", "va": aligned}
+    look["bbox"] = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0}
+    axes.text(x, y, name, color=colour, zorder=10, parse_math=False, **look)

@@ -10,16 +10,15 @@ from matplotlib.figure import Figure
 from report import style
 from report.figures.map_axes import (
     HallwayLayout,
+    cell_map,
     colour_bar,
     colour_bar_below,
-    draw_areas,
     draw_cells,
     draw_vectors,
     map_figure,
-    outline_cells,
-    place_figure,
+    outline_traps,
 )
-from report.style import in_words
+from report.style import Look, in_words
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
@@ -42,16 +41,12 @@ def draw_visitation(
     """
     counts = float_array("decisions_per_state", decisions_per_state, (grid.n_states,))
     with style.report_style():
-        figure, axes = place_figure(grid, layout)
-        cells = draw_cells(axes, grid, counts, Normalize(0, max(counts.max(), 1)), style.VISITS_MAP)
+        norm = Normalize(0, max(counts.max(), 1))
+        figure, axes, cells = cell_map(grid, layout, counts, norm, style.VISITS_MAP)
         for track in tracks_m:
             axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
-        if layout is not None:
-            draw_areas(axes, layout, filled=False)
-        else:
-            for track in tracks_m:
+            if layout is None:
                 axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
-            axes.autoscale_view()
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
@@ -62,20 +57,10 @@ def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -
     """What a demonstration from each cell (S,) is expected to add, the best start marked."""
     gain = float_array("gain_nats", gain_nats, (grid.n_states,))
     with style.report_style():
-        figure, axes = place_figure(grid, layout)
-        cells = draw_cells(axes, grid, gain, Normalize(0, max(gain.max(), 1e-9)), style.VISITS_MAP)
-        if layout is not None:
-            draw_areas(axes, layout, filled=False)
-        axes.plot(
-            *grid.centers_m[int(gain.argmax())],
-            "*",
-            color=style.BLUE,
-            markeredgecolor="white",
-            markersize=13,
-            zorder=5,
-        )
-        if layout is None:
-            axes.autoscale_view()
+        norm = Normalize(0, max(gain.max(), 1e-9))
+        figure, axes, cells = cell_map(grid, layout, gain, norm, style.VISITS_MAP)
+        star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
+        axes.plot(*grid.centers_m[int(gain.argmax())], "*", color=style.BLUE, **star)
         colour_bar_below(figure, axes, cells, "expected information in nats")
         axes.set_title("a demonstration from the star teaches most", loc="left")
     return figure
@@ -88,44 +73,28 @@ def draw_surprises(
     reached; a circle where it is the same cell. Wider where there are several."""
     visits = np.bincount(decisions.state, minlength=grid.n_states).astype(np.float64)
     moves = np.stack([decisions.state, decisions.next_state], axis=1)[surprising]
-    (state, following), count = _distinct(moves)
+    distinct, count = np.unique(moves, axis=0, return_counts=True)
+    state, following = distinct.T
     with style.report_style():
-        figure, axes = place_figure(grid, layout)
-        cells = draw_cells(axes, grid, visits, Normalize(0, max(visits.max(), 1)), style.VALUE_MAP)
-        if layout is not None:
-            draw_areas(axes, layout, filled=False)
+        norm = Normalize(0, max(visits.max(), 1))
+        figure, axes, cells = cell_map(grid, layout, visits, norm, style.VALUE_MAP)
         shift = grid.centers_m[following] - grid.centers_m[state]
         moved = following != state
-        for times in np.unique(count[moved]).tolist():
-            here = moved & (count == times)
+        size = np.minimum(1.0 + np.log2(count), 4.0)
+        for each in np.unique(size[moved]):
+            here = moved & (size == each)
             look = {"color": style.RED, "zorder": 5, "gid": "surprising moves"}
-            width = 0.012 * min(1.0 + np.log2(times), 4.0)
-            draw_vectors(axes, grid.centers_m[state[here]], 0.8 * shift[here], width=width, **look)
+            from_m, shift_m = grid.centers_m[state[here]], 0.8 * shift[here]
+            draw_vectors(axes, from_m, shift_m, width=0.012 * each, **look)
+        ring: Look = {"facecolors": "none", "edgecolors": style.RED, "linewidths": 1.4, "zorder": 5}
         x_m, y_m = grid.centers_m[state[~moved]].T
-        axes.scatter(
-            x_m,
-            y_m,
-            s=25 * np.minimum(1.0 + np.log2(count[~moved]), 4.0),
-            facecolors="none",
-            edgecolors=style.RED,
-            linewidths=1.4,
-            zorder=5,
-            gid="surprising waits",
-        )
-        if layout is None:
-            axes.autoscale_view()
+        axes.scatter(x_m, y_m, s=25 * size[~moved], gid="surprising waits", **ring)
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         axes.set_title(
             f"{int(surprising.sum())} of {counted(len(decisions), 'decision')} surprising\n"
             "(red: to the cell reached, circle: none)"
         )
     return figure
-
-
-def _distinct(moves: IntArray) -> tuple[IntArray, IntArray]:
-    """(2, n) distinct moves and (n,) how often each is."""
-    found, count = np.unique(moves.reshape(-1, 2), axis=0, return_counts=True)
-    return found.T, count.astype(np.int64)
 
 
 def draw_features(
@@ -171,13 +140,11 @@ def draw_policy_map(
     """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined."""
     values = float_array("value", value, (grid.n_states,))
     with style.report_style():
-        figure, axes = place_figure(grid, layout)
         elsewhere = np.delete(values, goal_states)
         norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
-        cells = draw_cells(axes, grid, values, norm, style.VALUE_MAP)
-        draw_areas(axes, layout, filled=False)
+        figure, axes, cells = cell_map(grid, layout, values, norm, style.VALUE_MAP)
         draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
-        outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
+        outline_traps(axes, grid, trapped)
         colour_bar_below(
             figure, axes, cells, "value of the cell (discounted reward)", extend="both"
         )
@@ -216,18 +183,9 @@ def draw_arrows(
     shift = 0.8 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
     tail = grid.centers_m[moving] - shift / 2
     if moving.any():
-        draw_vectors(
-            axes,
-            tail,
-            shift,
-            width=width_in,
-            headwidth=4.5,
-            headlength=4.5,
-            headaxislength=4.0,
-            color=colours[moving].tolist(),
-            zorder=5,
-            gid="greedy moves",
-        )
+        heads = {"headwidth": 4.5, "headlength": 4.5, "headaxislength": 4.0}
+        look = {"color": colours[moving].tolist(), "zorder": 5, "gid": "greedy moves"}
+        draw_vectors(axes, tail, shift, width=width_in, **heads, **look)
     x, y = grid.centers_m[waiting].T
     axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
 
@@ -250,12 +208,10 @@ def draw_flow_map(
     if scenario_flow is not None:
         differing = (flow != scenario_flow) & (flow != NO_FLOW)
     with style.report_style():
-        figure, axes = place_figure(grid, layout)
-        cells = draw_cells(axes, grid, shades, Normalize(0, 1), style.VALUE_MAP)
+        norm = Normalize(0, 1)
+        figure, axes, cells = cell_map(grid, layout, shades, norm, style.VALUE_MAP, areas=False)
         arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
         draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
-        if layout is None:
-            axes.autoscale_view()
         colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")
         axes.set_title(_flow_title(flow, differing, compared=scenario_flow is not None))
     return figure

@@ -8,7 +8,7 @@ from matplotlib.patches import Rectangle
 
 from report import style
 from report.figures.map_axes import colour_bar
-from report.style import new_figure, percent
+from report.style import Look, new_figure, percent
 from serd_app.demonstrations.grid.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
 
 
@@ -41,22 +41,11 @@ def _draw_row(axes: Axes, row: ResolutionRow, place: tuple[int, int], *, best: b
     x, y = place
     number = f"{100 * row.completed:.0f}"
     axes.text(x, y, number, ha="center", va="center", fontsize=7.5, color=style.INK)
-    corner = (x - 0.5, y - 0.5)
-    if row.far > MOST_FAR:
-        axes.add_patch(
-            Rectangle(corner, 1, 1, fill=False, hatch="///", edgecolor=style.RED, linewidth=0)
-        )
-    for wanted, colour, line in ((row.used, style.INK, "-"), (best, style.GREEN, "--")):
+    looks: tuple[tuple[int, Look], ...] = (
+        (row.far > MOST_FAR, {"hatch": "///", "edgecolor": style.RED, "linewidth": 0}),
+        (row.used, {"edgecolor": style.INK, "linewidth": 2.2, "zorder": 4}),
+        (best, {"edgecolor": style.GREEN, "linestyle": "--", "linewidth": 2.2, "zorder": 4}),
+    )
+    for wanted, look in looks:
         if wanted:
-            axes.add_patch(
-                Rectangle(
-                    corner,
-                    1,
-                    1,
-                    fill=False,
-                    edgecolor=colour,
-                    linestyle=line,
-                    linewidth=2.2,
-                    zorder=4,
-                )
-            )
+            axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, **look))

@@ -9,6 +9,7 @@ from matplotlib.patches import Polygon
 
 from report import style
 from report.figures.map_axes import cell_squares, draw_areas, layout_of, map_figure
+from report.style import Look
 from serd_core.arrays import FloatArray
 from sim.crowd.routes import offset_loop
 from sim.scenario.polygon import edges_of
@@ -29,16 +30,9 @@ def draw_scenario_plan(scenario: Scenario) -> Figure:
         figure, (axes,) = map_figure(layout, height_in=7.3, width_in=7.3)
         _draw_cells(axes, scenario)
         draw_areas(axes, layout, filled=True)
+        look: Look = {"facecolor": style.HAIRLINE, "edgecolor": style.WALL, "zorder": 6}
         for obstacle in scenario.movable_obstacles:
-            axes.add_patch(
-                Polygon(
-                    obstacle.outline_m,
-                    facecolor=style.HAIRLINE,
-                    edgecolor=style.WALL,
-                    zorder=6,
-                    gid="movable obstacle",
-                )
-            )
+            axes.add_patch(Polygon(obstacle.outline_m, gid="movable obstacle", **look))
         handles = []
         for number, loop in enumerate(loops):
             colour, line = _LOOKS[number % len(_LOOKS)]
@@ -57,30 +51,19 @@ def _draw_cells(axes: Axes, scenario: Scenario) -> None:
     cells = scenario.cells
     if cells.walkable.sum() > _LARGEST_GRID:
         return
-    axes.add_collection(
-        PatchCollection(
-            cell_squares(cells.centers_m, cells.cell_size_m),
-            facecolor="none",
-            edgecolor=style.HAIRLINE,
-            linewidth=0.6,
-            zorder=1,
-        )
-    )
+    squares = cell_squares(cells.centers_m, cells.cell_size_m)
+    look: Look = {"facecolor": "none", "edgecolor": style.HAIRLINE, "linewidth": 0.6, "zorder": 1}
+    axes.add_collection(PatchCollection(squares, **look))
 
 
 def _draw_loop(axes: Axes, corners_m: FloatArray, colour: str, line: str) -> None:
     closed = np.vstack([corners_m, corners_m[:1]])
     axes.plot(*closed.T, color=colour, linestyle=line, linewidth=1.3, zorder=4, gid="loop")
+    arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
     for start, end in edges_of(corners_m):
         length_m = float(np.hypot(*(end - start)))
         count = max(1, round(length_m / _ARROW_EVERY_M))
         for share in (np.arange(count) + 0.5) / count:
             tip = start + share * (end - start) + 0.2 * (end - start) / length_m
             tail = tip - 0.4 * (end - start) / length_m
-            axes.annotate(
-                "",
-                xy=tip,
-                xytext=tail,
-                arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0},
-                zorder=5,
-            )
+            axes.annotate("", xy=tip, xytext=tail, arrowprops=arrow, zorder=5)

@@ -8,7 +8,6 @@ the measured drives are kept beside them, for `hindsight`.
 
 import math
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import pandas as pd
 
 from experiments.running.tables import Row
 from experiments.study.products import load_part
-from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
+from experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.recordings.moves import Move, counted_moves
 from experiments.study.settings import StudySettings
@@ -52,14 +51,14 @@ def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[s
     predicted = {name: predict(study, model, rng) for name, model in models.items()}
     measured: list[Row] = []
     moves: dict[str, list[Move]] = {}
-    driven: dict[tuple[int, ...], _Driven] = {}
+    driven: dict[tuple[int, ...], tuple[list[Row], list[Move]]] = {}
     for name, model in models.items():
         greedy = tuple(model["greedy"])
         # Equal policies drive alike in equal worlds, so each drives once.
         if greedy not in driven:
             driven[greedy] = _drive(study, expert, repetition, np.array(greedy))
-        measured += [{"method": name} | row for row in driven[greedy].rows]
-        moves[name] = driven[greedy].moves
+        rows, moves[name] = driven[greedy]
+        measured += [{"method": name} | row for row in rows]
     return {"predicted": predicted, "measured": measured, "moves": moves}
 
 
@@ -118,22 +117,18 @@ def _cdf_of_periods(arrived: IntArray, periods: int, n_all: int) -> FloatArray:
     return np.asarray(np.cumsum(counts) / n_all)
 
 
-@dataclass(frozen=True)
-class _Driven:
-    """Results of the episodes of one policy."""
-
-    rows: list[Row]
-    moves: list[Move]
-
-
-def _drive(study: Study, expert: str, repetition: int, greedy: IntArray) -> _Driven:
+def _drive(
+    study: Study, expert: str, repetition: int, greedy: IntArray
+) -> tuple[list[Row], list[Move]]:
+    """Results and moves of the episodes of one policy."""
     seed = world_seed(study.settings.seed, expert, repetition, Purpose.MEASUREMENT)
-    drives = drive_episodes(
-        study,
+    drives = drive_in(
+        study.scenario,
+        study.problem,
+        study.settings.planner,
         PolicyDriver(study.problem.grid, study.policy_of(greedy), seed=seed),
         seed=seed,
-        episodes=range(n_episodes(study.settings, expert)),
-        start_area=TRAIN_AREA,
+        starts=[(number, TRAIN_AREA) for number in range(n_episodes(study.settings, expert))],
     )
     rows: list[Row] = [
         {
@@ -148,4 +143,4 @@ def _drive(study: Study, expert: str, repetition: int, greedy: IntArray) -> _Dri
         }
         for record in drives.records
     ]
-    return _Driven(rows, counted_moves(drives.decisions))
+    return rows, counted_moves(drives.decisions)

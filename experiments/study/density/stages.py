@@ -12,7 +12,7 @@ import numpy as np
 from experiments.study.arrival.stage import n_periods
 from experiments.study.density.settings import DensityStudy
 from experiments.study.products import Stage, load_part, part_tasks
-from experiments.study.recordings.drives import Drives, drive_in
+from experiments.study.recordings.drives import drive_in
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA
 from serd_app.demonstrations.measured_density import MeasuredDensity
 from serd_app.navigation.predicted_density import predicted_density
@@ -26,7 +26,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood, policy_log_likelihood
-from sim.drivers.catalogue import Driver, make_driver
+from sim.drivers.catalogue import make_driver
 from sim.drivers.policy_driver import PolicyDriver
 from storage.yaml_text import write_yaml
 
@@ -62,13 +62,15 @@ def record(study: DensityStudy, people: int, repetition: int) -> dict[str, Any]:
     """Demonstrations from both start areas in turn, with the density at each decision."""
     settings, scenario = study.settings, study.scenario(people)
     learned = people in settings.learned_from
+    count = settings.demonstrations if learned else settings.held_out
     seed = study.seed(people, repetition, _DEMONSTRATED)
-    found = _drive(
-        study,
-        people,
+    found = drive_in(
+        scenario,
+        study.problem,
+        settings.planner,
         make_driver(settings.driver, scenario, seed),
-        seed,
-        settings.demonstrations if learned else settings.held_out,
+        seed=seed,
+        starts=[(episode, (TRAIN_AREA, TRANSFER_AREA)[episode % 2]) for episode in range(count)],
     )
     return {
         "decisions": {name: values.tolist() for name, values in found.decisions.columns().items()},
@@ -77,17 +79,6 @@ def record(study: DensityStudy, people: int, repetition: int) -> dict[str, Any]:
         "n_diagonal": found.n_diagonal,
         "n_far": found.n_far,
     }
-
-
-def _drive(study: DensityStudy, people: int, driver: Driver, seed: int, count: int) -> Drives:
-    return drive_in(
-        study.scenario(people),
-        study.problem,
-        study.settings.planner,
-        driver,
-        seed=seed,
-        starts=[(episode, (TRAIN_AREA, TRANSFER_AREA)[episode % 2]) for episode in range(count)],
-    )
 
 
 def recorded(

@@ -56,9 +56,7 @@ def _likelihood(study: DensityStudy, scores: pd.DataFrame) -> Iterable[Row]:
                 "measure": name,
                 WITHOUT: table[WITHOUT].mean(),
                 WITH: table[WITH].mean(),
-                "difference": found.value,
-                "lower": found.lower,
-                "upper": found.upper,
+                **found.columns("difference"),
                 "p_value": paired_p_value(table[WITH], table[WITHOUT], rng),
             }
 

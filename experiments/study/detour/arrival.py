@@ -9,7 +9,7 @@ from experiments.study.arrival.stage import n_periods
 from experiments.study.detour.fits import EXPERT, REWARDS
 from experiments.study.detour.settings import DetourStudy
 from experiments.study.products import load_part
-from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
+from experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRANSFER_AREA
 from serd_app.navigation.strategy import start_distribution
@@ -60,11 +60,12 @@ def median_periods(study: DetourStudy, policy: FloatArray, dynamics: FloatArray)
 def drive(study: DetourStudy, repetition: int, policy: FloatArray) -> list[float]:
     """Decision periods of each episode, cut off at the time limit."""
     seed = world_seed(study.settings.seed, EXPERT, repetition, Purpose.MEASUREMENT)
-    drives = drive_episodes(
-        study,
+    drives = drive_in(
+        study.scenario,
+        study.problem,
+        study.settings.planner,
         PolicyDriver(study.problem.grid, policy, seed=seed),
         seed=seed,
-        episodes=range(study.settings.drives),
-        start_area=TRANSFER_AREA,
+        starts=[(episode, TRANSFER_AREA) for episode in range(study.settings.drives)],
     )
     return [record.duration_s / study.scenario.decision_period_s for record in drives.records]

@@ -13,8 +13,8 @@ from experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD
 from experiments.study.detour.settings import DetourStudy
 from experiments.study.detour.tables import BINS
 from report import style
-from report.learners import LearnerStyle, bar_lengths, tick_sizes
-from report.style import in_words, new_figure
+from report.learners import LearnerStyle, draw_bars, tick_sizes
+from report.style import Look, in_words, new_figure
 from serd_core.grid.grid import Outcome
 
 LOOKS = {
@@ -40,11 +40,8 @@ def detour_figure(tables: Mapping[str, pd.DataFrame], study: DetourStudy) -> Fig
         panels[0, 0].autoscale(axis="y")  # to the intervals of both
         own = measures[measures["reward"] == DRIVEN]
         _draw_measure(panels[0, 2], own[own["method"] != INFORMED], "forward_against", study)
-        truth = float(
-            tables["reference_dynamics"]
-            .set_index("model")
-            .loc["against_flow"][Outcome.FORWARD.name.lower()]
-        )
+        reference = tables["reference_dynamics"].set_index("model")
+        truth = float(reference.loc["against_flow", Outcome.FORWARD.name.lower()])
         panels[0, 2].axhline(truth, color=style.GREEN, linestyle="--", label="measured truth")
         panels[0, 2].set_title("(c) learned dynamics", loc="left")
         panels[0, 2].set(ylabel="P(forward | against the flow)", ylim=(0, None))
@@ -70,16 +67,9 @@ def _draw_measure(axes: Axes, rows: pd.DataFrame, measure: str, study: DetourStu
             )
             for size in sizes
         ]
-        low, middle, high = np.array([[each.lower, each.value, each.upper] for each in found]).T
-        axes.errorbar(
-            np.array(sizes) * 1.05 ** (place - 1),
-            middle,
-            yerr=bar_lengths(low, middle, high),
-            **LOOKS[name].arguments,
-            markersize=5,
-            capsize=2,
-            label=name,
-        )
+        ends = np.array([[each.lower, each.value, each.upper] for each in found]).T
+        look = LOOKS[name].arguments | {"markersize": 5, "capsize": 2}
+        draw_bars(axes, np.array(sizes) * 1.05 ** (place - 1), ends, **look, label=name)
     axes.set(xscale="log", xlabel="demonstrations")
     tick_sizes(axes, sizes)
     axes.grid(axis="y")
@@ -94,23 +84,11 @@ def _draw_divergences(axes: Axes, rows: pd.DataFrame, study: DetourStudy) -> Non
     for shift, method in ((-0.15, COUNTED), (0.15, SERD)):
         chosen = rows[(rows["method"] == method) & (rows["size"] == size)]
         values = chosen[[f"divergence_{name}" for name in names]].to_numpy()
-        look = LOOKS[method]
-        for place, column in zip(places, values.T, strict=True):
-            spread = np.linspace(-0.05, 0.05, len(column))
-            axes.plot(
-                place + shift + spread,
-                np.sort(column),
-                look.marker,
-                color=look.colour,
-                markersize=3,
-                alpha=0.45,
-            )
-            axes.plot(
-                [place + shift - 0.12, place + shift + 0.12],
-                [column.mean()] * 2,
-                color=look.colour,
-                linewidth=2,
-            )
+        colour, marker = LOOKS[method].colour, LOOKS[method].marker
+        for at, column in zip(places + shift, values.T, strict=True):
+            beside = at + np.linspace(-0.05, 0.05, len(column))
+            axes.plot(beside, np.sort(column), marker, color=colour, markersize=3, alpha=0.45)
+            axes.plot([at - 0.12, at + 0.12], [column.mean()] * 2, color=colour, linewidth=2)
     axes.set_yscale("log")
     axes.set_xticks(places, [in_words(name) for name in names])
     axes.set_title(f"(d) outcome models, {size} demonstrations", loc="left")
@@ -132,14 +110,8 @@ def _draw_arrival(axes: Axes, rows: pd.DataFrame) -> None:
             axes.plot(x, np.median(driven), look.marker, color=look.colour, markersize=7)
             predicted = own["predicted"].astype(float).fillna(np.inf).median()
             if np.isfinite(predicted):
-                axes.plot(
-                    x,
-                    predicted,
-                    look.marker,
-                    color=look.colour,
-                    markerfacecolor="none",
-                    markersize=10,
-                )
+                open_mark: Look = {"markerfacecolor": "none", "markersize": 10}
+                axes.plot(x, predicted, look.marker, color=look.colour, **open_mark)
     for label, face in (("median driven", style.INK), ("median predicted", "none")):
         axes.plot([], [], "o", color=style.INK, markerfacecolor=face, label=label)
     axes.plot([], [], ".", color=style.INK, alpha=0.5, label="one drive")
@@ -157,24 +129,13 @@ def _draw_decoy(axes: Axes, decoys: pd.DataFrame, summary: pd.DataFrame) -> None
         chosen = summary[summary["moves"] == name]
         if chosen.empty:
             continue
-        x = chosen["truth"] + 0.018 * (place - 1.5)
-        fewest, most = BINS[name]
-        own = decoys[decoys["converged"] & decoys["moves"].between(fewest, most)]
-        axes.plot(
-            own["truth"] + 0.018 * (place - 1.5), own["median"], ".", color=colour, alpha=0.35
-        )
-        low, middle, high = (chosen[end] for end in ("lower", "median", "upper"))
-        axes.errorbar(
-            x,
-            middle,
-            yerr=bar_lengths(low, middle, high),
-            color=colour,
-            marker="osD^"[place],
-            markersize=5,
-            linestyle="none",
-            capsize=2,
-            label=f"{name} moves seen",
-        )
+        shift = 0.018 * (place - 1.5)
+        own = decoys[decoys["converged"] & decoys["moves"].between(*BINS[name])]
+        axes.plot(own["truth"] + shift, own["median"], ".", color=colour, alpha=0.35)
+        ends = chosen[["lower", "median", "upper"]].to_numpy().T
+        look = {"color": colour, "marker": "osD^"[place], "markersize": 5, "linestyle": "none"}
+        look |= {"capsize": 2, "label": f"{name} moves seen"}
+        draw_bars(axes, chosen["truth"] + shift, ends, **look)
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="true P(forward | against the flow)")
     axes.set_ylabel("posterior: median, 90 % interval")
     axes.set_title("(f) decoy: another truth", loc="left")

@@ -82,10 +82,11 @@ def measured(
     problem: NavigationProblem, sets: DemonstrationSets, reference: FloatArray, learned: Learned
 ) -> Row:
     """Fig. 5.9: likelihood of new decisions, and divergence of the dynamics where experts went."""
+    visits = state_action_counts(sets.training, problem.mdp.n_states, problem.mdp.n_actions)
     return {
         "test_log_likelihood": policy_log_likelihood(problem, sets.test, learned.policy),
         "transfer_log_likelihood": policy_log_likelihood(problem, sets.transfer, learned.policy),
-        "dynamics_divergence": _divergence(problem, sets.training, reference, learned),
+        "dynamics_divergence": dynamics_divergence(problem, reference, learned.truth, visits),
         "converged": learned.converged,
     }
 
@@ -97,11 +98,3 @@ def candidate_rows(trial: Trial, sets: DemonstrationSets) -> Iterator[Row]:
         validation = policy_log_likelihood(trial.problem, trial.validation, learned.policy)
         row: Row = {"prior_weight": weight, "validation_log_likelihood": validation}
         yield row | measured(trial.problem, sets, trial.reference, learned)
-
-
-def _divergence(
-    problem: NavigationProblem, training: Decisions, reference: FloatArray, learned: Learned
-) -> float:
-    mdp = problem.mdp
-    visits = state_action_counts(training, mdp.n_states, mdp.n_actions)
-    return dynamics_divergence(problem, reference, learned.truth, visits)

@@ -104,11 +104,6 @@ def behavioural_cloning(trial: Trial) -> Learned:
     )
 
 
-def serd_by_evidence(trial: Trial) -> Learned:
-    """SERD with the prior of highest evidence."""
-    return learned_from_fit(trial.problem, trial.by_evidence)
-
-
 def serd_averaged(trial: Trial) -> Learned:
     """SERD by evidence, which predicts by the average over its posterior (Laplace)."""
     found = trial.by_evidence
@@ -122,7 +117,7 @@ def serd_averaged(trial: Trial) -> Learned:
 METHODS: dict[str, Method] = {
     "MDCE SERD": by(product.mdce_serd),
     "SERD, free belief": by(product.mdce_serd_free),
-    "SERD, evidence": serd_by_evidence,
+    "SERD, evidence": lambda trial: learned_from_fit(trial.problem, trial.by_evidence),
     "MDCE IRL, likelihood": by(product.mdce_irl),
     "MDCE IRL, entropy": by(product.mdce_irl_entropy),
     "REIRL": by(product.relative_entropy_irl),

@@ -68,37 +68,21 @@ def run_study(
 def stages_of(study: Study) -> tuple[Stage, ...]:
     """All stages that tables and figures depend on, in their order."""
     settings = study.settings
-    sizes, repetitions = settings.learning.sizes, settings.learning.repetitions
     parts = settings.repetitions_of(EXPERTS)
-    return (
-        Stage(
-            "reference recordings",
-            study.folder / "reference",
-            described(settings, REFERENCE_SETTINGS),
-            reference_tasks(study),
-            task_s=15 * _EPISODE_S,
-        ),
-        Stage(
-            "demonstrations",
-            study.folder / "demonstrations",
-            described(settings, _DEMONSTRATIONS),
-            demonstration_tasks(study),
-            task_s=_EPISODE_S * settings.demonstrations.training * 2 / 3,
-        ),
-        Stage(
-            "learning",
-            study.folder / "fits",
-            described(settings, _FITS),
-            part_tasks(study, "fits", fit_repetition, parts),
-            task_s=1.0 * len(sizes),
-        ),
-        Stage(
-            "times of arrival",
-            study.folder / "arrival",
-            described(settings, _ARRIVAL),
-            part_tasks(study, "arrival", arrivals_of_repetition, parts),
-            task_s=_EPISODE_S * 4 * settings.arrival.episodes / repetitions,
-        ),
+    reference, demonstrations = reference_tasks(study), demonstration_tasks(study)
+    fits = part_tasks(study, "fits", fit_repetition, parts)
+    arrival = part_tasks(study, "arrival", arrivals_of_repetition, parts)
+    recorded_s = _EPISODE_S * settings.demonstrations.training * 2 / 3
+    measured_s = _EPISODE_S * 4 * settings.arrival.episodes / settings.learning.repetitions
+    stages = (
+        ("reference recordings", "reference", REFERENCE_SETTINGS, reference, 15 * _EPISODE_S),
+        ("demonstrations", "demonstrations", _DEMONSTRATIONS, demonstrations, recorded_s),
+        ("learning", "fits", _FITS, fits, 1.0 * len(settings.learning.sizes)),
+        ("times of arrival", "arrival", _ARRIVAL, arrival, measured_s),
+    )
+    return tuple(
+        Stage(name, study.folder / folder, described(settings, keys), tasks, task_s)
+        for name, folder, keys, tasks, task_s in stages
     )
 
 

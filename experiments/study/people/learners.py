@@ -99,17 +99,12 @@ def cloning(layers: Layers) -> Learned:
     counts = np.concatenate([cells_of_bins(layer.run) for layer in layers.each], axis=1) @ by_cell
 
     def directions(asked: Layers) -> FloatArray:
-        bins = _bins(asked)
+        bins = np.concatenate([bins_of(layer.run) for layer in asked.each])[asked.cell]
         free = asked.neighbours != asked.cell[:, None]
         share = np.where(free, counts[bins] + 1.0, 0.0)
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
     return Learned(directions, {"converged": True})
-
-
-def _bins(layers: Layers) -> IntArray:
-    """(S,) bin of the cell of each state."""
-    return np.concatenate([bins_of(layer.run) for layer in layers.each])[layers.cell]
 
 
 def covariates_in(layers: Layers) -> tuple[str, ...]:

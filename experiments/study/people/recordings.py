@@ -5,6 +5,7 @@ middle of the measured area is the origin. Those who walk the other way are turn
 so that one decision problem holds for both: left stays left.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -122,7 +123,7 @@ def read_runs(
 
 
 def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
-    left_out: dict[str, int] = {}
+    left_out = Counter[str]()
     tracks, along, remarks = _in_corridor(
         path, _without_jumps(path, found.tracks, left_out), left_out
     )
@@ -145,7 +146,7 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
         if _walks_through(grid, crossings):
             walkers.append(Walker(track.agent, sign, track.time_s, places, crossings))
         else:
-            _count(left_out, "not through the measured area")
+            left_out["not through the measured area"] += 1
     if len(walkers) < _FEWEST_WALKERS:
         reasons = ", ".join(f"{n} {reason}" for reason, n in left_out.items())
         raise SerdError(
@@ -158,7 +159,7 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
 
 
 def _without_jumps(
-    path: Path, tracks: Sequence[Track], left_out: dict[str, int]
+    path: Path, tracks: Sequence[Track], left_out: Counter[str]
 ) -> tuple[Track, ...]:
     kept, speeds, jumping = [], [], set()
     for track in tracks:
@@ -168,7 +169,7 @@ def _without_jumps(
         if track.divided_from or speed.max() > JUMP_MPS:
             jumping.add(track.divided_from or track.agent)
         elif step_s.max() > longest_step_s(track):
-            _count(left_out, "away in between, so maybe two people of one id")
+            left_out["away in between, so maybe two people of one id"] += 1
         else:
             kept.append(track)
     if jumping:
@@ -189,7 +190,7 @@ def _without_jumps(
 
 
 def _in_corridor(
-    path: Path, tracks: Sequence[Track], left_out: dict[str, int]
+    path: Path, tracks: Sequence[Track], left_out: Counter[str]
 ) -> tuple[tuple[Track, ...], int, tuple[str, ...]]:
     """(those in the corridor, the axis along it, what was turned or left out)."""
     try:
@@ -236,7 +237,3 @@ def _walks_through(grid: Grid, crossings: Crossings) -> bool:
         return False
     columns = grid.cells[crossings.state][:, 1]
     return bool(columns[0] <= 1 and columns.max() == grid.walkable.shape[1] - 1)
-
-
-def _count(left_out: dict[str, int], reason: str) -> None:
-    left_out[reason] = left_out.get(reason, 0) + 1

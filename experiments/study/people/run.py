@@ -20,7 +20,6 @@ from experiments.study.people.cross_validation.periods import period_rows
 from experiments.study.people.cross_validation.walkers import walker_predictions
 from experiments.study.people.figure import people_figure
 from experiments.study.people.people import People
-from experiments.study.people.recordings import Run
 from experiments.study.people.settings import PeopleSettings
 from experiments.study.people.tables import all_tables
 from experiments.study.products import (
@@ -52,20 +51,15 @@ class PeopleStudy:
         """The people of the recordings, read once in each process."""
         return _people(self.settings.model_dump_json())
 
-    @property
-    def runs(self) -> tuple[Run, ...]:
-        """The recordings."""
-        return self.people.runs
-
     @cached_property
     def folds(self) -> tuple[Fold, ...]:
         """Who is learned from and who is held out."""
-        return folds_of(self.runs, self.settings.folds)
+        return folds_of(self.people.runs, self.settings.folds)
 
     @cached_property
     def predictions(self) -> tuple[Mapping[str, Any], ...]:
         """Of what does not learn, by run."""
-        return tuple(load_part(self, "walkers", number) for number in range(len(self.runs)))
+        return tuple(load_part(self, "walkers", number) for number in range(len(self.people.runs)))
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}
@@ -88,20 +82,21 @@ def run_people(
     folds = [load_part(study, "folds", number) for number in range(len(study.folds))]
     for number, fold in enumerate(folds):
         fold["arrivals"] += load_part(study, "periods", number)["arrivals"]
-    tables = all_tables(folds, study.runs, settings)
+    tables = all_tables(folds, study.people.runs, settings)
     write_results(output, named, tables, {"people": people_figure(tables)})
     return tables
 
 
 def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
     """All stages in their order; task_s are rough."""
+    runs = study.people.runs
     stages = (
-        ("walkers", _WALKERS, _walkers, study.runs, 40.0),
+        ("walkers", _WALKERS, _walkers, runs, 40.0),
         ("periods", _FOLDS, _periods, study.folds, 2.0),
         ("folds", _FOLDS, _fold, study.folds, 100.0),
     )
     digests = [sha256(Path(each).read_bytes()).hexdigest() for each in study.settings.files]
-    names = [run.name for run in study.runs]
+    names = [run.name for run in runs]
     recorded = write_yaml({"sha256": dict(zip(names, digests, strict=True))})
     return tuple(
         Stage(
@@ -116,7 +111,7 @@ def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
 
 
 def _walkers(study: PeopleStudy, number: int) -> Mapping[str, Any]:
-    return walker_predictions(study.runs[number], study.settings)
+    return walker_predictions(study.people.runs[number], study.settings)
 
 
 def _periods(study: PeopleStudy, number: int) -> Mapping[str, Any]:

@@ -43,8 +43,13 @@ def summary_of(moves: pd.DataFrame, arrivals: pd.DataFrame) -> pd.DataFrame:
     for method, own in arrivals.groupby("method", sort=False):
         seen = moves[moves["method"] == method]
         away = (own["pit"] - 0.5).abs()
+        covered = {
+            f"coverage_{round(100 * share)}": (away <= share / 2).mean() for share in INTERVALS
+        }
+        covered["pit_distance"] = kstest(own["pit"], "uniform").statistic
         # A point has no interval.
-        point = method == DISTANCE_OVER_SPEED
+        if method == DISTANCE_OVER_SPEED:
+            covered = dict.fromkeys(covered)
         rows.append(
             {
                 "method": method,
@@ -53,13 +58,7 @@ def summary_of(moves: pd.DataFrame, arrivals: pd.DataFrame) -> pd.DataFrame:
                 "crps_s": own["crps_s"].mean(),
                 "median_error_s": (own["median_s"] - own["arrival_s"]).abs().mean(),
                 "bias_s": (own["median_s"] - own["arrival_s"]).mean(),
-                **{
-                    f"coverage_{round(100 * share)}": None
-                    if point
-                    else float((away <= share / 2).mean())
-                    for share in INTERVALS
-                },
-                "pit_distance": None if point else float(kstest(own["pit"], "uniform").statistic),
+                **covered,
                 "people": len(own),
                 "without_median": int(own["median_s"].isna().sum()),
             }

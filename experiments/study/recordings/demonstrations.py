@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.study.products import Task, load_recorded, save_recorded
-from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
+from experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
@@ -85,12 +85,14 @@ def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file:
         save_recorded(file, getattr(sets_from_bags(study, repetition), role))
         return
     seed = world_seed(settings.seed, expert, repetition, ROLES[role])
-    drives = drive_episodes(
-        study,
+    n_episodes = getattr(settings.demonstrations, role)
+    drives = drive_in(
+        study.scenario,
+        study.problem,
+        settings.planner,
         _driver(study, expert, seed),
         seed=seed,
-        episodes=range(getattr(settings.demonstrations, role)),
-        start_area=start_area_of(role),
+        starts=[(episode, start_area_of(role)) for episode in range(n_episodes)],
     )
     save_recorded(file, drives.decisions)
 

@@ -13,7 +13,6 @@ from enum import IntEnum
 import numpy as np
 
 from experiments.study.recordings.experts import EXPERTS
-from experiments.study.study import StudyWorld
 from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.measured_density import MeasuredDensity, density_at, joined_density
@@ -68,29 +67,6 @@ class Drives:
     n_far: int
 
 
-def drive_episodes(
-    study: StudyWorld,
-    driver: Driver,
-    *,
-    seed: int,
-    episodes: Iterable[int],
-    start_area: str,
-    timeout_s: float | None = None,
-) -> Drives:
-    """Run the episodes one after the other in a world of that seed."""
-    starts = [(episode, start_area) for episode in episodes]
-    planner = study.settings.planner
-    return drive_in(
-        study.scenario,
-        study.problem,
-        planner,
-        driver,
-        seed=seed,
-        starts=starts,
-        timeout_s=timeout_s,
-    )
-
-
 def drive_in(
     scenario: Scenario,
     problem: NavigationProblem,
@@ -102,7 +78,7 @@ def drive_in(
     timeout_s: float | None = None,
     guard: CommandFilter | None = no_guard,
 ) -> Drives:
-    """The same in a scenario. starts: number and start area of each episode.
+    """Run episodes one after the other in a world of that seed; starts: their numbers and areas.
 
     guard: of `run_episode`; the kept results were made without any.
     """

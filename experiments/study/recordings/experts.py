@@ -18,10 +18,6 @@ from serd_core.policies.solved_policy import soft_policy
 _FEARED_STANDING = {AGAINST_FLOW: 0.95, ACROSS_FLOW: 0.65}
 
 
-def _knows(truth: FloatArray) -> FloatArray:
-    return truth
-
-
 def _ignores_crowd(truth: FloatArray) -> FloatArray:
     """Every move goes as easily as one with the flow."""
     belief = truth.copy()
@@ -41,7 +37,7 @@ def _fears_crowd(truth: FloatArray) -> FloatArray:
 
 #: Belief (M, K) of each planned expert, as a function of the true dynamics.
 BELIEFS: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "knows": _knows,
+    "knows": lambda truth: truth,
     "ignores_crowd": _ignores_crowd,
     "fears_crowd": _fears_crowd,
 }

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.study.products import Task, load_recorded, save_recorded
-from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
+from experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from report.summary import decisions_per_model
@@ -81,12 +81,13 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
     driver = _driver(study, kind, seed)
     timeout_s = study.settings.reference.exploring_s if kind == "exploring" else None
     drives = [
-        drive_episodes(
-            study,
+        drive_in(
+            study.scenario,
+            study.problem,
+            study.settings.planner,
             driver,
             seed=seed,
-            episodes=[episode],
-            start_area=(TRAIN_AREA, TRANSFER_AREA)[episode % 2],
+            starts=[(episode, (TRAIN_AREA, TRANSFER_AREA)[episode % 2])],
             timeout_s=timeout_s,
         )
         for episode in range(first, last)

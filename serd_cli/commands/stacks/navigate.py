@@ -12,7 +12,7 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
+from report.figures.arrival import draw_comparison
 from report.style import save_figure
 from serd_app.learning.crossing_times import unseen_sentence
 from serd_app.navigation.crossing_forecast import CrossingForecast
@@ -143,12 +143,7 @@ def comparison_figure(
     """Predicted and measured share of arrivals over time, with bands."""
     law = predicted_law(strategy, settings.start_area)
     times_s = [row.time_of_arrival_s if row.arrived else math.inf for row in episodes]
-    return draw_arrival(
-        predicted_curve(law, len(episodes)),
-        measured_curve(times_s, settings.timeout_s),
-        n_episodes=len(episodes),
-        shown_until_s=shown_until_s(law, times_s, settings.timeout_s),
-    )
+    return draw_comparison(law, times_s, settings.timeout_s)
 
 
 def comparison_table(found: Comparison) -> Table:

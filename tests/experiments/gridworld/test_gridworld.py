@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -6,7 +8,6 @@ from pydantic import ValidationError
 
 from experiments.gridworld.experiment import (
     GridworldConfig,
-    all_measures,
     measures,
     one_repetition,
     policy_of,
@@ -84,7 +85,8 @@ def test_learners_of_the_policy_matching_expert_run_too():
 
 def test_repetitions_are_independent_and_reproducible(tmp_path, rows):
     config = changed(n_repetitions=2)
-    table = all_measures(config, Session(tmp_path, Execution(n_jobs=1), lambda *_: None))
+    session = Session(tmp_path, Execution(n_jobs=1), lambda *_: None)
+    table = session.repeat(partial(one_repetition, config), config.n_repetitions, config)
     table = table.to_dict("records")
     assert table == rows[: len(table)]
     assert table[0]["log_likelihood"] != table[4]["log_likelihood"]

@@ -11,7 +11,7 @@ from experiments.study.study import Study
 from report import style
 from report.figures.arrival import ArrivalCurve, draw_curve
 from report.learners import STYLES
-from report.style import new_figure
+from report.style import Look, new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import clopper_pearson, sampling_band
 
@@ -57,16 +57,9 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
         figure = new_figure(12.0, 6.4)
         panels = figure.subplots(2, (len(curves) + 2) // 2, sharey=True).ravel()
         for number, (method, curve) in enumerate(curves.items()):
-            panels[0].step(
-                curve["time_s"],
-                curve["measured"],
-                where="post",
-                **STYLES[method].arguments,
-                markersize=4,
-                # Curves that lie on each other have their markers at different times.
-                markevery=(number, len(curves)),
-                label=method,
-            )
+            # Curves that lie on each other have their markers at different times.
+            look = STYLES[method].arguments | {"markevery": (number, len(curves)), "markersize": 4}
+            panels[0].step(curve["time_s"], curve["measured"], where="post", label=method, **look)
         panels[0].set_title("measured, all methods", loc="left")
         for axes, (method, curve) in zip(panels[1:], curves.items(), strict=False):
             _compare(axes, curve)
@@ -79,12 +72,8 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
         for spare in panels[len(curves) + 1 :]:
             spare.set_axis_off()
         panels[1].legend(fontsize=7)
-        figure.legend(
-            *panels[0].get_legend_handles_labels(),
-            loc="outside lower center",
-            ncols=len(curves),
-            title="measured, all methods",
-        )
+        shown, title = panels[0].get_legend_handles_labels(), "measured, all methods"
+        figure.legend(*shown, loc="outside lower center", ncols=len(curves), title=title)
         figure.supylabel("probability of having arrived", fontsize=9)
     return figure
 
@@ -98,16 +87,9 @@ def _compare(axes: Axes, curve: pd.DataFrame) -> None:
     text = f"at {end['time_s']:.0f} s: {at_end}"
     axes.text(0.98, 0.05, text, transform=axes.transAxes, ha="right", fontsize=7)
     shown = curve.iloc[_spread(curve["time_s"].to_numpy())]
-    axes.plot(
-        shown["time_s"],
-        shown["sampled"],
-        "o",
-        markerfacecolor="none",
-        markeredgecolor=style.INK,
-        markeredgewidth=0.7,
-        markersize=3.5,
-        label="sampled trajectories",
-    )
+    ring: Look = {"markerfacecolor": "none", "markeredgecolor": style.INK, "markersize": 3.5}
+    ring |= {"markeredgewidth": 0.7, "label": "sampled trajectories"}
+    axes.plot(shown["time_s"], shown["sampled"], "o", **ring)
 
 
 def _spread(times_s: FloatArray) -> IntArray:

@@ -11,7 +11,7 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from report import style
 from report.learners import draw_intervals, tick_sizes
-from report.style import new_figure
+from report.style import Look, new_figure
 
 PANELS = {
     "test_log_likelihood": ("(a) test", "log-likelihood per decision"),
@@ -84,14 +84,6 @@ def _break(above: Axes, below: Axes, panel: pd.DataFrame) -> None:
         below.set_ylim(bottom, low - margin)
     above.spines["bottom"].set_visible(False)
     above.tick_params(axis="x", length=0, labelbottom=False)
+    mark: Look = {"marker": [(-1, -0.6), (1, 0.6)], "markersize": 9, "linestyle": "none"}
     for axes, edge in ((above, 0), (below, 1)):
-        axes.plot(
-            [0],
-            [edge],
-            marker=[(-1, -0.6), (1, 0.6)],
-            markersize=9,
-            linestyle="none",
-            color=style.INK,
-            clip_on=False,
-            transform=axes.transAxes,
-        )
+        axes.plot([0], [edge], color=style.INK, clip_on=False, transform=axes.transAxes, **mark)

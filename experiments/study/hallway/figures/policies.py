@@ -21,7 +21,7 @@ from report.figures.map_axes import (
     draw_areas,
     draw_cells,
     map_figure,
-    outline_cells,
+    outline_traps,
 )
 from report.figures.maps import draw_arrows
 from serd_core.arrays import BoolArray, IntArray
@@ -81,7 +81,7 @@ def _panel(axes: Axes, study: Study, greedy: IntArray, trapped: BoolArray) -> No
     is_goal = np.isin(np.arange(grid.n_states), study.problem.goal_states)
     draw_areas(axes, study.layout, filled=False)
     draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.012)
-    outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
+    outline_traps(axes, grid, trapped)
 
 
 def _policies(table: pd.DataFrame) -> tuple[IntArray, BoolArray]:

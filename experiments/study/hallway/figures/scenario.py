@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.running.tables import Row
 from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
@@ -25,6 +24,7 @@ from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
 SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
+_COLUMNS = ["x_m", "y_m", "vx_mps", "vy_mps"]
 _ORANGE = "#e07b00"
 _ARROW_S = 0.6
 
@@ -40,16 +40,15 @@ def rows(results: Results) -> pd.DataFrame:
         SHORTEST: shortest_way(results.scenario, typical[0], goal_m, radius_m),
         TYPICAL: typical,
     }
-    table = [
-        _row(kind, number, *point) for kind, way in ways.items() for number, point in enumerate(way)
-    ]
     with HallwayWorld(results.scenario, seed=results.settings.seed) as world:
         seen = world.reset(0, "train")
-    for number, (place, velocity) in enumerate(
-        zip(seen.people_position_m, seen.people_velocity_mps, strict=True)
-    ):
-        table.append(_row(PERSON, number, *place, *velocity))
-    return pd.DataFrame(table)
+    people = np.concatenate([seen.people_position_m, seen.people_velocity_mps], axis=1)
+    tables = []
+    for kind, numbers in (ways | {PERSON: people}).items():
+        table = pd.DataFrame({"kind": kind, "number": np.arange(len(numbers))})
+        table[_COLUMNS] = np.pad(numbers, ((0, 0), (0, 4 - numbers.shape[1])))  # ways: no velocity
+        tables.append(table)
+    return pd.concat(tables)
 
 
 def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
@@ -77,13 +76,9 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
         for kind, colour, line in ((TYPICAL, style.PURPLE, "-"), (SHORTEST, _ORANGE, "--")):
             way = _points(table, kind)[:, :2]
             axes.plot(*way.T, color=colour, linestyle=line, linewidth=2.6, zorder=9, alpha=0.9)
-            axes.annotate(
-                "",
-                xy=way[-1],
-                xytext=way[-1] - 0.4 * (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2]),
-                arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 2.2},
-                zorder=9,
-            )
+            tail = way[-1] - 0.4 * (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 2.2}
+            axes.annotate("", xy=way[-1], xytext=tail, arrowprops=arrow, zorder=9)
         count = len(_points(table, PERSON))
         axes.set_title(f"{study.scenario.name} with {count} people")
         figure.legend(handles=_legend(), loc="outside lower center", ncols=2)
@@ -97,12 +92,11 @@ def _draw_people(axes: Axes, people: FloatArray) -> None:
 
 
 def _legend() -> list[Line2D]:
-    person = Line2D([], [], linestyle="none", marker="o", color=style.PERSON_COLOUR)
-    person.set_label("person, arrow = velocity")
+    person: style.Look = {"linestyle": "none", "marker": "o", "color": style.PERSON_COLOUR}
     return [
         Line2D([], [], color=style.PURPLE, linewidth=2.6, label="typical demonstration"),
         Line2D([], [], color=_ORANGE, linestyle="--", linewidth=2.6, label="shortest way"),
-        person,
+        Line2D([], [], label="person, arrow = velocity", **person),
     ]
 
 
@@ -111,22 +105,8 @@ def _nearest_goal(results: Results, start_m: FloatArray) -> FloatArray:
     return np.asarray(goals[np.linalg.norm(goals - start_m, axis=1).argmin()])
 
 
-def _row(
-    kind: str, number: int, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0
-) -> Row:
-    return {
-        "kind": kind,
-        "number": number,
-        "x_m": float(x_m),
-        "y_m": float(y_m),
-        "vx_mps": float(vx_mps),
-        "vy_mps": float(vy_mps),
-    }
-
-
 def _points(table: pd.DataFrame, kind: str) -> FloatArray:
-    columns = ["x_m", "y_m", "vx_mps", "vy_mps"]
-    return np.asarray(table.loc[table["kind"] == kind, columns])
+    return np.asarray(table.loc[table["kind"] == kind, _COLUMNS])
 
 
 def shortest_way(

@@ -86,8 +86,8 @@ def beliefs(results: Results) -> pd.DataFrame:
             place: Row = {"expert": expert, "measure": measure, "size": size}
             for assumption, column in values.items():
                 mean = mean_interval(column, results.settings.statistics, rng)
-                row = {"assumption": assumption, "n": len(column), "mean": mean.value}
-                means.append(place | row | {"lower": mean.lower, "upper": mean.upper})
+                row = {"assumption": assumption, "n": len(column)}
+                means.append(place | row | mean.columns("mean"))
     tests = pd.concat([paired_tests(results, expert, BASELINE) for expert in BELIEFS])
     both = pd.DataFrame(means).merge(
         tests.rename(columns={"second": "assumption"}),

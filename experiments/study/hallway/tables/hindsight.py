@@ -10,7 +10,7 @@ remains: few outcome models for all places, whole periods.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -38,7 +38,7 @@ def hindsight_table(results: Results) -> pd.DataFrame:
     rng = np.random.default_rng([results.settings.seed, 5])
     table: list[Row] = []
     for expert in EXPERTS:
-        pooled = _Estimate.of(results, results.demonstrated(expert), "demonstrations")
+        pooled = _estimate(results, results.demonstrated(expert), "demonstrations")
         for method in results.methods(expert):
             learned = results.arrival_tables(expert, method)
             arrived = bool((learned.measured[:, -1] >= 1.0).all())
@@ -47,7 +47,7 @@ def hindsight_table(results: Results) -> pd.DataFrame:
                 "learned", learned, results.models(expert, method, "truth").mean(axis=0)
             )
             moves = results.moves(expert, method)
-            hindsight = _Estimate.of(results, moves, "measured drives") if moves else None
+            hindsight = _estimate(results, moves, "measured drives") if moves else None
             for kind, estimate in (("pooled", pooled), ("hindsight", hindsight)):
                 row |= _predicted(results, expert, method, kind, estimate if arrived else None, rng)
             table.append(row)
@@ -55,17 +55,12 @@ def hindsight_table(results: Results) -> pd.DataFrame:
     return pd.DataFrame(table).astype(counts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Estimate:
+def _estimate(
+    results: Results, moves: Sequence[Sequence[int]], source: str
+) -> tuple[FloatArray, int]:
     """(M, K) M-estimate of the dynamics, and the number of decisions it is made from."""
-
-    dynamics: FloatArray
-    n_decisions: int
-
-    @classmethod
-    def of(cls, results: Results, moves: Sequence[Sequence[int]], source: str) -> "_Estimate":
-        decisions = decisions_of_moves(moves, source)
-        return cls(estimate_dynamics(results.problem, decisions), len(decisions))
+    decisions = decisions_of_moves(moves, source)
+    return estimate_dynamics(results.problem, decisions), len(decisions)
 
 
 def _predicted(
@@ -73,17 +68,18 @@ def _predicted(
     expert: str,
     method: str,
     kind: str,
-    estimate: _Estimate | None,
+    estimate: tuple[FloatArray, int] | None,
     rng: np.random.Generator,
 ) -> Row:
     """Columns of a prediction under an estimate, and the test of it; empty without one."""
     count, p_value = f"{kind}_decisions", f"{kind}_ks_p_value"
     if estimate is None:
         return {count: None} | _columns(kind, None, None) | {p_value: None}
-    tables = tables_under(results, expert, method, estimate.dynamics)
+    dynamics, n_decisions = estimate
+    tables = tables_under(results, expert, method, dynamics)
     return {
-        count: estimate.n_decisions,
-        **_columns(kind, tables, estimate.dynamics),
+        count: n_decisions,
+        **_columns(kind, tables, dynamics),
         p_value: ks_p_value(tables, results.settings.statistics.bootstrap, rng),
     }
 

@@ -107,7 +107,7 @@ def _beliefs(folder: Path) -> Columns:
 
 
 def _arrival(folder: Path) -> Columns:
-    table = _of_people(folder / "arrival_distances.csv")
+    table = _of(folder / "arrival_distances.csv", people=True)
     return [
         ("method", table["method"]),
         ("arrived", _percent(table["measured_arrival"])),
@@ -123,7 +123,7 @@ def _arrival(folder: Path) -> Columns:
 
 
 def _scores(folder: Path) -> Columns:
-    table = _of_people(folder / "arrival_scores.csv")
+    table = _of(folder / "arrival_scores.csv", people=True)
     crps, mean = (_score_columns(table, name, ["second"]) for name in ("crps_s", "measured_mean_s"))
     return [
         ("MDCE SERD minus", crps[0].index.to_series()),
@@ -156,9 +156,9 @@ def _hindsight(folder: Path) -> Columns:
 
 
 def _belief_arrival(folder: Path) -> Columns:
-    table = _of_planners(folder / "arrival_distances.csv")
+    table = _of(folder / "arrival_distances.csv", people=False)
     table = table.set_index(["expert", "method"], drop=False).rename_axis([None, None])
-    scores = _of_planners(folder / "arrival_scores.csv")
+    scores = _of(folder / "arrival_scores.csv", people=False)
     # The table has the baseline minus the others.
     turned = {"mean_difference": "mean_difference", "upper": "lower", "lower": "upper"}
     scores = scores.assign(**{name: -scores[other] for name, other in turned.items()})
@@ -180,18 +180,11 @@ def _belief_arrival(folder: Path) -> Columns:
     ]
 
 
-TABLES: dict[str, Callable[[Path], Columns]] = {
-    "recordings": _recordings,
-    "reference": _reference,
-    "measures": _measures,
-    "paired": _paired,
-    "traps": _traps,
-    "beliefs": _beliefs,
-    "arrival": _arrival,
-    "scores": _scores,
-    "hindsight": _hindsight,
-    "belief_arrival": _belief_arrival,
-}
+_MAKERS: tuple[Callable[[Path], Columns], ...] = (
+    _recordings, _reference, _measures, _paired, _traps, _beliefs, _arrival, _scores, _hindsight,
+    _belief_arrival,
+)  # fmt: skip
+TABLES = {make.__name__.removeprefix("_"): make for make in _MAKERS}
 
 
 def _markdown(columns: Columns) -> str:
@@ -203,14 +196,10 @@ def _markdown(columns: Columns) -> str:
     return text
 
 
-def _of_people(path: Path) -> pd.DataFrame:
+def _of(path: Path, *, people: bool) -> pd.DataFrame:
+    """Rows of the scripted people, or those of the planned experts."""
     table = read_table(path)
-    return table[table["expert"] == PEOPLE]
-
-
-def _of_planners(path: Path) -> pd.DataFrame:
-    table = read_table(path)
-    return table[table["expert"] != PEOPLE]
+    return table[(table["expert"] == PEOPLE) == people]
 
 
 def _largest(table: pd.DataFrame) -> pd.DataFrame:

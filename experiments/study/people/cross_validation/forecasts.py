@@ -86,25 +86,14 @@ def _arrivals(
     layers: Layers,
     directions: FloatArray,
     dwell: DwellLaw,
-    some: slice,
-    step_s: float,
-    n_steps: int,
-) -> ArrivalByState:
-    """Arrival at pace 0 in some neighbouring layers, from (cell, whether it was turned into)."""
-    states = np.arange(layers.start[some.start], layers.start[some.stop])
-    chain, times = _renewal(layers, directions, dwell, states, step_s, n_steps)
-    return semi_markov_arrival(chain, times, n_steps)
-
-
-def _renewal(
-    layers: Layers,
-    directions: FloatArray,
-    dwell: DwellLaw,
     states: IntArray,
     step_s: float,
     n_steps: int,
-) -> tuple[RenewalChain, DwellTimes]:
-    """Moves between (cell, whether it was entered by another direction than ahead)."""
+) -> ArrivalByState:
+    """Arrival at pace 0 from (cell, whether it was entered by another direction than ahead).
+
+    states: of some neighbouring layers.
+    """
     first = states[0]
     cell, turned, direction = (
         each.ravel() for each in np.meshgrid(states - first, [0, 1], np.arange(4), indexing="ij")
@@ -130,7 +119,7 @@ def _renewal(
         dwell=classes.reshape(-1),
         goal=np.repeat(goal, 2),
     )
-    return chain, DwellTimes(step_s, mass)
+    return semi_markov_arrival(chain, DwellTimes(step_s, mass), n_steps)
 
 
 def forecast_laws(
@@ -149,11 +138,12 @@ def forecast_laws(
     n_steps = int(np.ceil(horizon_s / step_s))
     times_s = np.asarray(step_s * np.arange(n_steps + 1), dtype=np.float64)
     for begin in range(0, len(layers.each), _AT_A_TIME):
-        some = slice(begin, min(begin + _AT_A_TIME, len(layers.each)))
-        mine = np.flatnonzero((layer_of >= some.start) & (layer_of < some.stop))
+        end = min(begin + _AT_A_TIME, len(layers.each))
+        mine = np.flatnonzero((layer_of >= begin) & (layer_of < end))
         if not len(mine):
             continue
-        found = _arrivals(layers, directions, dwell, some, step_s, n_steps)
+        states = np.arange(layers.start[begin], layers.start[end])
+        found = _arrivals(layers, directions, dwell, states, step_s, n_steps)
         for place in mine.tolist():
             one = who[place]
             state = 2 * (layers.start[layer_of[place]] - layers.start[begin] + one.cell)

@@ -120,9 +120,13 @@ def _crowd(run: Run, time_s: float) -> tuple[IntArray, Crowd | None]:
     places = np.array([walker.at(time_s) for walker in walkers]) * sign[:, None]
     velocity = np.array([walker.velocity_mps(time_s) for walker in walkers]) * sign[:, None]
     half_m = run.width_m / 2
+    routes = Routes(
+        [endless_lane(*each) for each in zip(places[:, 1].tolist(), sign.tolist(), strict=True)]
+    )
+    routes.place(np.full(len(sign), 1.0 / 6.0))
     crowd = Crowd(
         model=model_named("circular_anisotropic"),
-        routes=_lanes(places[:, 1], sign),
+        routes=routes,
         x_m=places[:, 0],
         y_m=places[:, 1],
         desired_speed_mps=np.array([speed_so_far_mps(walker, time_s) for walker in walkers]),
@@ -137,41 +141,30 @@ def _crowd(run: Run, time_s: float) -> tuple[IntArray, Crowd | None]:
     return there, crowd
 
 
-def _lanes(y_m: FloatArray, sign: FloatArray) -> Routes:
-    routes = Routes([endless_lane(float(y), float(s)) for y, s in zip(y_m, sign, strict=True)])
-    routes.place(np.full(len(y_m), 1.0 / 6.0))
-    return routes
-
-
-def _simulated(
-    run: Run, start_s: float, duration_s: float, step_s: float
-) -> tuple[IntArray, FloatArray]:
-    """Who is there, and (T, N, 2) where they are simulated to be, ahead and left."""
+def _simulated(run: Run, start_s: float, duration_s: float, step_s: float) -> dict[int, FloatArray]:
+    """(T, 2) where each person who is there is simulated to be, ahead and left."""
     there, crowd = _crowd(run, start_s)
     if crowd is None:
-        return there, np.zeros((0, 0, 2))
+        return {}
     sign = np.array([run.walkers[i].sign for i in there], dtype=np.float64)[:, None]
     places = [np.stack([crowd.x_m, crowd.y_m], axis=1) * sign]
     for _ in range(round(duration_s / step_s)):
         crowd.step(step_s)
         places.append(np.stack([crowd.x_m, crowd.y_m], axis=1) * sign)
-    return there, np.array(places)
+    return dict(zip(there.tolist(), np.swapaxes(places, 0, 1), strict=True))
 
 
 def _forced_directions(
     run: Run, start_s: float, group: list[tuple[float, int, int]], step_s: float
 ) -> dict[tuple[int, int], int]:
     """Each cell is left where the simulated displacement since its entry leads."""
-    there, places = _simulated(run, start_s, _EVERY_S + _MOVE_S, step_s)
+    ways = _simulated(run, start_s, _EVERY_S + _MOVE_S, step_s)
     found = {}
     for entered_s, i, j in group:
-        column = np.flatnonzero(there == i)
-        if not len(column):
-            continue
-        way = places[:, int(column[0])]
-        begin = round((entered_s - start_s) / step_s)
-        moved = run.walkers[i].at(entered_s) + way[begin:] - way[begin]
-        found[i, j] = _exit(run, int(run.walkers[i].crossings.state[j]), moved)
+        if i in ways:
+            begin = round((entered_s - start_s) / step_s)
+            moved = run.walkers[i].at(entered_s) + ways[i][begin:] - ways[i][begin]
+            found[i, j] = _exit(run, int(run.walkers[i].crossings.state[j]), moved)
     return found
 
 
@@ -184,16 +177,12 @@ def _forced_arrivals(
     step_s: float,
 ) -> dict[int, float]:
     """Seconds from each wanted time until the simulated person is at the line."""
-    there, places = _simulated(run, start_s, longest_s, step_s)
     found = {}
-    for i, time_s in wanted.items():
-        column = np.flatnonzero(there == i)
-        if not len(column):
-            continue
-        ahead = places[:, int(column[0]), 0]
-        late = np.flatnonzero(ahead >= line_m)
-        end_s = start_s + step_s * (late[0] if len(late) else len(ahead))
-        found[i] = float(max(end_s - time_s, step_s))
+    for i, way in _simulated(run, start_s, longest_s, step_s).items():
+        if i in wanted:
+            late = np.flatnonzero(way[:, 0] >= line_m)
+            end_s = start_s + step_s * (late[0] if len(late) else len(way))
+            found[i] = float(max(end_s - wanted[i], step_s))
     return found
 
 
