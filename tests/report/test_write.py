@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from report.inputs import FileLink, ReportInputs, RunFacts
+from report.page import render_page
 from report.summary import summary_of
 from report.write import write_report
 from serd_app.learning.knowledge import knowledge_of, posterior_of
@@ -175,10 +176,13 @@ def test_a_link_out_of_the_report_folder_is_refused(path: str) -> None:
 
 
 def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(
-    inputs: ReportInputs, tmp_path: Path
+    inputs: ReportInputs, folder: Path
 ) -> None:
     bare = replace(inputs, run=RunFacts("serd report", "in process", "2026"), files=())
-    assert not Page(write_report(bare, tmp_path).read_text(encoding="utf-8")).open
+    pictures = {path.stem: path.read_bytes() for path in (folder / "figures").glob("*.svg")}
+    page = Page(render_page(bare, summary_of(bare), pictures, links=()))
+    assert not page.open
+    assert page.tags.count("figure") == len(FIGURES)
 
 
 def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(
