@@ -26,7 +26,7 @@ from storage.yaml_config import save_yaml_model
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.environ.update(ros_environment(os.environ))
-pytest_plugins = ["support.bag_messages", "support.nav2_server"]
+pytest_plugins = ["support.bag_messages", "support.nav2_server", "support.quick_pictures"]
 settings.register_profile(
     "any speed of the machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

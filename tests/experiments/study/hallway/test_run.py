@@ -48,6 +48,7 @@ def settings(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick_pictures")
 def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(settings, tmp_path):
     folder, calls = tmp_path / "study", []
     tables = run_study(

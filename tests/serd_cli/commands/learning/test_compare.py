@@ -1,6 +1,7 @@
 """`serd compare`: a model's own kind of episodes is usual, another kind is not."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -29,15 +30,23 @@ def walks(path, y_m, seed, n=30):
     return path
 
 
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    """Where the model and its table are made once."""
+    return tmp_path_factory.mktemp("learned")
+
+
 @pytest.fixture
-def model(serd, tmp_path):
-    """Learned from people who keep to the southern side."""
-    table, file = tmp_path / "decisions.csv", tmp_path / "model.yaml"
-    people = walks(tmp_path / "people.csv", 0.5, seed=0)
-    words = ("--cell-size-m", 1, "--period-s", 1)
-    assert serd("demos", people, *words, "--output", table).code == 0
-    assert serd("learn", table, "--output", file).code == 0
-    return file
+def model(serd, learned, tmp_path):
+    """Learned from people who keep to the southern side; this test's own copy, with its table."""
+    table, file = learned / "decisions.csv", learned / "model.yaml"
+    if not file.exists():
+        people = walks(learned / "people.csv", 0.5, seed=0)
+        words = ("--cell-size-m", 1, "--period-s", 1)
+        assert serd("demos", people, *words, "--output", table).code == 0
+        assert serd("learn", table, "--output", file).code == 0
+    shutil.copytree(learned, tmp_path, dirs_exist_ok=True)
+    return tmp_path / file.name
 
 
 def compared(serd, *words):
@@ -46,6 +55,7 @@ def compared(serd, *words):
     return json.loads(ended.out)
 
 
+@pytest.mark.usefixtures("whole_pictures")
 def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, model, tmp_path):
     same = walks(tmp_path / "same.csv", 0.5, seed=1)
     other = walks(tmp_path / "other.csv", 2.5, seed=2)

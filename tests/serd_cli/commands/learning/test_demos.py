@@ -22,6 +22,7 @@ from storage.yaml_config import load_yaml_model
 from support.foreign_bags import ForeignBag, Robot, key_presses
 
 
+@pytest.mark.usefixtures("whole_pictures")
 def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag, tmp_path):
     table = tmp_path / "out" / "decisions.csv"
     ended = serd("demos", drive_bag(), "--scenario", "hallway", "--output", table)
@@ -64,6 +65,7 @@ def test_a_scenario_of_the_user_beside_the_table_is_not_deleted(serd, drive_bag,
     assert serd(*words).code == 0
 
 
+@pytest.mark.usefixtures("whole_pictures")
 def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_bag, tmp_path):
     table = tmp_path / "decisions.csv"
     words = ("demos", drive_bag(), people_bag(), "--output", table, "--scenario", "hallway")

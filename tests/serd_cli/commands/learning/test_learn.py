@@ -138,7 +138,7 @@ def test_outcomes_that_depend_on_density_are_kept_planned_with_and_reported(
 def test_times_of_drives_predict_drives_with_their_look_ahead(
     serd, demonstrations, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(recipe, "laplace_draws", partial(laplace_draws, n=8))
+    monkeypatch.setattr(recipe, "laplace_draws", partial(laplace_draws, n=4))
     table, model, runs = demonstrations(), tmp_path / "model.yaml", tmp_path / "runs"
     assert serd("learn", table, "--output", model).code == 0
     drive = ("navigate", model, "--people", 0, "--lookahead", 3, "--output", runs, "--json")
@@ -153,7 +153,7 @@ def test_times_of_drives_predict_drives_with_their_look_ahead(
     assert ended.code == 0, ended.err
     assert "look-ahead 3: " in ended.out
     assert "area train, look-ahead 3" in (tmp_path / "page/report.html").read_text()
-    ended = serd("navigate", model, "--people", 0, "--lookahead", 3, "--episodes", 2, "--seed", 7)
+    ended = serd("navigate", model, "--people", 0, "--lookahead", 3, "--episodes", 1, "--seed", 7)
     assert "predicted by the times in cells of 3 drives with look-ahead 3" in ended.out
     (times,) = load_model(model).crossing_times
     assert times.n_episodes == 3
@@ -407,6 +407,7 @@ def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrati
     assert f"weight {found['prior_weight']:g} (chosen on validation episodes)" in prior
 
 
+@pytest.mark.usefixtures("whole_pictures")
 def test_what_is_known_of_outcomes_is_printed_and_mapped(serd, demonstrations, tmp_path):
     table = demonstrations(n_episodes=3)
     model = tmp_path / "out" / "model.yaml"

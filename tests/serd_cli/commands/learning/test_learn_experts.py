@@ -88,6 +88,7 @@ def learned(serd, table):
     return model, json.loads(values.read_text()), report
 
 
+@pytest.mark.usefixtures("whole_pictures")
 def test_two_experts_are_recovered_and_kept_in_the_model(learned):
     path, values, _ = learned
     model = load_model(path)
