@@ -3,6 +3,8 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
+from itertools import accumulate, groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,25 @@ settings.register_profile(
 )
 settings.load_profile("any speed of the machine")
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files of tests/system, whose nodes wait for each other, come among those that compute.
+
+    Otherwise all workers would be there at the end, and none would use what the others leave.
+    """
+    files = [list(found) for _, found in groupby(items, key=lambda item: item.path)]
+    system = ROOT / "tests" / "system"
+    parts = ([each for each in files if (each[0].path.parent == system) == kind] for kind in (0, 1))
+    placed = sorted((place for part in parts for place in _placed(part)), key=itemgetter(0))
+    items[:] = [item for _, file in placed for item in file]
+
+
+def _placed(files: list[list[pytest.Item]]) -> Iterator[tuple[float, list[pytest.Item]]]:
+    """Each file with the share of tests that are before it."""
+    counts = [len(each) for each in files]
+    for file, before in zip(files, accumulate(counts, initial=0), strict=False):
+        yield before / sum(counts), file
 
 
 @pytest.fixture(scope="session")
