@@ -1,4 +1,4 @@
-"""`serd watch` beside a stack that another command has started."""
+"""`serd watch` beside a stack that was started before."""
 
 import asyncio
 import json
@@ -12,7 +12,9 @@ import pytest
 from aiohttp import ClientSession
 from std_msgs.msg import String
 
+from serd_cli.processes.node_commands import stack_processes
 from serd_ros.endpoints import qos
+from serd_ros.graph.graph import find_stack
 from support.processes import read_json_object
 from support.waiting import PATIENCE_S
 
@@ -66,17 +68,19 @@ def moves(state):
 
 @pytest.mark.parametrize("namespace", ["", "/robot1"])
 def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
-    probe, ros_env, tmp_path, namespace
+    nodes, probe, ros_env, tmp_path, namespace
 ):
-    launch = ["launch", "demonstrate", f"demo_recorder.output:={tmp_path}/b"]
+    stack = find_stack("demonstrate")
+    # The world stands until the page is there, or it would compute for nobody.
+    watched = [*stack.parameters["hallway_sim"]["required_nodes"], "watch_page"]
+    given = {"demo_recorder.output": str(tmp_path / "b"), "hallway_sim.required_nodes": watched}
     words = ["watch", "--port", "0", "--json"]
     if namespace:
-        launch += [f"namespace:={namespace}", "frame_prefix:=robot1/"]
+        given["frame_prefix"] = "robot1/"
         words += ["--namespace", namespace, "--frame-prefix", "robot1/"]
-    with (
-        running(ros_env, tmp_path, *launch),
-        running(ros_env, tmp_path, *words) as watch,
-    ):
+    for process in stack_processes(stack, given, ros_env, namespace):
+        nodes.start(list(process.command), process.name)
+    with running(ros_env, tmp_path, *words) as watch:
         url = read_json_object(watch.stdout)["url"]
         scene, state = asyncio.run(asyncio.wait_for(first_states(url, moves), PATIENCE_S))
         assert (scene["watch"], scene["replay"], scene["name"]) == (True, None, "hallway")
