@@ -14,12 +14,12 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are drawn and encoded small, and not laid out; `tests/report` does all of it."""
     from report import style  # which imports matplotlib, and most tests draw nothing
 
-    def saved(figure: Any, kind: str, metadata: Mapping[str, None], dpi: int) -> bytes:
+    def saved(figure: Any, kind: str, metadata: Mapping[str, None]) -> bytes:
         buffer = BytesIO()
         with style.report_style():
             style._take_names_as_they_are(figure)
             figure.set_layout_engine("none")
-            figure.savefig(buffer, format=kind, metadata=metadata, dpi=min(dpi, _DOTS_PER_INCH))
+            figure.savefig(buffer, format=kind, metadata=metadata, dpi=_DOTS_PER_INCH)
         return buffer.getvalue()
 
     monkeypatch.setattr(style, "_saved", saved)
