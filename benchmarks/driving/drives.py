@@ -23,6 +23,7 @@ SEEDS = range(1, 7)
 SCENARIOS = ("hallway", "crossing")
 DRIVERS = ("expert_with_flow", "expert_against_flow")
 DRIVES = ("kinematic", "physical")
+CONTACTS = ("robot_on_person", "person_on_robot", "robot_on_wall")
 N_PEOPLE = 30
 
 
@@ -56,9 +57,7 @@ def episode(*, seed: int, scenario: str, driver: str, drive: str) -> dict[str, A
         "outcome": record.outcome,
         "time_s": record.duration_s,
         "way_m": record.distance_m,
-        "robot_on_person": record.contacts.robot_on_person,
-        "person_on_robot": record.contacts.person_on_robot,
-        "robot_on_wall": record.contacts.robot_on_wall,
+        **{name: getattr(record.contacts, name) for name in CONTACTS},
         "impulses_ns": [round(event.impulse_ns, 2) for event in events],
         "closing_mps": [round(event.closing_mps, 3) for event in events],
         "odometry_error_m": math.dist(pose[:2], odometry[:2]),
@@ -81,9 +80,7 @@ def summary(condition: tuple[str, ...], rows: pd.DataFrame) -> dict[str, Any]:
         "arrived": f"{len(arrived)} of {len(rows)}",
         "time_s": float(arrived["time_s"].mean()),
         "way_m": float(arrived["way_m"].mean()),
-        "robot_on_person": int(rows["robot_on_person"].sum()),
-        "person_on_robot": int(rows["person_on_robot"].sum()),
-        "robot_on_wall": int(rows["robot_on_wall"].sum()),
+        **{name: int(rows[name].sum()) for name in CONTACTS},
         "median_impulse_ns": float(np.median(impulses)) if len(impulses) else None,
         "largest_impulse_ns": float(impulses.max(initial=0.0)),
         "odometry_error_m": float(rows["odometry_error_m"].mean()),

@@ -36,20 +36,13 @@ def run() -> None:
     """Measure in process with a profile, then through ROS."""
     scenario = load_scenario("hallway").with_pedestrian_count(PEOPLE)
     with patch.object(compiled, "MANY_TICKS", math.inf):
-        plain = _profiles(scenario)
-        unguarded = profile_steps(scenario, seed=SEED, episodes=EPISODES, guarded=False)
-    factors = {
-        "in process": plain["dwa"].real_time_factor,
-        "in process, no guard": unguarded.real_time_factor,
-    }
+        profiles, factors = _in_process(scenario, "")
     if compiled.use_compiled():
         for name in planner_names():  # loads what is compiled, or compiles it
             profile_steps(scenario, seed=SEED, episodes=1, planner=name)
-        profiles = _profiles(scenario)
-        unguarded = profile_steps(scenario, seed=SEED, episodes=EPISODES, guarded=False)
-        factors["in process, compiled"] = profiles["dwa"].real_time_factor
-        factors["in process, compiled, no guard"] = unguarded.real_time_factor
-        plain |= {f"{name}, compiled": profile for name, profile in profiles.items()}
+        found, faster = _in_process(scenario, ", compiled")
+        profiles |= found
+        factors |= faster
     factors |= {
         "ROS lock-step": _through_ros(scenario, recorded=False),
         "ROS lock-step, all topics recorded": _through_ros(scenario, recorded=True),
@@ -69,13 +62,19 @@ def run() -> None:
     save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
     alone = factors.get("in process, compiled", factors["in process"])
     messages = factors["ROS lock-step, composed"] / alone
-    _save_profile(plain, 1.0 - messages)
+    _save_profile(profiles, 1.0 - messages)
 
 
-def _profiles(scenario: Scenario) -> dict[str, StepProfile]:
-    return {
-        name: profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
+def _in_process(scenario: Scenario, kind: str) -> tuple[dict[str, StepProfile], dict[str, float]]:
+    """By planner and way of driving: profiles, and times faster than real time."""
+    profiles = {
+        f"{name}{kind}": profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
         for name in planner_names()
+    }
+    unguarded = profile_steps(scenario, seed=SEED, episodes=EPISODES, guarded=False)
+    return profiles, {
+        f"in process{kind}": profiles[f"dwa{kind}"].real_time_factor,
+        f"in process{kind}, no guard": unguarded.real_time_factor,
     }
 
 

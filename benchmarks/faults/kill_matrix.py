@@ -128,24 +128,19 @@ def started(stack: str, environment: Mapping[str, str], folder: Path, model: Pat
 
 def parameters(stack: str, folder: Path, model: Path) -> dict[str, Any]:
     """The parameters with which a stack runs until it is ended."""
-    nodes = find_stack(stack).nodes
-    given: dict[str, Any] = {}
-    if "demo_recorder" in nodes:
-        given["demo_recorder.output"] = str(folder / "bag")
-    if "scripted_expert" in nodes:
-        given |= {"scripted_expert.output": str(folder), "scripted_expert.episodes": 1000}
-    if "learner" in nodes:
-        given["learner.output"] = str(folder / "model.yaml")
-    if stack == "learn":
-        given["learner.bag"] = str(_BAG)
-    if "bag_replay" in nodes:
-        given["bag_replay.bag"] = str(_BAG)
-    if "strategy" in nodes:
-        given["model"] = str(model)
-    if stack == "navigate":
-        given["episodes"] = 1000
-    if "teleop_page" in nodes:
-        given["port"] = 0
+    expert = {"scripted_expert.output": str(folder), "scripted_expert.episodes": 1000}
+    of_nodes: dict[str, dict[str, Any]] = {
+        "demo_recorder": {"demo_recorder.output": str(folder / "bag")},
+        "scripted_expert": expert,
+        "learner": {"learner.output": str(folder / "model.yaml")},
+        "bag_replay": {"bag_replay.bag": str(_BAG)},
+        "strategy": {"model": str(model)},
+        "teleop_page": {"port": 0},
+    }
+    of_stacks = {"learn": {"learner.bag": str(_BAG)}, "navigate": {"episodes": 1000}}
+    given = dict(of_stacks.get(stack, {}))
+    for node in find_stack(stack).nodes:
+        given |= of_nodes.get(node, {})
     return given
 
 
