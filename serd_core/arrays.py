@@ -148,12 +148,10 @@ def require_count(name: str, value: object, least: int, example: str) -> None:
         )
 
 
-def require_positive(name: str, value: Any, example: str = "1") -> None:
+def require_positive(name: str, value: Any, fix: str = "use for example 1") -> None:
     """SerdError unless an argument is one finite number above 0."""
     if not (is_number(value) and np.isfinite(value) and value > 0):
-        raise SerdError(
-            f"{name} must be finite and above 0, got {shown(value)}; use for example {example}"
-        )
+        raise SerdError(f"{name} must be finite and above 0, got {shown(value)}; {fix}")
 
 
 def require_share(name: str, value: Any, example: str = "0.95") -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_positive
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief, BeliefAroundTruth, CoupledBelief
@@ -54,12 +54,8 @@ class PriorByEvidence:
 
     def __post_init__(self) -> None:
         for name in ("deviation", "pseudo_count"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise SerdError(
-                    f"{name} of PriorByEvidence must be finite and above 0, got {value}; use None"
-                    " to find it"
-                )
+            if (value := getattr(self, name)) is not None:
+                require_positive(f"{name} of PriorByEvidence", value, "use None to find it")
 
     def strengths(self, belief: Belief) -> "Strengths":
         """Those that a fit under the belief has."""

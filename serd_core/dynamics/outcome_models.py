@@ -23,6 +23,7 @@ from serd_core.arrays import (
     once_per_state,
     require_each,
     require_index,
+    require_positive,
     shown,
     unrepeated,
     weighted_counts,
@@ -62,8 +63,7 @@ class OutcomeModels(TransitionModel):
         pairs = successors.shape[:2]
         available = bool_array("available", self.available, pairs)
         model_of = int_array("model_of", self.model_of, pairs, dtype=None)
-        if not (np.isfinite(self.beta) and self.beta > 0):
-            raise SerdError(f"beta must be finite and above 0, got {self.beta}; use 1.0")
+        require_positive("beta", self.beta, "use 1.0")
         if not successors.size:
             raise SerdError(
                 f"successors must hold a state, an action and an outcome, got shape"

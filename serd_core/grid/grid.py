@@ -15,7 +15,7 @@ import numpy as np
 import scipy  # loads ndimage at its first use
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array
+from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array, require_positive
 from serd_core.errors import SerdError
 
 AnyArray = TypeVar("AnyArray", FloatArray, IntArray)
@@ -65,8 +65,7 @@ class Grid:
         origin = tuple(float(value) for value in self.origin_m)
         if len(origin) != 2 or not np.all(np.isfinite(origin)):
             raise SerdError(f"origin_m must be two finite numbers (x, y), got {self.origin_m}")
-        if not (np.isfinite(self.cell_size_m) and self.cell_size_m > 0):
-            raise SerdError(f"cell_size_m must be finite and above 0, got {self.cell_size_m}")
+        require_positive("cell_size_m", self.cell_size_m)
         if not 1.0 / _LARGEST_M <= self.cell_size_m <= _LARGEST_M >= np.abs(origin).max():
             raise SerdError(
                 f"cell_size_m must be from {1.0 / _LARGEST_M:g} to {_LARGEST_M:g} and origin_m at"

@@ -5,7 +5,6 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array, number_array, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
-from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
@@ -36,10 +35,7 @@ def dynamics_or_estimate(
         return dynamics_of_hidden_actions(problem, decisions)
     if dynamics is None:
         return estimate_dynamics(problem, decisions) if model.n_parameters else np.zeros(0)
-    table = np.asarray(number_array("dynamics", dynamics), dtype=np.float64)
-    if isinstance(model, OutcomeModels):
-        model.require_distributions(table)
-    return table
+    return np.asarray(number_array("dynamics", dynamics), dtype=np.float64)
 
 
 def dynamics_of_hidden_actions(problem: Problem, decisions: Decisions) -> FloatArray:

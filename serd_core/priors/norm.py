@@ -34,7 +34,7 @@ class NormPrior(Prior):
             raise SerdError(
                 f"p of NormPrior must be finite and at least 1, got {shown(self.p)}; use 2"
             )
-        require_positive("smoothing of NormPrior", self.smoothing, "1e-4")
+        require_positive("smoothing of NormPrior", self.smoothing, "use for example 1e-4")
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value (4.86) and gradient (4.87)."""
