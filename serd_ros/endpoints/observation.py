@@ -16,7 +16,7 @@ from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.graph.configs import LocalisationConfig
+from serd_ros.graph.configs import LocalisationConfig, ObservationConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.world.observation import Observation, People
 from sim.world.observation_inbox import ObservationInbox
@@ -27,6 +27,7 @@ _LOOK_PERIOD_S = 0.5
 _LOG_PERIOD_S = 5.0
 #: Observations of a robot that come sooner than this share of a control period are left out.
 _SOONEST = 0.8
+_USUAL = ObservationConfig()
 
 
 class ObservationPublisher:
@@ -48,8 +49,8 @@ class ObservationSource:
     """Calls back with every observation whose parts have arrived, and reports what is missing.
 
     `node.clock_jumped` is called before an observation after a jump; late ones are left out.
-    needs_people: False for nodes that find people without their topic, or need none. people_topic:
-    empty for the node that publishes them.
+    config: without a topic of people for the node that publishes them. needs_people: False for
+    nodes that find people without their topic, or need none.
     """
 
     def __init__(
@@ -57,13 +58,12 @@ class ObservationSource:
         node: SerdNode[Any],
         control_period_s: float,
         callback: Callable[[Observation], None],
+        config: LocalisationConfig = _USUAL,
         *,
         needs_people: bool = True,
-        people_topic: str = topics.PEDESTRIANS,
-        localisation: LocalisationConfig | None = None,
     ) -> None:
-        config = localisation if localisation is not None else LocalisationConfig()
         tolerance_s = config.stamp_tolerance_s
+        people_topic = config.people_topic if isinstance(config, ObservationConfig) else ""
         self._node, self._callback = node, callback
         self._inbox = ObservationInbox(
             control_period_s, needs_people=needs_people, tolerance_s=tolerance_s

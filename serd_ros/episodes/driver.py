@@ -74,9 +74,8 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self,
             self.scenario.control_period_s,
             self._on_observation,
+            self.config,
             needs_people=self.needs_people,
-            people_topic=self.config.people_topic,
-            localisation=self.config,
         )
         self._starter = EpisodeStarter(
             self,

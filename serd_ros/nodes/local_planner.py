@@ -65,9 +65,8 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
             self,
             self._scenario.control_period_s,
             self._on_observation,
+            self.config,
             needs_people=self.config.people_from == "given",
-            people_topic=self.config.people_topic,
-            localisation=self.config,
         )
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)

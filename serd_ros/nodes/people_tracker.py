@@ -42,9 +42,8 @@ class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
             self,
             self._scenario.control_period_s,
             self._on_observation,
+            self.config,
             needs_people=False,
-            people_topic="",
-            localisation=self.config,
         )
 
     def clock_jumped(self, _: Jump) -> None:

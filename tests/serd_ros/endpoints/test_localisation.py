@@ -29,9 +29,7 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
     config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
     seen = []
     with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node, 0.05, seen.append, needs_people=False, localisation=config
-        )
+        source = ObservationSource(running.node, 0.05, seen.append, config, needs_people=False)
         fault = source._localisation.fault
         odometry(running, START, (0.0, 0.0, 0.0))
         running.receive("amcl_pose", valid_message("amcl_pose", START))
@@ -52,9 +50,7 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
 def test_what_has_stopped_is_named_and_no_difference_of_clocks():
     config = LocalisationConfig(stamp_tolerance_s=0.3)
     with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node, 0.05, lambda _: None, needs_people=False, localisation=config
-        )
+        source = ObservationSource(running.node, 0.05, lambda _: None, config, needs_people=False)
         running.receive("robot_pose", valid_message("robot_pose", START))
         odometry(running, START + 9.0, (0.0, 0.0, 0.0))
         assert source._missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
