@@ -317,12 +317,16 @@ class DemoRecorderConfig(ManagedConfig):
     )
 
 
+#: Beyond, times of messages overflow.
+SLOWEST_RATE, FASTEST_RATE = 1e-6, 1e6
+
+
 class BagReplayConfig(NodeConfig):
     """Parameters of bag_replay."""
 
     bag: str = setting("recording", "bag folder, or .mcap, .db3 or .bag file", min_length=1)
     topics: tuple[str, ...] = setting(_NONE, "topics to play; all when empty")
-    rate: float = setting(1.0, "bag seconds per second", gt=0)
+    rate: float = setting(1.0, "bag seconds per second", ge=SLOWEST_RATE, le=FASTEST_RATE)
     start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)
     duration_s: float = setting(0.0, "play this much bag time; 0: all", unit="s", ge=0)
     loop: bool = setting(False, "start again at the end")

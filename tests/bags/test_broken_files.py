@@ -119,11 +119,21 @@ def test_a_bag_without_metadata_is_read_and_reported(small_bag):
     assert len(damage) == 1
 
 
-@pytest.mark.parametrize("text", ["", "[", "a: 1", "\0", "rosbag2_bagfile_information: 3"])
-def test_broken_metadata_raises(small_bag, text):
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "it must have the key rosbag2_bagfile_information with keys and values"),
+        ("[", ""),
+        ("a: 1", "it must have the key rosbag2_bagfile_information with keys and values"),
+        ("\0", ""),
+        ("rosbag2_bagfile_information: 3", "it must have the key rosbag2_bagfile_information with"),
+        ("rosbag2_bagfile_information: {}", "relative_file_paths must be a list of names"),
+    ],
+)
+def test_broken_metadata_raises(small_bag, text, reason):
     folder = small_bag()
     (folder / "metadata.yaml").write_text(text)
-    with pytest.raises(BagError, match="is no rosbag2 metadata"):
+    with pytest.raises(BagError, match=rf"is no rosbag2 metadata \(.*{reason}"):
         read(folder, False)
     assert len(read(folder, True)[0]) == 69
 

@@ -102,11 +102,14 @@ def storage_name(path: Path | str) -> str:
 def _metadata(path: Path) -> dict[str, Any]:
     text = read_text(path / FILE_NAME)
     try:
-        values = yaml_values(text)[ROOT_KEY]
-        names = values["relative_file_paths"]
-        if not isinstance(values, dict) or not all(isinstance(name, str) for name in names):
-            raise TypeError("relative_file_paths must be a list of names")
-    except (BagError, KeyError, TypeError) as error:
+        content = yaml_values(text)
+        values = content.get(ROOT_KEY) if isinstance(content, dict) else None
+        if not isinstance(values, dict):
+            raise BagError(f"it must have the key {ROOT_KEY} with keys and values")
+        names = values.get("relative_file_paths")
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise BagError("relative_file_paths must be a list of names")
+    except BagError as error:
         reason = str(error).splitlines()[0]
         raise BagError(f"{path / FILE_NAME} is no rosbag2 metadata ({reason})") from None
     return dict(values)

@@ -25,7 +25,7 @@ from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import BagReplayConfig
+from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE, BagReplayConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
@@ -189,7 +189,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
                 message = self._playback.step()
                 self._publish([] if message is None else [message])
             elif key in RATE_FACTORS:
-                self._rate *= RATE_FACTORS[key]
+                self._rate = min(FASTEST_RATE, max(SLOWEST_RATE, self._rate * RATE_FACTORS[key]))
                 self._playback.set_rate(now_s, self._rate)
         if keys:
             self._report_playback()

@@ -76,6 +76,7 @@ def test_with_json_the_result_is_printed_when_the_node_has_ended(serd, drive_bag
         (["--topic", "intnt"], "did you mean '/intent'?"),
         (["--remap", "intent"], "--remap must be written FROM:=TO, got 'intent'"),
         (["--rate", "0"], "0"),
+        (["--rate", "1e300"], "less than or equal to 1000000"),
         (["--rat", "2"], "--rate"),
     ],
 )
