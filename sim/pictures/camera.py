@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
@@ -38,7 +37,7 @@ class Camera:
             raise SimError(f"width_px and height_px must be at least 1, got {size}; raise them")
 
 
-def overview_camera(scenario: Scenario, *, width_px: int = 640, height_px: int = 480) -> Camera:
+def overview_camera(scenario: Scenario, width_px: int = 640, height_px: int = 480) -> Camera:
     """A camera that has the whole scenario in view, from the south, as near as that allows.
 
     Pinhole: at (right, up, depth) from the eye a point is seen at f (right, up) / depth, with
@@ -88,9 +87,3 @@ def chase_camera(pose: tuple[float, float, float]) -> Camera:
         yaw_deg=math.degrees(yaw_rad) - 90.0,
         pitch_deg=-35.0,
     )
-
-
-def as_frame(pixels: object, camera: Camera) -> NDArray[np.uint8]:
-    """(height, width, 3) of the renderer's RGBA bytes."""
-    image = np.asarray(pixels, dtype=np.uint8).reshape(camera.height_px, camera.width_px, 4)
-    return image[:, :, :3].copy()

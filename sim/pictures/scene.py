@@ -1,5 +1,7 @@
 """A scenario in three dimensions: walls, a floor with a grid, the robot and people who walk.
 
+PyBullet's software renderer draws about ten pictures a second.
+
 Nothing in it moves by itself. Wheels, legs and arms are turned by the way that robot and people
 have come since they were placed last; who has not moved keeps direction and stride.
 """
@@ -11,19 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.pictures.camera import Camera, as_frame, overview_camera
-from sim.robot.bullet import add_wall, load_urdf, pybullet
+from sim.pictures.camera import Camera, chase_camera, overview_camera
+from sim.pictures.trajectory import Frame, Trajectory
+from sim.robot.bullet import add_wall, close, load_urdf, new_world, pybullet, turned
 from sim.robot.movable_bodies import HEIGHT_M
-from sim.scenario.obstacle import Obstacle
+from sim.scenario.obstacle import Obstacle, Pose
 from sim.scenario.polygon import counter_clockwise
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
-
-Pose = tuple[float, float, float]
 
 _PERSON_URDF = Path(__file__).with_name("person.urdf")
 _WALL_COLOUR = (0.80, 0.78, 0.74, 1.0)
@@ -52,7 +53,7 @@ class Scene:
     def __init__(self, scenario: Scenario, *, gui: bool = False) -> None:
         if gui:
             _require_display()
-        self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        self.client = new_world(gui=gui)
         try:
             self._add_bodies(scenario, gui=gui)
         except BaseException:
@@ -73,7 +74,7 @@ class Scene:
             self._show(pybullet.COV_ENABLE_RENDERING, False)
         for start, end in scenario.wall_segments_m:
             wall = add_wall(self.client, start, end)
-            self._paint(wall, -1, _WALL_COLOUR)
+            self.client.changeVisualShape(wall, -1, rgbaColor=_WALL_COLOUR)
         self._add_floor(scenario)
         self._obstacles = [self._add_obstacle(each) for each in scenario.movable_obstacles]
         self._robot = self._load_robot(scenario)
@@ -87,18 +88,16 @@ class Scene:
         """Put the robot somewhere; its wheels roll the way from where it was."""
         x_m, y_m, yaw_rad = pose
         root_m = (x_m, y_m, self._root_height_m)
-        mass = pybullet.multiplyTransforms(root_m, _turned(yaw_rad), *self._mass_in_root)
-        pybullet.resetBasePositionAndOrientation(self._robot, *mass, self.client)
+        mass = pybullet.multiplyTransforms(root_m, turned(yaw_rad), *self._mass_in_root)
+        self.client.resetBasePositionAndOrientation(self._robot, *mass)
         if self._robot_pose is not None:
-            turned = math.remainder(yaw_rad - self._robot_pose[2], math.tau)
-            heading = self._robot_pose[2] + 0.5 * turned
+            turn_rad = math.remainder(yaw_rad - self._robot_pose[2], math.tau)
+            heading = self._robot_pose[2] + 0.5 * turn_rad
             way_m = (x_m - self._robot_pose[0]) * math.cos(heading)
             way_m += (y_m - self._robot_pose[1]) * math.sin(heading)
             for wheel, (joint, side) in enumerate(self._wheels.items()):
-                self._wheels_rad[wheel] += (way_m + side * turned) / self._wheel_radius_m
-                pybullet.resetJointState(
-                    self._robot, joint, self._wheels_rad[wheel], 0.0, self.client
-                )
+                self._wheels_rad[wheel] += (way_m + side * turn_rad) / self._wheel_radius_m
+                self.client.resetJointState(self._robot, joint, self._wheels_rad[wheel], 0.0)
         self._robot_pose = pose
 
     def place_people(self, positions_m: ArrayLike, velocities_mps: ArrayLike | None = None) -> None:
@@ -125,10 +124,9 @@ class Scene:
         """Put the movable obstacles at (K, 3) poses, in the order of the scenario."""
         places = np.asarray(poses, dtype=np.float64).reshape(-1, 3).tolist()
         for body, (x_m, y_m, yaw_rad) in zip(self._obstacles, places, strict=True):
-            place_m = (x_m, y_m, 0.0)
-            pybullet.resetBasePositionAndOrientation(body, place_m, _turned(yaw_rad), self.client)
+            self.client.resetBasePositionAndOrientation(body, (x_m, y_m, 0.0), turned(yaw_rad))
 
-    def render(self, camera: Camera) -> NDArray[np.uint8]:
+    def render(self, camera: Camera) -> Frame:
         """(height, width, 3) picture by PyBullet's software renderer."""
         view = pybullet.computeViewMatrixFromYawPitchRoll(
             camera.target_m, camera.distance_m, camera.yaw_deg, camera.pitch_deg, 0.0, 2
@@ -137,7 +135,7 @@ class Scene:
         projection = pybullet.computeProjectionMatrixFOV(
             camera.field_of_view_deg, ratio, 0.1, 10.0 * camera.distance_m
         )
-        image = pybullet.getCameraImage(
+        image = self.client.getCameraImage(
             camera.width_px,
             camera.height_px,
             view,
@@ -148,31 +146,25 @@ class Scene:
             lightSpecularCoeff=0.05,
             shadow=0,
             renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self.client,
         )
-        return as_frame(image[2], camera)
+        pixels = np.asarray(image[2], dtype=np.uint8)
+        return pixels.reshape(camera.height_px, camera.width_px, 4)[:, :, :3].copy()
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
-        if self.client >= 0:
-            pybullet.disconnect(self.client)
-            self.client = -1
+        close(self.client)
 
     def _show(self, what: int, on: bool) -> None:
         """Switch a part of the window on or off."""
-        pybullet.configureDebugVisualizer(what, int(on), physicsClientId=self.client)
+        self.client.configureDebugVisualizer(what, int(on))
 
     def _look_at(self, camera: Camera) -> None:
-        pybullet.resetDebugVisualizerCamera(
+        self.client.resetDebugVisualizerCamera(
             0.6 * camera.distance_m,  # the window sees more at a time than the pictures
             camera.yaw_deg,
             camera.pitch_deg,
             camera.target_m,
-            physicsClientId=self.client,
         )
-
-    def _paint(self, body: int, link: int, colour: tuple[float, float, float, float]) -> None:
-        pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=self.client)
 
     def _add_floor(self, scenario: Scenario) -> None:
         """A plate with lines across the walkable area."""
@@ -196,14 +188,10 @@ class Scene:
         top_m: float,
         colour: tuple[float, float, float, float],
     ) -> None:
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_BOX,
-            halfExtents=(*half_m, _HALF_PLATE_M),
-            rgbaColor=colour,
-            physicsClientId=self.client,
+        shape = self.client.createVisualShape(
+            pybullet.GEOM_BOX, halfExtents=(*half_m, _HALF_PLATE_M), rgbaColor=colour
         )
-        place_m = (*middle_m, top_m - _HALF_PLATE_M)
-        pybullet.createMultiBody(0.0, -1, shape, place_m, physicsClientId=self.client)
+        self.client.createMultiBody(0.0, -1, shape, (*middle_m, top_m - _HALF_PLATE_M))
 
     def _add_obstacle(self, obstacle: Obstacle) -> int:
         """A prism of triangles: two on each side, and a fan on top."""
@@ -220,16 +208,14 @@ class Scene:
             vertices += [low[corner], low[after], high[after], high[corner]]
             normals += [(*(np.array([along[1], -along[0]]) / np.hypot(*along)), 0.0)] * 4
             indices += [first, first + 1, first + 2, first, first + 2, first + 3]
-        shape = pybullet.createVisualShape(
+        shape = self.client.createVisualShape(
             pybullet.GEOM_MESH,
             vertices=[tuple(map(float, each)) for each in vertices],
             indices=indices,
             normals=[tuple(map(float, each)) for each in normals],
             rgbaColor=_OBSTACLE_COLOUR,
-            physicsClientId=self.client,
         )
-        place_m = (*obstacle.pose[:2], 0.0)
-        body: int = pybullet.createMultiBody(0.0, -1, shape, place_m, physicsClientId=self.client)
+        body: int = self.client.createMultiBody(0.0, -1, shape, (*obstacle.pose[:2], 0.0))
         return body
 
     def _load_robot(self, scenario: Scenario) -> int:
@@ -243,11 +229,11 @@ class Scene:
         self._root_height_m = self._wheel_radius_m - scale * drive.axle_height_m
         body = load_urdf(self.client, drive.path, globalScaling=scale, useFixedBase=True)
         #: PyBullet places a body by the frame of its mass.
-        self._mass_in_root = pybullet.getDynamicsInfo(body, -1, self.client)[3:5]
+        self._mass_in_root = self.client.getDynamicsInfo(body, -1)[3:5]
         sides = (-0.5 * scale * drive.separation_m, 0.5 * scale * drive.separation_m)
         joints = {
-            pybullet.getJointInfo(body, joint, self.client)[1].decode(): joint
-            for joint in range(pybullet.getNumJoints(body, self.client))
+            self.client.getJointInfo(body, joint)[1].decode(): joint
+            for joint in range(self.client.getNumJoints(body))
         }
         #: Half the wheels' separation, with the sign of the side, by joint.
         self._wheels = dict(zip((joints[name] for name in drive.wheel_joints), sides, strict=True))
@@ -258,21 +244,36 @@ class Scene:
         place = (-10.0 - number, -10.0, 0.0)
         body = load_urdf(self.client, _PERSON_URDF, basePosition=place, useFixedBase=True)
         for link in (-1, *_ARMS):
-            self._paint(body, link, _SHIRTS[number % len(_SHIRTS)])
+            self.client.changeVisualShape(body, link, rgbaColor=_SHIRTS[number % len(_SHIRTS)])
         return body
 
     def _place_person(
         self, body: int, place_m: tuple[float, float, float], heading_rad: float, stride_rad: float
     ) -> None:
-        pybullet.resetBasePositionAndOrientation(body, place_m, _turned(heading_rad), self.client)
+        self.client.resetBasePositionAndOrientation(body, place_m, turned(heading_rad))
         swing = _SWING_RAD * math.sin(stride_rad)
         for (left, right), angle in ((_LEGS, swing), (_ARMS, -0.7 * swing)):
-            pybullet.resetJointState(body, left, angle, 0.0, self.client)
-            pybullet.resetJointState(body, right, -angle, 0.0, self.client)
+            self.client.resetJointState(body, left, angle, 0.0)
+            self.client.resetJointState(body, right, -angle, 0.0)
 
 
-def _turned(yaw_rad: float) -> tuple[float, float, float, float]:
-    return 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+class SceneView(Scene):
+    """Draws trajectories from the overview camera, or from behind the robot when chasing."""
+
+    def __init__(self, scenario: Scenario, *, chasing: bool = False) -> None:
+        super().__init__(scenario)
+        x_min, y_min, x_max, y_max = scenario.bounds_m
+        size_px = (480, 640) if y_max - y_min > x_max - x_min else (640, 480)
+        self._overview = None if chasing else overview_camera(scenario, *size_px)
+
+    def frame_at(self, trajectory: Trajectory, tick: int) -> Frame:
+        """The scenario at a tick of a trajectory; people look the way they have just come."""
+        for shown in (max(tick - 1, 0), tick):
+            x_m, y_m, yaw_rad = trajectory.robot_pose[shown].tolist()
+            self.place_robot((x_m, y_m, yaw_rad))
+            self.place_people(trajectory.people_position_m[shown])
+        self.place_obstacles(trajectory.obstacle_pose[tick])
+        return self.render(self._overview or chase_camera((x_m, y_m, yaw_rad)))
 
 
 def _floor_lines(scenario: Scenario) -> list[tuple[float, float, float, float]]:

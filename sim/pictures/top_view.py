@@ -4,8 +4,6 @@ A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a 
 pixel wide.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -85,11 +83,6 @@ class TopView:
             trail_m=trajectory.robot_pose[:tick:_TRAIL_TICKS, :2],
             obstacle_poses=trajectory.obstacle_pose[tick],
         )
-
-    def frames(self, trajectory: Trajectory) -> Iterator[Frame]:
-        """One frame per tick of a trajectory."""
-        for tick in range(len(trajectory.time_s)):
-            yield self.frame_at(trajectory, tick)
 
     def _draw_noses(self, canvas: FloatArray, people: FloatArray, before: FloatArray) -> None:
         moved = people - before

@@ -1,7 +1,7 @@
 """Who was where during an episode, tick by tick."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,12 @@ from sim.errors import SimError
 from sim.scenario.obstacle import Pose
 from sim.world.command import Command
 from sim.world.observation import Observation
-from sim.world.world import HallwayWorld
+
+if TYPE_CHECKING:  # it imports `scene`, which draws trajectories
+    from sim.world.world import HallwayWorld
+
+#: (height, width, 3) picture.
+Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,20 +32,11 @@ class Trajectory:
     people_position_m: FloatArray
     obstacle_pose: FloatArray
 
-    def every(self, step: int) -> "Trajectory":
-        """Every step-th tick, for a movie."""
-        return Trajectory(
-            self.time_s[::step],
-            self.robot_pose[::step],
-            self.people_position_m[::step],
-            self.obstacle_pose[::step],
-        )
-
 
 class TrajectoryRecorder:
     """Pass `see` to run_episode of a world as its observer, then read `trajectory`."""
 
-    def __init__(self, world: HallwayWorld) -> None:
+    def __init__(self, world: "HallwayWorld") -> None:
         self._world = world
         self._seen: list[Observation] = []
         self._obstacles: list[tuple[Pose, ...]] = []
@@ -61,14 +57,3 @@ class TrajectoryRecorder:
             people_position_m=np.stack([seen.people_position_m for seen in self._seen]),
             obstacle_pose=np.array(self._obstacles).reshape(len(self._seen), -1, 3),
         )
-
-
-Frame = NDArray[np.uint8]
-
-
-class EpisodeView(Protocol):
-    """Draws one scenario."""
-
-    def frame_at(self, trajectory: Trajectory, tick: int) -> Frame:
-        """(height, width, 3) picture of the trajectory at a tick."""
-        ...

@@ -1,4 +1,7 @@
-"""PyBullet, and the walls and files that its worlds share."""
+"""PyBullet, and the walls, files and jointed bodies that its worlds share.
+
+A world is a `BulletClient`, which has PyBullet's functions as methods.
+"""
 
 import math
 import os
@@ -7,7 +10,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,21 +39,31 @@ def _silent() -> Iterator[None]:
         os.close(null)
 
 
-def _import_pybullet() -> Any:
-    """The pybullet module, which reports its build time on import."""
+with _silent():  # pybullet reports its build time on import
+    import pybullet as pybullet
+    from pybullet_utils.bullet_client import BulletClient as BulletClient
+
+_HERE, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+_JOINTS = {
+    "x": (pybullet.JOINT_PRISMATIC, (1.0, 0.0, 0.0)),
+    "y": (pybullet.JOINT_PRISMATIC, (0.0, 1.0, 0.0)),
+    "yaw": (pybullet.JOINT_REVOLUTE, (0.0, 0.0, 1.0)),
+}
+#: Mass of a link between two joints.
+_CARRIAGE_KG = 1e-3
+
+
+def new_world(*, gui: bool = False) -> BulletClient:
+    """An empty world, in a window with gui."""
     with _silent():
-        import pybullet
-    return pybullet
+        return BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
 
 
-pybullet = _import_pybullet()
-
-
-def load_urdf(client: int, path: Path, **options: object) -> int:
+def load_urdf(client: BulletClient, path: Path, **options: object) -> int:
     """Add the body of a URDF; SimError where PyBullet cannot."""
     try:
         with _silent():
-            body: int = pybullet.loadURDF(str(path), physicsClientId=client, **options)
+            body: int = client.loadURDF(str(path), **options)
     except pybullet.error as error:
         missing = ", ".join(_missing_meshes(path))
         reason = f"there is no {missing}; add it" if missing else f"{error}; check its files"
@@ -70,35 +82,61 @@ def _missing_meshes(path: Path) -> list[str]:
     return sorted(name for name in names if not any((f / places[name]).is_file() for f in folders))
 
 
-def add_wall(client: int, start_m: FloatArray, end_m: FloatArray) -> int:
+def add_wall(client: BulletClient, start_m: FloatArray, end_m: FloatArray) -> int:
     """Add a fixed box whose face towards the left of start -> end lies on the segment."""
     along = end_m - start_m
     length = float(np.hypot(*along))
     outwards = np.array([along[1], -along[0]]) / length
     middle = 0.5 * (start_m + end_m) + 0.5 * _WALL_THICKNESS_M * outwards
     half = (0.5 * length, 0.5 * _WALL_THICKNESS_M, 0.5 * _WALL_HEIGHT_M)
-    shape = pybullet.createCollisionShape(
-        pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client
-    )
-    yaw = math.atan2(along[1], along[0])
-    body: int = pybullet.createMultiBody(
-        0.0,
-        shape,
-        -1,
-        (float(middle[0]), float(middle[1]), half[2]),
-        (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
-        physicsClientId=client,
-    )
+    shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+    place_m = (float(middle[0]), float(middle[1]), half[2])
+    turn = turned(math.atan2(along[1], along[0]))
+    body: int = client.createMultiBody(0.0, shape, -1, place_m, turn)
     return body
 
 
-def let_move_freely(client: int, body: int) -> None:
-    """No damping by the air, no sleep. PyBullet ignores other values in a call that has these."""
-    pybullet.changeDynamics(
-        body,
-        -1,
-        linearDamping=0.0,
-        angularDamping=0.0,
-        activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-        physicsClientId=client,
+def add_jointed(
+    client: BulletClient,
+    joints: tuple[str, ...],
+    base_m: tuple[float, float, float],
+    shape: int,
+    mass_kg: float,
+    centre_m: tuple[float, float, float] = _HERE,
+) -> int:
+    """Add a body that joints `x`, `y` and `yaw` join to a fixed base; centre_m: of its mass."""
+    carriages = len(joints) - 1
+    kinds, axes = zip(*(_JOINTS[each] for each in joints), strict=True)
+    body: int = client.createMultiBody(
+        0.0,
+        basePosition=base_m,
+        linkMasses=[*[_CARRIAGE_KG] * carriages, mass_kg],
+        linkCollisionShapeIndices=[*[-1] * carriages, shape],
+        linkVisualShapeIndices=[-1] * len(joints),
+        linkPositions=[_HERE] * len(joints),
+        linkOrientations=[_LEVEL] * len(joints),
+        linkInertialFramePositions=[*[_HERE] * carriages, centre_m],
+        linkInertialFrameOrientations=[_LEVEL] * len(joints),
+        linkParentIndices=range(len(joints)),
+        linkJointTypes=kinds,
+        linkJointAxis=axes,
     )
+    let_move_freely(client, body)
+    return body
+
+
+def let_move_freely(client: BulletClient, body: int) -> None:
+    """No damping by the air, no sleep. PyBullet ignores other values in a call that has these."""
+    awake = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
+    client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, activationState=awake)
+
+
+def turned(yaw_rad: float) -> tuple[float, float, float, float]:
+    """The quaternion of a turn about z."""
+    return 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+
+
+def close(client: BulletClient) -> None:
+    """Leave a world; a second call does nothing."""
+    if client.isConnected():
+        client.disconnect()

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray
 from sim.crowd.crowd import Crowd
 from sim.crowd.robots import RobotBody
 
@@ -77,20 +77,16 @@ class Touches:
 
 
 @dataclass(frozen=True)
-class ContactEvent:
-    """A contact that began, as the physics has it.
+class ContactEvent(Touch):
+    """A contact that began, as the physics has it, in its first control period.
 
-    tick: control periods since the episode began. impulse_ns: normal impulse (N s) in its first
-    control period. place_m: where on the hull, ahead of the robot's centre and to the left.
-    closing_mps: speed of approach before it. Contacts with movable obstacles are `robot_on_wall`.
+    tick: control periods since the episode began. Contacts with movable obstacles are
+    `robot_on_wall`.
     """
 
     tick: int
     kind: ContactKind
     person: int | None
-    impulse_ns: float
-    place_m: tuple[float, float]
-    closing_mps: float
 
 
 class ContactCounter:
@@ -146,7 +142,9 @@ class ContactCounter:
             return 0, 0
         if touches is None:
             touch = gap < _TOUCH_M
-            by_robot = _robot_closes_in_faster(crowd, robot, away_x, away_y)
+            robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
+            persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
+            by_robot = robots > np.maximum(persons, 0.0)
         else:
             touch, by_robot = touches.masks(len(crowd))
         new = touch & ~self._touching
@@ -159,17 +157,5 @@ class ContactCounter:
         return int(by_robot.sum()), int((new & ~by_robot).sum())
 
     def _add_event(self, kind: ContactKind, person: int | None, touch: Touch) -> None:
-        event = ContactEvent(
-            self._tick, kind, person, touch.impulse_ns, touch.place_m, touch.closing_mps
-        )
+        event = ContactEvent(**vars(touch), tick=self._tick, kind=kind, person=person)
         self.events = (*self.events, event)
-
-
-def _robot_closes_in_faster(
-    crowd: Crowd, robot: RobotBody, away_x: FloatArray, away_y: FloatArray
-) -> BoolArray:
-    """(N,) whether the robot's speed towards each person exceeds the person's towards the robot."""
-    robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
-    persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
-    faster: BoolArray = robots > np.maximum(persons, 0.0)
-    return faster

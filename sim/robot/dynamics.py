@@ -12,12 +12,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.errors import SimError
-from sim.robot.bullet import add_wall, let_move_freely, load_urdf, pybullet
+from sim.robot.bullet import (
+    BulletClient,
+    add_wall,
+    close,
+    let_move_freely,
+    load_urdf,
+    new_world,
+    pybullet,
+    turned,
+)
 from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
-from sim.robot.quaternion import Quaternion, Vector, product, rotated, yaw_of
+from sim.robot.quaternion import Quaternion, Vector, conjugate, product, rotated, yaw_of
+from sim.robot.robot import RobotState, standing_at
 from sim.robot.sensors.imu import GRAVITY_MPS2, Inertial
-from sim.scenario.obstacle import Pose
 from sim.scenario.scenario import Scenario
 
 Wheels = tuple[float, float]
@@ -32,39 +41,32 @@ _SETTLING_S = 0.3
 _FOOTPRINT_TOLERANCE_M = 0.02
 #: Of a link without <inertial>, for which PyBullet would assume 1 kg.
 _FRAME_MASS_KG, _FRAME_INERTIA_KGM2 = 1e-3, (1e-6, 1e-6, 1e-6)
-
-
-@dataclass(frozen=True)
-class BodyMotion:
-    """Pose (x_m, y_m, yaw_rad) of the robot's root link, and its wheels' angles.
-
-    velocity_mps: of the root link's centre of mass. inertial: orientation and velocity of the root
-    link.
-    """
-
-    pose: Pose
-    velocity_mps: Velocity
-    yaw_rate_radps: float
-    wheels_rad: Wheels
-    inertial: Inertial
-
-
-@dataclass(frozen=True)
-class Start:
-    """Pose and speeds of a robot that is put on the floor."""
-
-    pose: Pose
-    speed_mps: float = 0.0
-    yaw_rate_radps: float = 0.0
+_AT_REST = Inertial((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class History:
     """What has acted since the start: wheel targets of each control period, people of some."""
 
-    start: Start
+    start: RobotState
     wheels_radps: tuple[float, ...]
     people: Mapping[int, Mapping[int, Moving]]
+
+
+@dataclass(frozen=True)
+class PhysicalState(RobotState):
+    """Where the root link of a robot on wheels is, and what else a snapshot keeps.
+
+    velocity_mps: of the root link's centre of mass. inertial: orientation and velocity of the root
+    link. target: commanded (v, w) after the limits. history: what `Dynamics.load` takes, in
+    snapshots.
+    """
+
+    velocity_mps: Velocity = (0.0, 0.0)
+    wheels_rad: Wheels = (0.0, 0.0)
+    inertial: Inertial = _AT_REST
+    target: tuple[float, float] = (0.0, 0.0)
+    history: History | None = field(default=None, repr=False)
 
 
 @dataclass
@@ -105,21 +107,25 @@ class Dynamics:
         self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
-        self._start = Start((0.0, 0.0, 0.0))
+        self._start = standing_at((0.0, 0.0, 0.0))
         self._target: Wheels = (0.0, 0.0)
         self._wheel_log = array("d")
         self._people_log: dict[int, Mapping[int, Moving]] = {}
-        self._client = -1
+        self._client: BulletClient = None
         self._build()  # so that a robot that does not fit is rejected now
 
-    def place(self, start: Start) -> None:
+    def place(self, start: RobotState) -> None:
         """Put the robot on the floor of a new world and give it a velocity."""
         self._start, self._wheel_log, self._people_log = start, array("d"), {}
         self._build()
-        self._set_base(start.pose)
+        turn = turned(start.pose[2])
+        root_m = (start.x_m, start.y_m, self._wheel_radius_m - self._drive.axle_height_m)
+        place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
+        turn = product(turn, self._mass_in_root[1])
+        self._client.resetBasePositionAndOrientation(self._robot, place, turn)
         self._turn_wheels((0.0, 0.0))
         for _ in range(math.ceil(_SETTLING_S / self._substep_s)):
-            pybullet.stepSimulation(self._client)
+            self._client.stepSimulation()
         self._target = self._rolling(start)
         self._set_velocity(start)
 
@@ -144,33 +150,40 @@ class Dynamics:
             self._turn_wheels((left + share * more_left, right + share * more_right))
             if movable:
                 self.obstacles.brake()
-            pybullet.stepSimulation(self._client)
+            self._client.stepSimulation()
             if movable:
                 self.obstacles.stop_doors()
             if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
 
-    @property
-    def motion(self) -> BodyMotion:
-        """Where the robot is and how it moves."""
-        place, turn = pybullet.getBasePositionAndOrientation(self._robot, self._client)
-        turn = product(turn, self._root_turn)
-        x_m, y_m, _ = self._root_m(place, turn)
-        velocity, rates = pybullet.getBaseVelocity(self._robot, self._client)
-        (vx_mps, vy_mps, _), (_, _, yaw_rate) = velocity, rates
-        wheels = pybullet.getJointStates(self._robot, self._wheels, self._client)
+    def state(self, target: tuple[float, float] = (0.0, 0.0)) -> PhysicalState:
+        """Where the robot is and how it moves; target: that of the state."""
+        (x_m, y_m, _), turn = self._root()
+        velocity, rates = self._client.getBaseVelocity(self._robot)
+        (vx_mps, vy_mps, _), yaw_rad = velocity, yaw_of(turn)
+        wheels = self._client.getJointStates(self._robot, self._wheels)
         left, right = (
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
         )
-        inertial = Inertial(turn, self._root_mps(velocity, rates, turn))
-        pose = x_m, y_m, yaw_of(turn)
-        return BodyMotion(pose, (vx_mps, vy_mps), yaw_rate, (left, right), inertial)
+        return PhysicalState(
+            x_m,
+            y_m,
+            (math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)),
+            vx_mps * math.cos(yaw_rad) + vy_mps * math.sin(yaw_rad),
+            rates[2],
+            (vx_mps, vy_mps),
+            (left, right),
+            Inertial(turn, self._root_mps(velocity, rates, turn)),
+            target,
+        )
 
-    def _root_m(self, place: Vector, turn: Quaternion) -> Vector:
-        """Position of the root link, of which `turn` is the orientation, by that of its mass."""
+    def _root(self) -> tuple[Vector, Quaternion]:
+        """Position and orientation of the root link."""
+        place, turn = self._client.getBasePositionAndOrientation(self._robot)
+        turn = product(turn, self._root_turn)
         x, y, z = rotated(turn, self._mass_in_root[0])
-        return place[0] - x, place[1] - y, place[2] - z
+        return (place[0] - x, place[1] - y, place[2] - z), turn
 
     def _root_mps(self, velocity: Vector, rates: Vector, turn: Quaternion) -> Vector:
         """Velocity of the root link by that of its mass, which is at r from it: v - w x r."""
@@ -194,22 +207,21 @@ class Dynamics:
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
-        if self._client >= 0:
-            pybullet.disconnect(self._client)
-            self._client = -1
+        if self._client is not None:
+            close(self._client)
 
     def _build(self) -> None:
         self.close()
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._client = new_world()
         try:
             self._add_bodies(self._client)
         except BaseException:
             self.close()
             raise
 
-    def _add_bodies(self, client: int) -> None:
-        pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=client)
-        pybullet.setPhysicsEngineParameter(
+    def _add_bodies(self, client: BulletClient) -> None:
+        client.setGravity(0, 0, -GRAVITY_MPS2)
+        client.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,
             numSubSteps=0,
             numSolverIterations=_SOLVER_ITERATIONS,
@@ -217,15 +229,12 @@ class Dynamics:
             # With a cone, sideways forces between the wheels use up the friction of forward ones.
             enableConeFriction=0,
             deterministicOverlappingPairs=1,
-            physicsClientId=client,
         )
-        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-        self._floor: int = pybullet.createMultiBody(0.0, plane, physicsClientId=client)
-        pybullet.changeDynamics(
-            self._floor, -1, lateralFriction=_FLOOR_FRICTION, physicsClientId=client
-        )
+        plane = client.createCollisionShape(pybullet.GEOM_PLANE)
+        self._floor: int = client.createMultiBody(0.0, plane)
+        client.changeDynamics(self._floor, -1, lateralFriction=_FLOOR_FRICTION)
         self._walls = {add_wall(client, *segment) for segment in self._scenario.wall_segments_m}
-        self._robot = self._load_robot()
+        self._robot = self._load_robot(client)
         self._require_footprint()
         movable = self._scenario.movable_obstacles
         self.obstacles = MovableBodies(client, movable, walls=self._walls, floor=self._floor)
@@ -233,38 +242,36 @@ class Dynamics:
             client, self._person_radius_m, apart_from=(self._floor, *self._walls)
         )
 
-    def _load_robot(self) -> int:
-        drive, client = self._drive, self._client
+    def _load_robot(self, client: BulletClient) -> int:
+        drive = self._drive
         body = load_urdf(client, drive.path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
-        root = pybullet.getBodyInfo(body, client)[0].decode()
+        root = client.getBodyInfo(body)[0].decode()
         links = {root: -1}
         joints = {}
-        for number in range(pybullet.getNumJoints(body, client)):
-            information = pybullet.getJointInfo(body, number, client)
+        for number in range(client.getNumJoints(body)):
+            information = client.getJointInfo(body, number)
             joints[information[1].decode()] = number
             links[information[12].decode()] = number
         self._wheels = tuple(joints[name] for name in drive.wheel_joints)
         for name, link in links.items():
             friction = _WHEEL_FRICTION if link in self._wheels else 0.0
             frame = {"mass": _FRAME_MASS_KG, "localInertiaDiagonal": _FRAME_INERTIA_KGM2}
-            pybullet.changeDynamics(
+            client.changeDynamics(
                 body,
                 link,
                 lateralFriction=drive.friction.get(name, friction),
                 restitution=0.0,
-                physicsClientId=client,
                 **(frame if name in drive.massless else {}),
             )
         let_move_freely(client, body)
-        self._mass_in_root = pybullet.getDynamicsInfo(body, -1, client)[3:5]
-        x, y, z, w = self._mass_in_root[1]
-        self._root_turn = (-x, -y, -z, w)
+        self._mass_in_root = client.getDynamicsInfo(body, -1)[3:5]
+        self._root_turn = conjugate(self._mass_in_root[1])
         return body
 
     def _require_footprint(self) -> None:
         """The bodies of the robot lie within the scenario's radius."""
-        links = range(-1, pybullet.getNumJoints(self._robot, self._client))
-        boxes = [pybullet.getAABB(self._robot, link, self._client) for link in links]
+        links = range(-1, self._client.getNumJoints(self._robot))
+        boxes = [self._client.getAABB(self._robot, link) for link in links]
         widest_m = max(abs(each) for low, high in boxes for each in (*low[:2], *high[:2]))
         radius_m = self._scenario.robot.radius_m
         if widest_m > radius_m + _FOOTPRINT_TOLERANCE_M:
@@ -273,26 +280,18 @@ class Dynamics:
                 f"{widest_m:.3f} m from its root link, got {radius_m:g} m; raise it"
             )
 
-    def _set_base(self, pose: Pose) -> None:
-        """Put the root link where the wheels touch the floor."""
-        turn = (0.0, 0.0, math.sin(0.5 * pose[2]), math.cos(0.5 * pose[2]))
-        root_m = (*pose[:2], self._wheel_radius_m - self._drive.axle_height_m)
-        place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
-        turn = product(turn, self._mass_in_root[1])
-        pybullet.resetBasePositionAndOrientation(self._robot, place, turn, self._client)
-
-    def _set_velocity(self, start: Start) -> None:
+    def _set_velocity(self, start: RobotState) -> None:
         """Let the body move and the wheels, at angle 0, roll accordingly."""
         yaw_rad, yaw_rate_radps = start.pose[2], start.yaw_rate_radps
         velocity = (start.speed_mps * math.cos(yaw_rad), start.speed_mps * math.sin(yaw_rad), 0.0)
         turning = (0.0, 0.0, yaw_rate_radps)
-        pybullet.resetBaseVelocity(self._robot, velocity, turning, self._client)
+        self._client.resetBaseVelocity(self._robot, velocity, turning)
         for joint, sign, speed in zip(
             self._wheels, self._drive.turns_forward, self._rolling(start), strict=True
         ):
-            pybullet.resetJointState(self._robot, joint, 0.0, sign * speed, self._client)
+            self._client.resetJointState(self._robot, joint, 0.0, sign * speed)
 
-    def _rolling(self, start: Start) -> Wheels:
+    def _rolling(self, start: RobotState) -> Wheels:
         """Speeds at which the wheels roll without slip."""
         half = 0.5 * self._drive.separation_m * start.yaw_rate_radps
         radius_m = self._wheel_radius_m
@@ -300,17 +299,16 @@ class Dynamics:
 
     def _turn_wheels(self, wheels_radps: Wheels) -> None:
         left, right = self._drive.turns_forward
-        pybullet.setJointMotorControlArray(
+        self._client.setJointMotorControlArray(
             self._robot,
             self._wheels,
             pybullet.VELOCITY_CONTROL,
             targetVelocities=(left * wheels_radps[0], right * wheels_radps[1]),
             forces=self._torques_nm,
-            physicsClientId=self._client,
         )
 
     def _add_contacts(self, impulses: Impulses) -> None:
-        for contact in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
+        for contact in self._client.getContactPoints(self._robot):
             other, place_m, force_n = contact[2], contact[5], contact[9]
             if other == self._floor or force_n <= 0.0:
                 continue
@@ -332,10 +330,8 @@ class Dynamics:
 
     def _on_hull(self, place_m: Sequence[float]) -> Velocity:
         """A position on the map, seen from the robot."""
-        centre, turn = pybullet.getBasePositionAndOrientation(self._robot, self._client)
-        turn = product(turn, self._root_turn)
+        root_m, turn = self._root()
         yaw_rad = yaw_of(turn)
-        root_m = self._root_m(centre, turn)
         x_m, y_m = place_m[0] - root_m[0], place_m[1] - root_m[1]
         cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
         return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m

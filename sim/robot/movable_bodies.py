@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.robot.bullet import let_move_freely, pybullet
-from sim.robot.people_bodies import CARRIAGE_KG, CONTACT_FRICTION
+from sim.robot.bullet import BulletClient, add_jointed, pybullet
+from sim.robot.people_bodies import CONTACT_FRICTION
 from sim.robot.sensors.imu import GRAVITY_MPS2
 from sim.scenario.obstacle import Obstacle, Pose
 
@@ -31,7 +31,12 @@ class MovableBodies:
     """The movable obstacles of a scenario in a PyBullet world, in the order of the scenario."""
 
     def __init__(
-        self, client: int, obstacles: Sequence[Obstacle], *, walls: Iterable[int], floor: int
+        self,
+        client: BulletClient,
+        obstacles: Sequence[Obstacle],
+        *,
+        walls: Iterable[int],
+        floor: int,
     ) -> None:
         self._client, self._obstacles = client, obstacles
         fixed = tuple(walls)
@@ -49,10 +54,10 @@ class MovableBodies:
         """Keep doors within the largest opening."""
         for obstacle, body in zip(self._obstacles, self._bodies, strict=True):
             if obstacle.hinge_m is not None:
-                angle_rad = pybullet.getJointState(body, 0, self._client)[0]
+                angle_rad = self._client.getJointState(body, 0)[0]
                 if abs(angle_rad) > LARGEST_OPENING_RAD:
                     widest = math.copysign(LARGEST_OPENING_RAD, angle_rad)
-                    pybullet.resetJointState(body, 0, widest, 0.0, self._client)
+                    self._client.resetJointState(body, 0, widest, 0.0)
 
     @property
     def poses(self) -> tuple[Pose, ...]:
@@ -80,50 +85,34 @@ class MovableBodies:
         return self._bodies.index(body) if body in self._bodies else None
 
     def _states(self, body: int) -> list[tuple[float, ...]]:
-        joints = range(pybullet.getNumJoints(body, self._client))
-        states: list[tuple[float, ...]] = pybullet.getJointStates(body, joints, self._client)
+        joints = range(self._client.getNumJoints(body))
+        states: list[tuple[float, ...]] = self._client.getJointStates(body, joints)
         return states
 
     def _add(self, obstacle: Obstacle, apart_from: tuple[int, ...]) -> int:
         assert obstacle.mass_kg is not None
-        slides = obstacle.hinge_m is None
-        shape = prism(self._client, obstacle.corners_m, HEIGHT_M)
-        here, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-        centre = np.subtract(obstacle.centroid_m, obstacle.pose[:2]).tolist()
-        count = 3 if slides else 1
-        along = pybullet.JOINT_PRISMATIC
-        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        body: int = pybullet.createMultiBody(
-            0.0,
-            basePosition=(*obstacle.pose[:2], 0.0),
-            linkMasses=[*[CARRIAGE_KG] * (count - 1), obstacle.mass_kg],
-            linkCollisionShapeIndices=[*[-1] * (count - 1), shape],
-            linkVisualShapeIndices=[-1] * count,
-            linkPositions=[here] * count,
-            linkOrientations=[level] * count,
-            linkInertialFramePositions=[*[here] * (count - 1), (*centre, 0.5 * HEIGHT_M)],
-            linkInertialFrameOrientations=[level] * count,
-            linkParentIndices=range(count),
-            linkJointTypes=[*[along] * (count - 1), pybullet.JOINT_REVOLUTE],
-            linkJointAxis=axes[-count:],
-            physicsClientId=self._client,
+        joints = ("x", "y", "yaw") if obstacle.hinge_m is None else ("yaw",)
+        x_m, y_m = np.subtract(obstacle.centroid_m, obstacle.pose[:2]).tolist()
+        body = add_jointed(
+            self._client,
+            joints,
+            (*obstacle.pose[:2], 0.0),
+            prism(self._client, obstacle.corners_m, HEIGHT_M),
+            obstacle.mass_kg,
+            (x_m, y_m, 0.5 * HEIGHT_M),
         )
         inertia = obstacle.mass_kg * obstacle.gyration_radius_m**2
-        pybullet.changeDynamics(
+        self._client.changeDynamics(
             body,
-            count - 1,
+            len(joints) - 1,
             localInertiaDiagonal=(inertia, inertia, inertia),
             lateralFriction=CONTACT_FRICTION,
             restitution=0.0,
-            physicsClientId=self._client,
         )
-        let_move_freely(self._client, body)
-        for joint in range(count):
+        for joint in range(len(joints)):
             self._hold(body, joint, HINGE_TORQUE_NM)
         for other in apart_from:
-            pybullet.setCollisionFilterPair(
-                other, body, -1, count - 1, _NO_COLLISION, physicsClientId=self._client
-            )
+            self._client.setCollisionFilterPair(other, body, -1, len(joints) - 1, _NO_COLLISION)
         return body
 
     def _set_floor_friction(self, obstacle: Obstacle, body: int) -> None:
@@ -139,21 +128,14 @@ class MovableBodies:
 
     def _hold(self, body: int, joint: int, most: float) -> None:
         """Brake a joint with up to a force (N) or a torque (N m)."""
-        pybullet.setJointMotorControl2(
-            body,
-            joint,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=most,
-            physicsClientId=self._client,
+        self._client.setJointMotorControl2(
+            body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=most
         )
 
 
-def prism(client: int, corners_m: FloatArray, height_m: float) -> int:
+def prism(client: BulletClient, corners_m: FloatArray, height_m: float) -> int:
     """Collision shape of the upright prism over a convex outline (n, 2), from the floor up."""
     corners = corners_m.tolist()
     vertices = [(x_m, y_m, z_m) for z_m in (0.0, height_m) for x_m, y_m in corners]
-    shape: int = pybullet.createCollisionShape(
-        pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
-    )
+    shape: int = client.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices)
     return shape

@@ -6,7 +6,7 @@ the radius r and the separation L, which may differ from those of the body.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from sim.crowd.crowd import Crowd
 from sim.crowd.distances import WallGeometry
 from sim.crowd.robots import RobotBody
 from sim.robot.contacts import Touch, Touches
-from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Push, Start
+from sim.robot.dynamics import Dynamics, Impulses, PhysicalState, Push
 from sim.robot.movable_bodies import Motion
-from sim.robot.people_bodies import Moving, Velocity, near_people, nearest_moving
+from sim.robot.people_bodies import Moving, near_people
 from sim.robot.robot import RobotState
 from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import limited_velocity
@@ -27,21 +27,6 @@ from sim.scenario.scenario import Scenario
 from sim.world.command import Command
 
 _NEAR_WALLS_M = 0.2
-_AT_REST = Inertial((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-
-
-@dataclass(frozen=True)
-class PhysicalState(RobotState):
-    """What a snapshot keeps of a robot on wheels.
-
-    target: commanded (v, w) after the limits. history: what `Dynamics.load` takes, in snapshots.
-    """
-
-    velocity_mps: Velocity = (0.0, 0.0)
-    target: tuple[float, float] = (0.0, 0.0)
-    wheels_rad: tuple[float, float] = (0.0, 0.0)
-    inertial: Inertial = _AT_REST
-    history: History | None = field(default=None, repr=False)
 
 
 class PhysicalRobot:
@@ -69,9 +54,8 @@ class PhysicalRobot:
             self._dynamics.load(state.history)
             self.state = replace(state, history=None)
         else:
-            speeds = state.speed_mps, state.yaw_rate_radps
-            self._dynamics.place(Start(state.pose, *speeds))
-            self.state = _state(self._dynamics.motion, speeds)
+            self._dynamics.place(state)
+            self.state = self._dynamics.state((state.speed_mps, state.yaw_rate_radps))
         self._measure_walls()
 
     def snapshot(self) -> PhysicalState:
@@ -88,7 +72,8 @@ class PhysicalRobot:
         velocities = crowd.velocity_mps
         places = crowd.position_m - self._step_s * velocities
         reach_m = self._settings.radius_m + self._person_radius_m
-        near = near_people(before.pose[:2], reach_m, self._step_s, places, velocities)
+        away_m = np.hypot(places[:, 0] - before.x_m, places[:, 1] - before.y_m)
+        near = near_people(away_m, reach_m, self._step_s, places, velocities)
         at_obstacles = self._people_at_obstacles(places, velocities)
         motions = self._dynamics.obstacles.motions
         near_walls = self.wall_distance_m < self._settings.radius_m + _NEAR_WALLS_M
@@ -98,7 +83,7 @@ class PhysicalRobot:
         touches = self._touches(impulses, crowd, motions)
         for person in {**impulses.people, **at_obstacles}:
             crowd.move(person, *self._dynamics.people.motion(person))
-        self.state = _state(self._dynamics.motion, target)
+        self.state = self._dynamics.state(target)
         self.wheel_motion = self._wheel_motion(before.wheels_rad)
         self._measure_walls()
         return touches
@@ -137,7 +122,7 @@ class PhysicalRobot:
         for obstacle, pose in zip(self._obstacles, self.obstacle_poses, strict=True):
             edges_m = edges_of(obstacle.outline_at(pose))
             away_m = distance_to_segments_m(places, edges_m).min(axis=1, initial=np.inf)
-            near |= nearest_moving(away_m, self._person_radius_m, self._step_s, places, velocities)
+            near |= near_people(away_m, self._person_radius_m, self._step_s, places, velocities)
         return near
 
     def _touches(self, impulses: Impulses, crowd: Crowd, motions: tuple[Motion, ...]) -> Touches:
@@ -191,19 +176,3 @@ class PhysicalRobot:
             self.obstacle_segments_m = segments_at(self._obstacles, self.obstacle_poses)
             away_m = float(distance_to_segments_m(here, self.obstacle_segments_m).min())
             self.wall_distance_m = min(self.wall_distance_m, away_m)
-
-
-def _state(motion: BodyMotion, target: tuple[float, float]) -> PhysicalState:
-    """The state of a robot whose base moves so."""
-    (x_m, y_m, yaw_rad), (vx, vy) = motion.pose, motion.velocity_mps
-    return PhysicalState(
-        x_m,
-        y_m,
-        (math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)),
-        vx * math.cos(yaw_rad) + vy * math.sin(yaw_rad),
-        motion.yaw_rate_radps,
-        motion.velocity_mps,
-        target,
-        motion.wheels_rad,
-        motion.inertial,
-    )

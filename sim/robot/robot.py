@@ -9,77 +9,15 @@ from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd
 from sim.crowd.distances import WallGeometry
 from sim.crowd.robots import RobotBody
-from sim.robot.bullet import pybullet
+from sim.robot.bullet import close, new_world, pybullet
 from sim.robot.contacts import Touches
 from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command
-
-Pose = tuple[float, float, float]
+from sim.world.observation import Pose
 
 _CORNER_PASSES = 3
-
-
-class _Cylinder:
-    """A cylinder in a PyBullet world of its own, which has the velocity it is set to.
-
-    Nothing touches it: the robot keeps it out of the walls. Several can be in one process.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._client = pybullet.connect(pybullet.DIRECT)
-        self._height_m = 0.5 * scenario.robot.height_m
-        pybullet.setGravity(0, 0, 0, physicsClientId=self._client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=scenario.control_period_s, numSubSteps=0, physicsClientId=self._client
-        )
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_CYLINDER,
-            radius=scenario.robot.radius_m,
-            height=scenario.robot.height_m,
-            physicsClientId=self._client,
-        )
-        self._robot: int = pybullet.createMultiBody(
-            20.0, shape, -1, (0, 0, self._height_m), physicsClientId=self._client
-        )
-        pybullet.changeDynamics(
-            self._robot,
-            -1,
-            lateralFriction=0.0,
-            linearDamping=0.0,
-            angularDamping=0.0,
-            restitution=0.0,
-            localInertiaDiagonal=(0.0, 0.0, 1.0),
-            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-            physicsClientId=self._client,
-        )
-
-    def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
-        """Put the robot somewhere; half_turn: (z, w) of its orientation quaternion."""
-        pybullet.resetBasePositionAndOrientation(
-            self._robot, (x_m, y_m, self._height_m), (0.0, 0.0, *half_turn), self._client
-        )
-
-    def move_robot(self, velocity_mps: tuple[float, float], yaw_rate_radps: float) -> None:
-        """Advance by one control period with the given velocity of the robot."""
-        pybullet.resetBaseVelocity(
-            self._robot, (*velocity_mps, 0.0), (0.0, 0.0, yaw_rate_radps), self._client
-        )
-        pybullet.stepSimulation(self._client)
-
-    def robot_place(self) -> tuple[float, float, tuple[float, float]]:
-        """(x_m, y_m, (z, w)) of the robot, as `place_robot` takes it."""
-        (x_m, y_m, _), (_, _, z, w) = pybullet.getBasePositionAndOrientation(
-            self._robot, self._client
-        )
-        return x_m, y_m, (z, w)
-
-    def close(self) -> None:
-        """Leave PyBullet; a second call does nothing."""
-        if self._client >= 0:
-            pybullet.disconnect(self._client)
-            self._client = -1
 
 
 @dataclass(frozen=True)
@@ -109,7 +47,11 @@ def standing_at(pose: Pose) -> RobotState:
 
 
 class KinematicRobot:
-    """Drives commands exactly; `state` is the truth."""
+    """Drives commands exactly; `state` is the truth.
+
+    A cylinder in a PyBullet world of its own has the velocity it is set to. Nothing touches it: the
+    robot keeps it out of the walls.
+    """
 
     #: It has no wheels, and moves among walls only.
     wheel_motion: tuple[float, float] | None = None
@@ -117,16 +59,31 @@ class KinematicRobot:
     obstacle_segments_m: FloatArray = np.zeros((0, 2, 2))
 
     def __init__(self, scenario: Scenario) -> None:
-        self._settings = scenario.robot
+        self._settings = robot = scenario.robot
         self._step_s = scenario.control_period_s
-        self._physics = _Cylinder(scenario)
+        self._client = client = new_world()
+        client.setGravity(0, 0, 0)
+        client.setPhysicsEngineParameter(fixedTimeStep=self._step_s, numSubSteps=0)
+        cylinder = pybullet.GEOM_CYLINDER
+        shape = client.createCollisionShape(cylinder, radius=robot.radius_m, height=robot.height_m)
+        self._body: int = client.createMultiBody(20.0, shape, -1, (0, 0, 0.5 * robot.height_m))
+        client.changeDynamics(
+            self._body,
+            -1,
+            lateralFriction=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            restitution=0.0,
+            localInertiaDiagonal=(0.0, 0.0, 1.0),
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+        )
         self._walls = WallGeometry(1, scenario.wall_segments_m)
         self.state = standing_at((0.0, 0.0, 0.0))
         self.wall_distance_m = math.inf
 
     def place(self, state: RobotState) -> None:
         """Set the pose and the velocity of the robot."""
-        self._physics.place_robot(state.x_m, state.y_m, state.half_turn)
+        self._put(state)
         self.state = state
         self.wall_distance_m = self._distance_to_walls_m()
 
@@ -143,9 +100,11 @@ class KinematicRobot:
         chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
         # From the state, not from where Bullet has the robot: its matrix differs from what the
         # quaternion gives in the last bit, and a restored world must continue exactly the same.
-        self._physics.place_robot(before.x_m, before.y_m, before.half_turn)
-        self._physics.move_robot(chord, yaw_rate)
-        self.state = RobotState(*self._physics.robot_place(), speed, yaw_rate)
+        self._put(before)
+        self._client.resetBaseVelocity(self._body, (*chord, 0.0), (0.0, 0.0, yaw_rate))
+        self._client.stepSimulation()
+        (x_m, y_m, _), (_, _, z, w) = self._client.getBasePositionAndOrientation(self._body)
+        self.state = RobotState(x_m, y_m, (z, w), speed, yaw_rate)
         self.wall_distance_m = self._distance_to_walls_m()
         if self.wall_distance_m < self._settings.radius_m:
             self._leave_walls(before.pose)
@@ -153,7 +112,12 @@ class KinematicRobot:
 
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
-        self._physics.close()
+        close(self._client)
+
+    def _put(self, state: RobotState) -> None:
+        place_m = (state.x_m, state.y_m, 0.5 * self._settings.height_m)
+        turn = (0.0, 0.0, *state.half_turn)
+        self._client.resetBasePositionAndOrientation(self._body, place_m, turn)
 
     def _leave_walls(self, before: Pose) -> None:
         """Slide along the walls: out of them, with what is left of the speed along the heading.
@@ -172,7 +136,7 @@ class KinematicRobot:
             self._walls.update(np.array([x_m]), np.array([y_m]))
         moved = (x_m - before[0]) * math.cos(yaw_rad) + (y_m - before[1]) * math.sin(yaw_rad)
         self.state = replace(self.state, x_m=x_m, y_m=y_m, speed_mps=moved / self._step_s)
-        self._physics.place_robot(x_m, y_m, self.state.half_turn)
+        self._put(self.state)
 
     @property
     def body(self) -> RobotBody:

@@ -4,8 +4,10 @@ import math
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named, model_names
 from sim.robot.urdf import BUILTIN_URDF, DifferentialDrive, read_differential_drive
 from sim.scenario.polygon import require_simple
@@ -122,6 +124,12 @@ class LidarSettings(StrictModel):
     def angle_increment_rad(self) -> float:
         """Angle between neighbouring rays."""
         return 2.0 * math.pi / self.n_rays
+
+    @property
+    def angles_rad(self) -> FloatArray:
+        """(n_rays,) directions of the rays, relative to the robot's heading."""
+        rays = np.arange(self.n_rays, dtype=np.float64)
+        return self.angle_min_rad + self.angle_increment_rad * rays
 
     @property
     def angle_max_rad(self) -> float:

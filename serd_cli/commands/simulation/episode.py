@@ -1,6 +1,6 @@
 """`serd episode`: one episode driven in process, as a picture or a movie."""
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,9 +17,9 @@ from sim.episodes.batch import EpisodeTask, scenario_of
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.episodes.settings import EpisodeSettings, WorldSettings
 from sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
-from sim.pictures.scene_view import SceneView
+from sim.pictures.scene import SceneView
 from sim.pictures.top_view import TopView
-from sim.pictures.trajectory import EpisodeView, Frame, Trajectory, TrajectoryRecorder
+from sim.pictures.trajectory import Frame, Trajectory, TrajectoryRecorder
 from sim.planning.catalogue import planner_in_world
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
@@ -87,9 +87,9 @@ def render(
     place = scenario_of(scenario, people)
     record, trajectory = _drive(task, place)
     with ExitStack() as stack:
-        drawn: EpisodeView = TopView(place, movie.pixels_per_m)
+        drawn: TopView | SceneView = TopView(place, movie.pixels_per_m)
         if view != "top":
-            drawn = stack.enter_context(SceneView(place, chasing=view == "chase"))
+            drawn = stack.enter_context(closing(SceneView(place, chasing=view == "chase")))
         _write(drawn, trajectory, place, output, movie, at_s)
     if as_json:
         print_json({"outcome": record.outcome, "duration_s": record.duration_s,
@@ -116,7 +116,7 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajec
 
 
 def _write(
-    drawn: EpisodeView,
+    drawn: TopView | SceneView,
     trajectory: Trajectory,
     scenario: Scenario,
     output: Path,

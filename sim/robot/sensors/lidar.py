@@ -14,8 +14,7 @@ from serd_core.arrays import FloatArray
 from sim.compiled import compilable
 from sim.crowd.robots import RobotBody
 from sim.scenario.settings import LidarSettings
-
-Pose = tuple[float, float, float]
+from sim.world.observation import Pose
 
 
 class Lidar:
@@ -25,12 +24,9 @@ class Lidar:
         self, settings: LidarSettings, walls_m: FloatArray, person_radius_m: float
     ) -> None:
         self._settings = settings
-        self._start = walls_m[:, 0]
-        self._along = walls_m[:, 1] - walls_m[:, 0]
+        self._walls_m = walls_m
         self._person_radius_m = person_radius_m
-        self.angles_rad: FloatArray = settings.angle_min_rad + settings.angle_increment_rad * (
-            np.arange(settings.n_rays, dtype=np.float64)
-        )
+        self.angles_rad = settings.angles_rad
 
     def scan(
         self,
@@ -49,44 +45,22 @@ class Lidar:
         settings = self._settings
         angle = self.angles_rad + pose[2]
         ray_x, ray_y = np.cos(angle), np.sin(angle)
-        ranges = _to_segments(self._start, self._along, pose, ray_x, ray_y)
+        walls_m = self._walls_m
         if obstacles_m is not None and len(obstacles_m):
-            start, along = obstacles_m[:, 0], obstacles_m[:, 1] - obstacles_m[:, 0]
-            ranges = np.minimum(ranges, _to_segments(start, along, pose, ray_x, ray_y))
-        if len(people_x_m):
-            people = people_x_m, people_y_m, self._person_radius_m
-            self._shorten_by_circles(ranges, pose, (ray_x, ray_y), *people)
-        for each in robots:
-            circle = np.array([each.x_m]), np.array([each.y_m]), each.radius_m
-            self._shorten_by_circles(ranges, pose, (ray_x, ray_y), *circle)
+            walls_m = np.concatenate([walls_m, obstacles_m])
+        start_m, along_m = walls_m[:, 0] - pose[:2], walls_m[:, 1] - walls_m[:, 0]
+        ranges = range_to_lines(start_m[:, 0], start_m[:, 1], along_m, ray_x, ray_y)
+        circles = [(people_x_m, people_y_m, self._person_radius_m)]
+        circles += [(np.array([o.x_m]), np.array([o.y_m]), o.radius_m) for o in robots]
+        for x_m, y_m, radius_m in circles:
+            to_x, to_y = x_m - pose[0], y_m - pose[1]
+            near = to_x * to_x + to_y * to_y < (settings.range_max_m + radius_m) ** 2
+            nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, ray_x, ray_y)
+            np.minimum(ranges, nearest, out=ranges)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
         seen = (ranges >= settings.range_min_m) & (ranges <= settings.range_max_m)
         return np.where(seen, ranges, np.inf).astype(np.float32)
-
-    def _shorten_by_circles(
-        self,
-        ranges: FloatArray,
-        pose: Pose,
-        rays: tuple[FloatArray, FloatArray],
-        x_m: FloatArray,
-        y_m: FloatArray,
-        radius_m: float,
-    ) -> None:
-        """Lower the ranges of rays that hit a circle first."""
-        to_x, to_y = x_m - pose[0], y_m - pose[1]
-        squared = to_x * to_x + to_y * to_y
-        near = squared < (self._settings.range_max_m + radius_m) ** 2
-        nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, *rays)
-        np.minimum(ranges, nearest, out=ranges)
-
-
-def _to_segments(
-    start_m: FloatArray, along_m: FloatArray, pose: Pose, ray_x: FloatArray, ray_y: FloatArray
-) -> FloatArray:
-    """(n_rays,) distance to the nearest of the segments, given by (S, 2) starts and lengths."""
-    to_x, to_y = start_m[:, 0] - pose[0], start_m[:, 1] - pose[1]
-    return range_to_lines(to_x, to_y, along_m, ray_x, ray_y)
 
 
 @compilable

@@ -13,8 +13,7 @@ import math
 import numpy as np
 
 from sim.scenario.settings import OdometrySettings
-
-Pose = tuple[float, float, float]
+from sim.world.observation import Pose
 
 
 class Odometry:

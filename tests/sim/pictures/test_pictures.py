@@ -1,6 +1,7 @@
 """Pictures and movies of the world."""
 
 import subprocess
+from contextlib import closing
 
 import imageio_ffmpeg
 import numpy as np
@@ -10,7 +11,7 @@ from PIL import Image
 from serd_core.errors import SerdError
 from sim.pictures.camera import Camera, chase_camera
 from sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
-from sim.pictures.scene_view import SceneView
+from sim.pictures.scene import SceneView
 from sim.pictures.top_view import TopView
 from sim.pictures.trajectory import TrajectoryRecorder
 from sim.scenario.scenario import load_scenario
@@ -59,6 +60,10 @@ def trajectory():
     return recorder.trajectory
 
 
+def frames_of(trajectory, every=1):
+    return [VIEW.frame_at(trajectory, tick) for tick in range(0, len(trajectory.time_s), every)]
+
+
 def test_robot_and_people_are_drawn_where_they_are():
     frame = VIEW.frame((3.0, 8.0, 0.0), [[1.0, 2.0], [5.0, 20.0]])
     assert frame.dtype == np.uint8
@@ -73,14 +78,14 @@ def test_somebody_outside_the_picture_is_left_out():
 
 
 def test_a_trajectory_gives_one_frame_per_tick(trajectory):
-    frames = list(VIEW.frames(trajectory.every(5)))
+    frames = frames_of(trajectory, every=5)
     assert len(frames) == 4
     x_m, y_m, _ = trajectory.robot_pose[15]
     assert is_blue(pixel(frames[3], x_m, y_m))
 
 
 def test_png_and_gif_hold_the_frames(trajectory, tmp_path):
-    frames = list(VIEW.frames(trajectory.every(5)))
+    frames = frames_of(trajectory, every=5)
     save_png(frames[0], tmp_path / "one.png")
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "one.png")), frames[0])
     save_gif(frames, tmp_path / "all.gif", frames_per_s=4.0)
@@ -90,7 +95,7 @@ def test_png_and_gif_hold_the_frames(trajectory, tmp_path):
 
 
 def test_an_mp4_holds_as_many_frames_as_were_given_in_their_colours(trajectory, tmp_path):
-    frames = list(VIEW.frames(trajectory))
+    frames = frames_of(trajectory)
     path = tmp_path / "new" / "all.mp4"
     save_mp4(frames, path, frames_per_s=10.0)
     height, width = frames[0].shape[0] // 2 * 2, frames[0].shape[1] // 2 * 2
@@ -104,7 +109,7 @@ def test_an_mp4_holds_as_many_frames_as_were_given_in_their_colours(trajectory, 
 @pytest.mark.parametrize("save", [save_gif, save_mp4])
 def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, trajectory, tmp_path):
     def failing():
-        yield from VIEW.frames(trajectory.every(10))
+        yield from frames_of(trajectory, every=10)
         raise RuntimeError("no more")
 
     with pytest.raises(RuntimeError, match="no more"):
@@ -147,7 +152,7 @@ def test_the_three_dimensional_picture_shows_robot_and_people():
 
 
 def test_a_scene_view_draws_a_trajectory_like_the_world_itself(trajectory):
-    with SceneView(HALLWAY) as whole, SceneView(HALLWAY, chasing=True) as behind:
+    with closing(SceneView(HALLWAY)) as whole, closing(SceneView(HALLWAY, chasing=True)) as behind:
         first, last = whole.frame_at(trajectory, 0), whole.frame_at(trajectory, 19)
         near = behind.frame_at(trajectory, 19)
     assert first.shape == (640, 480, 3)

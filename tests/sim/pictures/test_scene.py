@@ -24,13 +24,11 @@ def scene():
 
 def wheel_angles(scene):
     joints = tuple(scene._wheels)
-    return [state[0] for state in pybullet.getJointStates(scene._robot, joints, scene.client)]
+    return [state[0] for state in scene.client.getJointStates(scene._robot, joints)]
 
 
 def headings(scene):
-    turns = [
-        pybullet.getBasePositionAndOrientation(body, scene.client)[1] for body in scene._people
-    ]
+    turns = [scene.client.getBasePositionAndOrientation(body)[1] for body in scene._people]
     return [2.0 * math.atan2(z, w) for _, _, z, w in turns]
 
 
@@ -55,12 +53,10 @@ def test_legs_swing_with_the_way(scene):
     angles = []
     for x_m in np.arange(1.0, 3.0, 0.05):
         scene.place_people([[x_m, 5.0], [4.0, 5.0]])
-        angles.append(pybullet.getJointState(scene._people[0], 3, scene.client)[0])
+        angles.append(scene.client.getJointState(scene._people[0], 3)[0])
     assert min(angles) == pytest.approx(-max(angles), abs=0.01)
     assert max(angles) > 0.2
-    assert pybullet.getJointState(scene._people[0], 4, scene.client)[0] == pytest.approx(
-        -angles[-1]
-    )
+    assert scene.client.getJointState(scene._people[0], 4)[0] == pytest.approx(-angles[-1])
 
 
 def test_a_person_and_the_robot_cover_their_places_in_the_picture(scene):

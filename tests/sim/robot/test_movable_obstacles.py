@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,7 @@ import pytest
 from sim.pictures.scene import Scene
 from sim.pictures.top_view import TopView
 from sim.robot import movable_bodies
-from sim.robot.bullet import pybullet
-from sim.robot.dynamics import Dynamics, Start
+from sim.robot.dynamics import Dynamics
 from sim.robot.people_bodies import PERSON_MASS_KG
 from sim.robot.robot import standing_at
 from sim.robot.sensors.lidar import Lidar
@@ -32,14 +32,14 @@ def no_friction(monkeypatch):
 
 def dynamics_of(scenario, start=(2.0, 2.0, 0.0), speed_mps=0.0):
     dynamics = Dynamics(scenario, 0.25)
-    dynamics.place(Start(start, speed_mps))
+    dynamics.place(replace(standing_at(start), speed_mps=speed_mps))
     return dynamics
 
 
 def set_moving(dynamics, *speeds):
     body = dynamics.obstacles._bodies[0]
     for joint, speed in enumerate(speeds):
-        pybullet.resetJointState(body, joint, 0.0, speed, dynamics._client)
+        dynamics._client.resetJointState(body, joint, 0.0, speed)
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.4, math.pi / 4, 2.0])
@@ -76,7 +76,7 @@ def test_a_rolling_robot_and_a_chair_conserve_momentum():
     dynamics = dynamics_of(room(CHAIR, wheel_torque_nm=1e-9), (4.72, 5.2, 0.0), 0.8)
     impulses = dynamics.drive((10.0, 10.0), {}, near_walls=True)
     (vx_mps, _), ((chair_mps, sideways_mps, _),) = (
-        dynamics.motion.velocity_mps,
+        dynamics.state().velocity_mps,
         dynamics.obstacles.motions,
     )
     dynamics.close()
@@ -195,9 +195,7 @@ def test_the_lidar_sees_a_moved_and_turned_chair_as_rays_of_bullet_do():
         )
         angles = lidar.angles_rad
         ends = [(x_m + 9.0 * math.cos(a), y_m + 9.0 * math.sin(a), 0.4) for a in angles]
-        hits = pybullet.rayTestBatch(
-            [(x_m, y_m, 0.4)] * len(ends), ends, physicsClientId=dynamics._client
-        )
+        hits = dynamics._client.rayTestBatch([(x_m, y_m, 0.4)] * len(ends), ends)
         chair = dynamics.obstacles._bodies[0]
         expected = {index: 9.0 * hit[2] for index, hit in enumerate(hits) if hit[0] == chair}
     assert len(expected) > 5
@@ -240,7 +238,7 @@ def test_pictures_show_an_obstacle_where_it_is(pose):
     assert changed.sum() / 400 == pytest.approx(CHAIR_M**2, rel=0.1)
     scene = Scene(scenario)
     scene.place_obstacles([pose])
-    place_m, turn = pybullet.getBasePositionAndOrientation(scene._obstacles[0], scene.client)
+    place_m, turn = scene.client.getBasePositionAndOrientation(scene._obstacles[0])
     scene.close()
     assert (*place_m[:2], 2.0 * math.atan2(turn[2], turn[3])) == pytest.approx(pose)
 
@@ -253,6 +251,6 @@ def test_the_picture_of_the_world_follows_the_chair():
         driven_x_m = world.obstacle_poses[0][0]
         scene = world._pictures
         world.picture()
-        place_m, _ = pybullet.getBasePositionAndOrientation(scene._obstacles[0], scene.client)
+        place_m, _ = scene.client.getBasePositionAndOrientation(scene._obstacles[0])
     assert place_m[0] == pytest.approx(driven_x_m)
     assert before.shape[2] == 3

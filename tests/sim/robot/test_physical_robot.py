@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.robot.dynamics import Dynamics, Start
+from sim.robot.dynamics import Dynamics
 from sim.robot.people_bodies import PERSON_MASS_KG
 from sim.robot.robot import standing_at
 from sim.world.command import STOP, Command
@@ -179,9 +179,9 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
     """
     scenario = physical(people=1, wheel_torque_nm=1e-9)
     dynamics = Dynamics(scenario, 0.25)
-    dynamics.place(Start((3.0, 8.0, 0.0)))
+    dynamics.place(standing_at((3.0, 8.0, 0.0)))
     impulses = dynamics.drive(HOLD, {0: ((2.48, 8.0), (1.0, 0.0))})
-    (_, (person_mps, sideways_mps)), motion = dynamics.people.motion(0), dynamics.motion
+    (_, (person_mps, sideways_mps)), motion = dynamics.people.motion(0), dynamics.state()
     dynamics.close()
     robot_kg = MASS_KG + 2.0 * WHEEL_INERTIA_KGM2 / WHEEL_RADIUS_M**2
     momentum = PERSON_MASS_KG * person_mps + robot_kg * motion.velocity_mps[0]
@@ -198,13 +198,13 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
 def test_a_braked_robot_is_shoved_and_slides_to_rest():
     scenario = physical(people=1)
     dynamics = Dynamics(scenario, 0.25)
-    dynamics.place(Start((3.0, 8.0, 0.0)))
+    dynamics.place(standing_at((3.0, 8.0, 0.0)))
     dynamics.drive(HOLD, {0: ((3.0, 7.48), (0.0, 1.2))})
-    speeds = [dynamics.motion.velocity_mps[1]]
+    speeds = [dynamics.state().velocity_mps[1]]
     for _ in range(30):
         dynamics.drive(HOLD, {})
-        speeds.append(dynamics.motion.velocity_mps[1])
-    moved_m = dynamics.motion.pose[1] - 8.0
+        speeds.append(dynamics.state().velocity_mps[1])
+    moved_m = dynamics.state().pose[1] - 8.0
     dynamics.close()
     assert max(speeds) > 0.7
     assert speeds[-1] == pytest.approx(0.0, abs=0.01)

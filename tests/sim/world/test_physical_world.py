@@ -145,7 +145,7 @@ def test_a_body_smaller_than_the_radius_touches_and_pushes():
 
 def test_people_within_reach_of_a_longer_control_period_are_near():
     people = np.array([[0.7, 0.0], [1.6, 0.0], [1.9, 0.0]])
-    near = [near_people((0.0, 0.0), 0.5, each, people, 0.0 * people) for each in (0.05, 0.2)]
+    near = [near_people(people[:, 0], 0.5, each, people, 0.0 * people) for each in (0.05, 0.2)]
     assert [sorted(each) for each in near] == [[0], [0, 1]]
 
 

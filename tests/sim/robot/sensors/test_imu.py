@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sim.robot.dynamics import Start
 from sim.robot.quaternion import product, rotated
-from sim.robot.robot import standing_at
+from sim.robot.robot import RobotState, standing_at
 from sim.robot.sensors.imu import Imu, Inertial
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.settings import ImuSettings
@@ -154,13 +153,13 @@ def test_the_bumper_measures_the_momentum_that_a_wall_takes():
     """The sum of the impulses is m v where wheels roll freely and the robot does not bounce."""
     with HallwayWorld(silent("physical", wheel_torque_nm=1e-9), seed=1) as world:
         world.reset(0)
-        world._robot._dynamics.place(Start((5.6, 8.0, 0.0), 0.8))
+        world._robot._dynamics.place(RobotState(5.6, 8.0, (0.0, 1.0), 0.8))
         world._robot._measure_walls()
         touched = []
         for _ in range(40):
             world.step(STOP)
             touched += world.bumper
-        after_mps = world._robot._dynamics.motion.velocity_mps[0]
+        after_mps = world._robot._dynamics.state().velocity_mps[0]
     total = sum(each.impulse_ns for each in touched)
     assert total == pytest.approx(ROBOT_KG * (0.8 - after_mps), rel=0.02)
     for each in touched:

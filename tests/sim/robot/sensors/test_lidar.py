@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.robot.bullet import add_wall, pybullet
+from sim.robot.bullet import add_wall, new_world, pybullet
 from sim.robot.sensors.lidar import Lidar
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
@@ -35,19 +35,17 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     people_x, people_y = rng.uniform(0, 6, 24), rng.uniform(6, 20, 24)
     far = np.hypot(people_x - pose[0], people_y - pose[1]) > 0.6
     people_x, people_y = np.where(far, people_x, 0.3), np.where(far, people_y, 0.3)
-    client = pybullet.connect(pybullet.DIRECT)
+    client = new_world()
     for wall in HALLWAY.wall_segments_m:
         add_wall(client, *wall)
-    capsule = pybullet.createCollisionShape(
-        pybullet.GEOM_CAPSULE, radius=0.25, height=1.25, physicsClientId=client
-    )
+    capsule = client.createCollisionShape(pybullet.GEOM_CAPSULE, radius=0.25, height=1.25)
     for x_m, y_m in zip(people_x, people_y, strict=True):
-        pybullet.createMultiBody(0.0, capsule, -1, (x_m, y_m, 0.875), physicsClientId=client)
+        client.createMultiBody(0.0, capsule, -1, (x_m, y_m, 0.875))
     angle = LIDAR.angles_rad + pose[2]
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     start = np.array([pose[0], pose[1], 0.3]) + 0.1 * direction
     share = ray_shares(client, start, start + 9.9 * direction)
-    pybullet.disconnect(client)
+    client.disconnect()
     expected = np.where(share < 1.0, 0.1 + 9.9 * share, np.inf)
     ranges = LIDAR.scan(pose, people_x, people_y)
     both = np.isfinite(expected) & np.isfinite(ranges)
@@ -58,9 +56,7 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
 
 def ray_shares(client, start_m, end_m):
     """(R,) free share of each ray from (R, 3) start to end; 1 where it hits nothing."""
-    hits = pybullet.rayTestBatch(
-        start_m.tolist(), end_m.tolist(), numThreads=1, physicsClientId=client
-    )
+    hits = client.rayTestBatch(start_m.tolist(), end_m.tolist(), numThreads=1)
     return np.array([hit[2] for hit in hits])
 
 
