@@ -146,7 +146,6 @@ def measure_simulation(
     density_pm2: float,
     *,
     model_name: str = "circular_anisotropic",
-    half_length_m: float = 2.0,
     width_m: float = 4.0,
     share_backwards: float = 0.5,
     keep_right: bool = True,
@@ -174,7 +173,7 @@ def measure_simulation(
         if step * _STEP_S >= settle_s and step % _STEPS_PER_FRAME == 0:
             places.append(crowd.position_m)
     middle_m = (0.5 * length_m, 0.5 * width_m)
-    corridor = Corridor(0, middle_m, width_m, half_length_m, share_backwards)
+    corridor = Corridor(0, middle_m, width_m, share_backwards=share_backwards)
     return measure_recording(_rounds(np.array(places), length_m), corridor)
 
 

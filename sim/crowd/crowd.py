@@ -11,7 +11,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
-from sim.crowd.robots import Evasion, RobotBody
+from sim.crowd.robots import RobotBody, headings_around
 from sim.crowd.routes import Routes, offset_loop
 from sim.crowd.social_force import Bodies, Force, SocialForceModel, model_named
 from sim.scenario.settings import Loop, PedestrianSettings
@@ -42,7 +42,7 @@ class Crowd:
         walls_m: FloatArray,
         fluctuation_mps2: float,
         rng: np.random.Generator,
-        period_m: float | None = None,
+        period_m: float = 0.0,
         standing_m: FloatArray | None = None,
     ) -> None:
         """standing_m: (S, 2) places of the last S people, whose routes are not used."""
@@ -80,7 +80,7 @@ class Crowd:
         fastest_mps = self._model.maximum_speed_ratio * self.desired_speed_mps
         motion = self.x_m, self.y_m, self.velocity_x_mps, self.velocity_y_mps
         walk(*motion, *self._forces(robots), fastest_mps, step_s)
-        if self._period_m is not None:
+        if self._period_m > 0.0:
             np.mod(self.x_m, self._period_m, out=self.x_m)
         if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
             self._leave_walls()
@@ -95,10 +95,6 @@ class Crowd:
     def set_walls(self, walls_m: FloatArray) -> None:
         """Keep clear of the walls (W, 2, 2) from the next step on."""
         self._walls = WallGeometry(len(self), walls_m)
-        clearance_m = self._model.evasion_clearance_m
-        self._evasion = (
-            None if clearance_m is None else Evasion(clearance_m, self.body_radius_m, walls_m)
-        )
 
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""
@@ -138,13 +134,13 @@ class Crowd:
     def _headings(self, robots: Sequence[RobotBody]) -> Force:
         """(N,) x and y of where people want to go; at most 1 for those who stand, past no robot."""
         headings = self._routes.headings(self.x_m, self.y_m)
-        if self._evasion is not None:
-            for body, robot in enumerate(robots, len(self)):
-                to_x, to_y = -self._pairs.dx_m[:, body], -self._pairs.dy_m[:, body]
-                to_robot_m = to_x, to_y, self._pairs.distance_m[:, body]
-                headings = self._evasion.headings(
-                    robot, to_robot_m, headings, self.desired_speed_mps
-                )
+        clearance_m = self._model.evasion_clearance_m
+        for body, robot in enumerate(() if clearance_m is None else robots, len(self)):
+            assert clearance_m is not None
+            to_x, to_y = -self._pairs.dx_m[:, body], -self._pairs.dy_m[:, body]
+            to_robot_m = to_x, to_y, self._pairs.distance_m[:, body]
+            given = headings, self.desired_speed_mps, self._walls, self.body_radius_m
+            headings = headings_around(robot, to_robot_m, *given, clearance_m)
         heading_x, heading_y = headings
         count = len(self._standing_m)
         if count:

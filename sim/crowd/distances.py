@@ -15,14 +15,14 @@ _COINCIDENT_M = 1e-6
 class PairGeometry:
     """Buffers (n_people, n_bodies); the first n_people bodies are the people themselves.
 
-    period_m: length after which the world repeats in x (a ring corridor), None for a plain world.
+    period_m: length after which the world repeats in x (a ring corridor), 0 for a plain world.
     """
 
-    def __init__(self, n_people: int, n_bodies: int, period_m: float | None = None) -> None:
+    def __init__(self, n_people: int, n_bodies: int, period_m: float = 0.0) -> None:
         shape = (n_people, n_bodies)
         self.dx_m, self.dy_m = np.empty(shape), np.empty(shape)
         self.distance_m = np.empty(shape)
-        self._period_m = 0.0 if period_m is None else period_m
+        self._period_m = period_m
         self._own = (np.arange(n_people), np.arange(n_people))
         rank = np.arange(n_people)[:, None] - np.arange(n_bodies)[None, :]
         self._separation_m = _COINCIDENT_M * np.sign(rank)

@@ -13,6 +13,8 @@ from sim.crowd.social_force import model_named
 from sim.errors import SimError
 
 _FAR_M = 1e7
+#: Of the wanted speeds.
+_MEAN_MPS, _DEVIATION_MPS = 1.34, 0.26
 #: Weidmann (1993).
 DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4
 
@@ -25,8 +27,6 @@ def ring_corridor_crowd(
     share_backwards: float = 0.0,
     keep_right: bool = False,
     model_name: str = "circular_anisotropic",
-    speed_mean_mps: float = 1.34,
-    speed_deviation_mps: float = 0.26,
     rng: np.random.Generator,
 ) -> Crowd:
     """Crowd of round(density * area) people on a jittered lattice; a share walks towards -x.
@@ -46,15 +46,13 @@ def ring_corridor_crowd(
     loops = [endless_lane(y, -1.0 if back else 1.0) for y, back in zip(y_m, backwards, strict=True)]
     routes = Routes(loops)
     routes.place(np.full(count, 1.0 / 6.0))
-    quantiles = (np.arange(count) + 0.5) / count
+    quantiles = scipy.special.ndtri((np.arange(count) + 0.5) / count)
     return Crowd(
         model=model_named(model_name),
         routes=routes,
         x_m=x_m,
         y_m=y_m,
-        desired_speed_mps=rng.permutation(
-            speed_mean_mps + speed_deviation_mps * _normal_quantile(quantiles)
-        ),
+        desired_speed_mps=rng.permutation(_MEAN_MPS + _DEVIATION_MPS * quantiles),
         walls_m=np.array(
             [[[-1e3, 0.0], [1e3, 0.0]], [[1e3, width_m], [-1e3, width_m]]], dtype=np.float64
         ),
@@ -87,7 +85,3 @@ def endless_lane(y_m: float, direction: float) -> FloatArray:
     """A square loop so large that its first side is a straight line for ever."""
     end = direction * _FAR_M
     return np.array([[-end, y_m], [end, y_m], [end, y_m + _FAR_M], [-end, y_m + _FAR_M]])
-
-
-def _normal_quantile(share: FloatArray) -> FloatArray:
-    return np.asarray(scipy.special.ndtri(share))

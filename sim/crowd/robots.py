@@ -1,7 +1,6 @@
 """Robots as people see them, and how people walk around one that is in their way."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -27,46 +26,37 @@ class RobotBody:
     radius_m: float
 
 
-@dataclass(frozen=True, eq=False)
-class Evasion:
-    """Headings along the tangents of circles around robots.
+def headings_around(
+    robot: RobotBody,
+    to_robot_m: tuple[FloatArray, FloatArray, FloatArray],
+    wanted: Force,
+    speed_mps: FloatArray,
+    walls: WallGeometry,
+    body_radius_m: float,
+    clearance_m: float,
+) -> Force:
+    """(N,) x and y of the wanted headings, of some people along tangents round a robot.
 
-    clearance_m: between the surfaces of robot and person on these circles. walls_m: (W, 2, 2).
+    to_robot_m: x, y and length of the vectors from people to the robot. clearance_m: between the
+    surfaces of robot and person on a circle. Those whose straight way leads through it, and whom
+    the robot does not outrun, take the tangent on the nearer side, or on the other one where only
+    that has room between robot and walls. Within the circle they walk across its radius. Several
+    robots are passed one after the other.
     """
-
-    clearance_m: float
-    body_radius_m: float
-    walls_m: FloatArray
-
-    def headings(
-        self,
-        robot: RobotBody,
-        to_robot_m: tuple[FloatArray, FloatArray, FloatArray],
-        wanted: Force,
-        speed_mps: FloatArray,
-    ) -> Force:
-        """(N,) x and y of the wanted headings, of some people past the robot.
-
-        to_robot_m: x, y and length of the vectors from people to the robot. Those whose straight
-        way leads through the circle, and whom the robot does not outrun, take the tangent on the
-        nearer side, or on the other one where only that has room between robot and walls. Within
-        the circle they walk across its radius. Several robots are passed one after the other.
-        """
-        walls = self._walls
-        start_m = walls.start_m - np.array([[robot.x_m], [robot.y_m]])
-        return headings_past(
-            *to_robot_m,
-            *wanted,
-            speed_mps,
-            (robot.velocity_x_mps, robot.velocity_y_mps),
-            self.clearance_m + self.body_radius_m + robot.radius_m,
-            _NOTICED_M,
-            (start_m, walls.unit, walls.length_m, self.body_radius_m),
-        )
-
-    @cached_property
-    def _walls(self) -> WallGeometry:
-        return WallGeometry(0, self.walls_m)
+    return headings_past(
+        *to_robot_m,
+        *wanted,
+        speed_mps,
+        (robot.velocity_x_mps, robot.velocity_y_mps),
+        clearance_m + body_radius_m + robot.radius_m,
+        _NOTICED_M,
+        (
+            walls.start_m - np.array([[robot.x_m], [robot.y_m]]),
+            walls.unit,
+            walls.length_m,
+            body_radius_m,
+        ),
+    )
 
 
 @compilable
@@ -82,7 +72,7 @@ def headings_past(
     noticed_m: float,
     walls: Walls,
 ) -> Force:
-    """The headings of `Evasion` past a robot with a velocity, to which the walls are relative.
+    """The headings of `headings_around` past a robot, to whose place the walls are relative.
 
     noticed_m: distance from the circle at which people turn aside.
     """

@@ -7,8 +7,8 @@ Every model is Helbing & Molnár's equation of motion (Physical Review E 51, 199
 with its own repulsion f_ij of people and f_iw of walls. All forces are per mass, in m/s2.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -43,50 +43,37 @@ class Bodies:
         return speed
 
 
-class SocialForceModel(Protocol):
-    """The repulsion of one named model."""
-
-    @property
-    def relaxation_time_s(self) -> float:
-        """Time in which a walker takes up the wanted velocity."""
-        ...
-
-    @property
-    def maximum_speed_ratio(self) -> float:
-        """Highest speed relative to the wanted one."""
-        ...
-
-    @property
-    def body_radius_m(self) -> float:
-        """Radius of a person."""
-        ...
-
-    @property
-    def evasion_clearance_m(self) -> float | None:
-        """Clearance to a robot in their way that people walk around; None: they walk straight."""
-        ...
-
-    def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
-        """(n_people,) x and y of the sum over j of f_ij."""
-        ...
-
-    def wall_force(self, walls: WallGeometry) -> Force:
-        """(n_people,) x and y of the sum over w of f_iw."""
-        ...
-
-
 @dataclass(frozen=True)
-class CircularAnisotropic:
-    """Circular repulsion, weaker from behind (Helbing, Farkas & Vicsek, Nature 407, 2000).
+class SocialForceModel(ABC):
+    """The repulsion of one named model.
 
-    f_ij = A exp((r_i + r_j - d) / B) n (lambda + (1 - lambda) (1 + cos phi) / 2), where phi is the
-    angle between where i wants to go and where j is. Fits Weidmann's speed-density curve.
+    relaxation_time_s: in which a walker takes up the wanted velocity. maximum_speed_ratio: highest
+    speed relative to the wanted one. body_radius_m: of a person. evasion_clearance_m: to a robot in
+    their way that people walk around; None: they walk straight.
     """
 
     relaxation_time_s: float = 0.5
     maximum_speed_ratio: float = 1.3
     body_radius_m: float = 0.25
     evasion_clearance_m: float | None = None
+
+    @abstractmethod
+    def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
+        """(n_people,) x and y of the sum over j of f_ij."""
+
+    @abstractmethod
+    def wall_force(self, walls: WallGeometry) -> Force:
+        """(n_people,) x and y of the sum over w of f_iw."""
+
+
+@dataclass(frozen=True)
+class CircularAnisotropic(SocialForceModel):
+    """Circular repulsion, weaker from behind (Helbing, Farkas & Vicsek, Nature 407, 2000).
+
+    f_ij = A exp((r_i + r_j - d) / B) n (lambda + (1 - lambda) (1 + cos phi) / 2), where phi is the
+    angle between where i wants to go and where j is. Fits Weidmann's speed-density curve.
+    """
+
     strength_mps2: float = 4.0
     decay_m: float = 0.25
     anisotropy: float = 0.45
@@ -113,7 +100,7 @@ class CircularAnisotropic:
 
 
 @dataclass(frozen=True)
-class HelbingMolnar1995:
+class HelbingMolnar1995(SocialForceModel):
     """The model as published in 1995, with its parameters.
 
     f_ij = -grad V0 exp(-b / sigma), with b the semi-minor axis of the ellipse
@@ -121,10 +108,6 @@ class HelbingMolnar1995:
     within the angle of sight, `rear_weight` outside. Walls: U0 exp(-d / R).
     """
 
-    relaxation_time_s: float = 0.5
-    maximum_speed_ratio: float = 1.3
-    body_radius_m: float = 0.25
-    evasion_clearance_m: float | None = None
     potential_m2ps2: float = 2.1
     decay_m: float = 0.3
     stride_s: float = 2.0
@@ -163,7 +146,7 @@ class HelbingMolnar1995:
 
 
 @dataclass(frozen=True)
-class CollisionPrediction:
+class CollisionPrediction(SocialForceModel):
     """Repulsion from where others will be, so that oncoming people pass instead of stopping.
 
     After Zanlungo, Ikeda & Kanda (Europhysics Letters 93, 2011): f_ij = A exp((r_i + r_j - d') / B)
@@ -171,13 +154,10 @@ class CollisionPrediction:
     `CircularAnisotropic`; beside it C exp((2 c - d) / D) n, which keeps bodies apart. The radii of
     both among people are smaller than a body, for people turn their shoulders. Past a robot, which
     does not, r_i + r_j is the sum of the radii of the bodies and a clearance, and 2 c that sum.
-    People walk around a robot in their way (`robots.Evasion`); without that it pushes them back.
-    Calibrated on recorded corridors (docs/crowd.md).
+    People walk around a robot in their way (`robots.headings_around`); without that it pushes them
+    back. Calibrated on recorded corridors (docs/crowd.md).
     """
 
-    relaxation_time_s: float = 0.5
-    maximum_speed_ratio: float = 1.3
-    body_radius_m: float = 0.25
     evasion_clearance_m: float | None = 0.2
     strength_mps2: float = 3.9
     decay_m: float = 0.21

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray
 from sim.errors import SimError
 from storage.trajectories.read import Track
 
@@ -114,18 +114,14 @@ def _turned(track: Track, angle_rad: float) -> Track:
 
 def _together(tracks: Sequence[Track], axis: int) -> BoolArray:
     """(N,) mask of the most tracks whose spans along an axis have no wide gap between them."""
-    spans_m = np.array([_span_m(track, axis) for track in tracks])
+    places_m = (track.position_m[:, axis] for track in tracks)
+    spans_m = np.array([(places.min(), places.max()) for places in places_m])
     order = np.argsort(spans_m[:, 0], kind="stable")
     ends_m = np.maximum.accumulate(spans_m[order, 1])
     gaps = spans_m[order[1:], 0] > ends_m[:-1] + _APART_M
     group = np.zeros(len(tracks), dtype=np.int64)
     group[order[1:]] = np.cumsum(gaps)
     return np.asarray(group == np.argmax(np.bincount(group)))
-
-
-def _span_m(track: Track, axis: int) -> FloatArray:
-    places = track.position_m[:, axis]
-    return np.array([places.min(), places.max()])
 
 
 def _and_others(number: int) -> str:

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.crowd.robots import Evasion, RobotBody, _have_room
+from sim.crowd.distances import WallGeometry
+from sim.crowd.robots import RobotBody, _have_room, headings_around
 from tests.sim.crowd.test_social_force import FAR_WALL, crowd_at, walk
 
 CLEARANCE_M, BODY_M, ROBOT_M = 0.2, 0.25, 0.25
@@ -22,8 +23,8 @@ def heading_of_person_at_origin(robot, wanted_rad=EAST, *, walls_m=FAR_WALL, spe
     """Direction (rad) in which a person who wants to go in another one goes past the robot."""
     to_m = np.array([robot.x_m]), np.array([robot.y_m]), np.hypot([robot.x_m], [robot.y_m])
     wanted = np.array([math.cos(wanted_rad)]), np.array([math.sin(wanted_rad)])
-    evasion = Evasion(CLEARANCE_M, BODY_M, walls_m)
-    x, y = evasion.headings(robot, to_m, wanted, np.array([speed_mps]))
+    walls = WallGeometry(1, walls_m)
+    x, y = headings_around(robot, to_m, wanted, np.array([speed_mps]), walls, BODY_M, CLEARANCE_M)
     assert math.hypot(x[0], y[0]) == pytest.approx(1.0)
     return math.atan2(y[0], x[0])
 
