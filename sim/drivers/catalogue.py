@@ -1,6 +1,7 @@
 """Drivers: their interface, and those that commands and tables name; a model file is a name too."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -22,46 +23,23 @@ class Driver(Protocol):
     @property
     def name(self) -> str:
         """Name for tables."""
-        ...
 
     def begin(self, episode: int) -> None:
         """A new episode starts; random choices depend on its number only."""
-        ...
 
     def decide(self, observation: Observation) -> Action:
         """The action of the decision period that begins now."""
-        ...
 
 
-def _expert(scenario: Scenario, seed: int) -> Driver:
-    return ScriptedExpert(scenario, seed)
-
-
-def _with_flow(scenario: Scenario, seed: int) -> Driver:
-    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=True))
-
-
-def _against_flow(scenario: Scenario, seed: int) -> Driver:
-    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=False))
-
-
-def _in_style(scenario: Scenario, seed: int, *, style: str) -> Driver:
-    return ScriptedExpert(scenario, seed, STYLES[style])
-
-
-def _resolute(*, goes_with_flow: bool) -> ExpertSettings:
-    """An expert that never wavers or waits, so that only the planner is measured."""
-    return ExpertSettings(
-        waver_probability=0.0, wait_probability=0.0, goes_with_flow=goes_with_flow
-    )
-
-
+#: An expert that never wavers or waits, so that only the planner is measured.
+_RESOLUTE = ExpertSettings(waver_probability=0.0, wait_probability=0.0)
+_AGAINST_FLOW = replace(_RESOLUTE, goes_with_flow=False)
 _DRIVERS: dict[str, Callable[[Scenario, int], Driver]] = {
-    "expert": _expert,
-    "expert_with_flow": _with_flow,
-    "expert_against_flow": _against_flow,
+    "expert": ScriptedExpert,
+    "expert_with_flow": partial(ScriptedExpert, settings=_RESOLUTE),
+    "expert_against_flow": partial(ScriptedExpert, settings=_AGAINST_FLOW),
     "varied_expert": VariedExpert,
-    **{f"{style}_expert": partial(_in_style, style=style) for style in STYLES},
+    **{f"{name}_expert": partial(ScriptedExpert, settings=each) for name, each in STYLES.items()},
 }
 
 

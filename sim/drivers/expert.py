@@ -42,6 +42,8 @@ class ExpertSettings:
 class ScriptedExpert:
     """Decides as a person would; seeded, and the same again for the same episode."""
 
+    name = "scripted_expert"
+
     def __init__(
         self, scenario: Scenario, seed: int, settings: ExpertSettings | None = None
     ) -> None:
@@ -52,11 +54,6 @@ class ScriptedExpert:
         self._flow = flow if self._settings.goes_with_flow else opposite_flow(flow)
         self._goal = goal_states_of(scenario, self._grid)
         self.begin(0)
-
-    @property
-    def name(self) -> str:
-        """Name for tables."""
-        return "scripted_expert"
 
     def begin(self, episode: int) -> None:
         """Draw this episode's likes and dislikes."""

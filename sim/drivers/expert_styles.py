@@ -45,17 +45,14 @@ STYLES: dict[str, ExpertSettings] = {
 class VariedExpert:
     """Another style in each episode, drawn by the episode's number; style: the present one."""
 
+    name = "varied_expert"
+
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self._seed = seed
         self._experts = {
             style: ScriptedExpert(scenario, seed, settings) for style, settings in STYLES.items()
         }
         self.begin(0)
-
-    @property
-    def name(self) -> str:
-        """Name for tables."""
-        return "varied_expert"
 
     def begin(self, episode: int) -> None:
         """Draw the style, then this episode's likes and dislikes."""

@@ -26,14 +26,9 @@ class PolicyDriver:
         greedy: bool = True,
         name: str = "policy",
     ) -> None:
-        self._grid, self._seed, self._greedy, self._name = grid, seed, greedy, name
+        self._grid, self._seed, self._greedy, self.name = grid, seed, greedy, name
         self._rng = episode_rng(seed, 0, POLICY)
         self.follow(probabilities)
-
-    @property
-    def name(self) -> str:
-        """Name for tables."""
-        return self._name
 
     def follow(self, probabilities: ArrayLike) -> None:
         """Drive by another policy on the same grid from now on, also within an episode."""
