@@ -21,7 +21,7 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.configs import LocalPlannerConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.managed_node import ManagedNode
-from sim.perception.scan_matcher import ScanMatcher
+from sim.perception.scanning_planner import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
 from sim.scenario.grid import grid_of

@@ -3,29 +3,22 @@
 x+ = x + v dt;  r = z - x+;  x = x+ + alpha r;  v = v + beta / dt r
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """gate_m: how far a detection may be from a track's prediction; memory_s: life unseen."""
-
-    alpha: float = 0.6
-    beta: float = 0.25
-    gate_m: float = 0.6
-    memory_s: float = 0.5
-    fastest_mps: float = 2.0
+_ALPHA, _BETA = 0.6, 0.25
+#: How far a detection may be from a track's prediction.
+_GATE_M = 0.6
+#: Life unseen.
+_MEMORY_S = 0.5
+FASTEST_MPS = 2.0
 
 
 class PeopleTracker:
     """Positions, velocities and lasting numbers of people, from detections to detections."""
 
-    def __init__(self, settings: TrackerSettings | None = None) -> None:
-        self.settings = settings if settings is not None else TrackerSettings()
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
@@ -62,7 +55,7 @@ class PeopleTracker:
         """Track and detection numbers, nearest first, each at most once, within the gate."""
         away = np.linalg.norm(self.position_m[:, None] - detections_m[None, :], axis=2)
         pairs: list[tuple[int, int]] = []
-        tracks, detections = np.nonzero(away < self.settings.gate_m)
+        tracks, detections = np.nonzero(away < _GATE_M)
         for best in np.argsort(away[tracks, detections], kind="stable"):
             track, detection = int(tracks[best]), int(detections[best])
             if all(track != t and detection != d for t, d in pairs):
@@ -70,15 +63,14 @@ class PeopleTracker:
         return pairs
 
     def _correct(self, track: int, detection_m: FloatArray, step_s: float) -> None:
-        settings = self.settings
         residual = detection_m - self.position_m[track]
-        self.position_m[track] += settings.alpha * residual
-        velocity = self.velocity_mps[track] + settings.beta / step_s * residual
+        self.position_m[track] += _ALPHA * residual
+        velocity = self.velocity_mps[track] + _BETA / step_s * residual
         speed = float(np.hypot(*velocity))
-        self.velocity_mps[track] = velocity * min(1.0, settings.fastest_mps / max(speed, 1e-9))
+        self.velocity_mps[track] = velocity * min(1.0, FASTEST_MPS / max(speed, 1e-9))
 
     def _forget(self, time_s: float) -> None:
-        known = time_s - self._seen_s <= self.settings.memory_s
+        known = time_s - self._seen_s <= _MEMORY_S
         self.position_m, self.velocity_mps = self.position_m[known], self.velocity_mps[known]
         self.identity, self._seen_s = self.identity[known], self._seen_s[known]
 

@@ -6,6 +6,7 @@ pi/4 r before its centre.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,7 @@ from sim.safety.motion import compose
 from sim.safety.scan import Scan
 from sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from sim.scenario.scenario import Scenario
-from sim.world.observation import Observation, make_observation
-
-Pose = tuple[float, float, float]
+from sim.world.observation import Observation, Pose, make_observation
 
 WALL_MARGIN_M = 0.12
 _SAME_BODY_M = 0.25
@@ -104,14 +103,14 @@ class ScanPerception:
     """Replaces the people of observations by those tracked in scans."""
 
     def __init__(self, scenario: Scenario, wall_margin_m: float = WALL_MARGIN_M) -> None:
-        lidar = scenario.lidar
-        self._wall_margin_m = wall_margin_m
         self.tracker = PeopleTracker()
-        self._walls = wall_distance_raster(scenario)
-        self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
-        self._angles_rad: FloatArray = lidar.angle_min_rad + lidar.angle_increment_rad * np.arange(
-            lidar.n_rays, dtype=np.float64
+        self._people_in = partial(
+            people_in_scan,
+            walls=wall_distance_raster(scenario),
+            person_radius_m=model_named(scenario.pedestrians.model).body_radius_m,
+            wall_margin_m=wall_margin_m,
         )
+        self._angles_rad = scenario.lidar.angles_rad
 
     def reset(self) -> None:
         """Discard all tracks, at the start of an episode."""
@@ -124,7 +123,8 @@ class ScanPerception:
                 f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
                 f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
             )
-        self._track(observation.time_s, ranges_m, self._angles_rad, observation.pose)
+        found = self._people_in(ranges_m, self._angles_rad, observation.pose)
+        self.tracker.update(found, observation.time_s)
 
     def take_scan(self, scan: Scan, robot: Pose) -> None:
         """Take a scan of any lidar, with the pose of the robot when it was made.
@@ -134,30 +134,14 @@ class ScanPerception:
         ends = scan.valid & (scan.ranges_m < scan.geometry.range_max_m)
         ranges_m = np.where(ends, scan.ranges_m, np.float32(np.inf))
         lidar = robot if scan.mount is None else compose(robot, scan.mount)
-        self._track(scan.stamp_s, ranges_m, scan.angles_rad, lidar)
-
-    def _track(
-        self,
-        time_s: float,
-        ranges_m: NDArray[np.float32],
-        angles_rad: FloatArray,
-        lidar: Pose,
-    ) -> None:
-        found = people_in_scan(
-            ranges_m, angles_rad, lidar, self._walls, self._person_radius_m, self._wall_margin_m
-        )
-        self.tracker.update(found, time_s)
+        self.tracker.update(self._people_in(ranges_m, scan.angles_rad, lidar), scan.stamp_s)
 
     def see(self, observation: Observation) -> Observation:
         """The observation with the tracked people, predicted to its time, as its people."""
         self.tracker.predict(observation.time_s)
-        return make_observation(
-            time_s=observation.time_s,
-            tick=observation.tick,
-            pose=observation.pose,
-            speed_mps=observation.speed_mps,
-            yaw_rate_radps=observation.yaw_rate_radps,
-            people_position_m=self.tracker.position_m,
-            people_velocity_mps=self.tracker.velocity_mps,
-            people_id=self.tracker.identity,
-        )
+        found = {
+            "people_position_m": self.tracker.position_m,
+            "people_velocity_mps": self.tracker.velocity_mps,
+            "people_id": self.tracker.identity,
+        }
+        return make_observation(**vars(observation) | found)

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 from sim.errors import SimError
 from sim.perception.scan_people import ScanPerception
-from sim.perception.scanning_planner import Scanner, ScanningPlanner, scans_of
+from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.baselines import BASELINES, BaselinePlanner
 from sim.planning.dwa import WINDOW_S, DwaPlanner
 from sim.planning.local_planner import LocalPlanner
@@ -13,6 +14,9 @@ from sim.planning.mppi import MppiPlanner
 from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario
 from storage.nearest import choice_rule
+
+if TYPE_CHECKING:  # it imports PyBullet
+    from sim.world.world import HallwayWorld
 
 #: Source of people: as the world gives them, or from the lidar's scans alone.
 PEOPLE_SOURCES = ("given", "scan")
@@ -48,11 +52,16 @@ def require_people_source(name: str) -> None:
 
 
 def planner_in_world(
-    name: str, world: Scanner, people_from: str = "given"
-) -> RecoveringPlanner | ScanningPlanner:
+    name: str, world: "HallwayWorld", people_from: str = "given"
+) -> RecoveringPlanner:
     """A planner that drives in a world with people from the given source."""
     require_people_source(people_from)
     planner = make_planner(name, world.scenario)
     if people_from == "given":
         return planner
-    return ScanningPlanner(planner, ScanPerception(world.scenario), scans_of(world))
+    return ScanningPlanner(
+        planner.planner,
+        world.scenario,
+        ScanPerception(world.scenario),
+        lambda seen: world.scan(seen) if world.is_scan_tick else None,
+    )

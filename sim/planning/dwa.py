@@ -17,7 +17,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
-from sim.planning.rollouts import Rollouts, reachable_window, roll_out
+from sim.planning.rollouts import reachable_window, roll_out
 from sim.planning.stopping import (
     REACTION_S,
     before_stop,
@@ -96,15 +96,14 @@ class DwaPlanner:
     ) -> tuple[FloatArray, FloatArray]:
         """Speeds (V,) forward, slow enough to stop at the waypoint, the last one 0; turns (W,)."""
         robot = self._robot
-        window = reachable_window(
+        (slowest, fastest), (rightmost, leftmost) = reachable_window(
             robot, observation.speed_mps, observation.yaw_rate_radps, WINDOW_S
         )
-        fastest = max(min(window.fastest_mps, speed_to_stop_within(distance_m, robot)), 0.0)
-        slowest = min(max(window.slowest_mps, 0.0), fastest)
+        fastest = max(min(fastest, speed_to_stop_within(distance_m, robot)), 0.0)
+        slowest = min(max(slowest, 0.0), fastest)
         moving = np.linspace(slowest, fastest, self._settings.vx_samples - 1)
         speeds = np.concatenate([moving, [0.0]])
-        half = 0.5 * (window.leftmost_radps - window.rightmost_radps)
-        middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
+        half, middle = 0.5 * (leftmost - rightmost), 0.5 * (leftmost + rightmost)
         return speeds, middle + half * self._turn_shares
 
     def _turn_to_leave(
@@ -152,19 +151,8 @@ class DwaPlanner:
         hits = any_before(at_wall, at_person, soon[:, None, :])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         if turn_first_s == 0.0:
-            cost += self._turning_cost(observation, waypoint, rollouts, turns)
+            to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+            error_rad = math.atan2(to_y, to_x) - rollouts.yaw_rad[:, -1]
+            facing = self._costs.heading(error_rad, math.hypot(to_x, to_y))
+            cost += facing + _TURNING_WEIGHT * np.abs(turns)
         return cost + _FORBIDDEN * hits
-
-    def _turning_cost(
-        self,
-        observation: Observation,
-        waypoint: Waypoint,
-        rollouts: Rollouts,
-        turns: FloatArray,
-    ) -> FloatArray:
-        """(1, W) cost of not facing the waypoint after the turn, and of the turning rate."""
-        to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
-        error = math.atan2(to_y, to_x) - rollouts.yaw_rad[:, -1]
-        facing = self._costs.heading(error, math.hypot(to_x, to_y))
-        cost: FloatArray = facing + _TURNING_WEIGHT * np.abs(turns)
-        return cost[None, :]

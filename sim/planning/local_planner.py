@@ -23,12 +23,9 @@ class LocalPlanner(Protocol):
     @property
     def is_blocked(self) -> bool:
         """Whether every motion was forbidden at the last step."""
-        ...
 
     def reset(self) -> None:
         """Discard all state, at the start of an episode."""
-        ...
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
-        ...

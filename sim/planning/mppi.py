@@ -56,11 +56,12 @@ class MppiPlanner:
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
         self.is_blocked = False
-        if waypoint is None or self._is_at(observation, waypoint):
+        at = waypoint or observation
+        distance_m = math.hypot(at.x_m - observation.x_m, at.y_m - observation.y_m)
+        if waypoint is None or distance_m < self._settings.xy_goal_tolerance:
             self.plan[:] = 0.0
             return STOP
-        plans = self._sampled_plans()
-        speed, turning = self._limited(observation, plans, waypoint)
+        speed, turning = self._limited(observation, self._sampled_plans(), distance_m)
         around = self._costs.look(observation)
         cost = self._cost(observation, around, waypoint, speed, turning)
         moving = speed[:, 0] > _SLOWEST_MPS
@@ -79,10 +80,6 @@ class MppiPlanner:
         self._keep_plan(observation, mean_speed, mean_turning)
         return Command(float(mean_speed[0]), float(mean_turning[0]))
 
-    def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
-        away = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        return away < self._settings.xy_goal_tolerance
-
     def _sampled_plans(self) -> FloatArray:
         """(2, N, T) accelerations: the last plan with noise that is held over a few steps.
 
@@ -99,7 +96,7 @@ class MppiPlanner:
         return plans
 
     def _limited(
-        self, observation: Observation, plans: FloatArray, waypoint: Waypoint
+        self, observation: Observation, plans: FloatArray, distance_m: float
     ) -> tuple[FloatArray, FloatArray]:
         """(N, T) speeds and turning rates of the plans under the robot's limits.
 
@@ -109,8 +106,7 @@ class MppiPlanner:
         limits = robot.acc_lim_x_mps2, robot.acc_lim_theta_radps2
         change_v = step_s * np.cumsum(np.clip(plans[0], -limits[0], limits[0]), axis=1)
         change_w = step_s * np.cumsum(np.clip(plans[1], -limits[1], limits[1]), axis=1)
-        distance = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        fastest = min(robot.max_vel_x_mps, speed_to_stop_within(distance, robot))
+        fastest = min(robot.max_vel_x_mps, speed_to_stop_within(distance_m, robot))
         speed = np.clip(observation.speed_mps + change_v, 0.0, fastest)
         fastest_turn = robot.max_vel_theta_radps
         turning = np.clip(observation.yaw_rate_radps + change_w, -fastest_turn, fastest_turn)

@@ -121,8 +121,9 @@ class RolloutCosts:
             observation, settings.people_range_m, settings.max_people, self._time_s
         )
         here_x, here_y = np.array(observation.pose[:2])[:, None]
-        standing = self._gap(here_x, here_y, people.x_m, people.y_m)
-        standing_now = self._gap(here_x, here_y, people.now_x_m, people.now_y_m)
+        here = here_x, here_y
+        standing = gap_to_people_m(*here, people.x_m, people.y_m, self._reach_m)
+        standing_now = gap_to_people_m(*here, people.now_x_m, people.now_y_m, self._reach_m)
         return Surroundings(
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
@@ -168,11 +169,6 @@ class RolloutCosts:
         raster = self._walls
         scale = 1.0 / raster.resolution_m
         return nearest_wall(raster.distance_m, x_m, y_m, raster.origin_m, scale, nearest_m, n_soon)
-
-    def _gap(
-        self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
-    ) -> FloatArray:
-        return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, self._reach_m)
 
 
 @compilable

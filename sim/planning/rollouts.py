@@ -13,26 +13,21 @@ from sim.compiled import compilable
 from sim.scenario.settings import RobotSettings
 
 
-@dataclass(frozen=True)
-class Window:
-    """Speeds the robot can reach soon, low to high."""
-
-    slowest_mps: float
-    fastest_mps: float
-    rightmost_radps: float
-    leftmost_radps: float
-
-
 def reachable_window(
     robot: RobotSettings, speed_mps: float, yaw_rate_radps: float, window_s: float
-) -> Window:
-    """The dynamic window (Fox, Burgard & Thrun 1997): limits of the robot and its accelerations."""
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Slowest and fastest speed, rightmost and leftmost turn that the robot can reach soon.
+
+    The dynamic window (Fox, Burgard & Thrun 1997): limits of the robot and its accelerations.
+    """
     change_v, change_w = robot.acc_lim_x_mps2 * window_s, robot.acc_lim_theta_radps2 * window_s
-    return Window(
-        slowest_mps=max(robot.min_vel_x_mps, speed_mps - change_v),
-        fastest_mps=min(robot.max_vel_x_mps, speed_mps + change_v),
-        rightmost_radps=max(-robot.max_vel_theta_radps, yaw_rate_radps - change_w),
-        leftmost_radps=min(robot.max_vel_theta_radps, yaw_rate_radps + change_w),
+    most_w = robot.max_vel_theta_radps
+    return (
+        (
+            max(robot.min_vel_x_mps, speed_mps - change_v),
+            min(robot.max_vel_x_mps, speed_mps + change_v),
+        ),
+        (max(-most_w, yaw_rate_radps - change_w), min(most_w, yaw_rate_radps + change_w)),
     )
 
 

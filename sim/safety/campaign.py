@@ -14,7 +14,7 @@ from serd_core.grid.grid import Action, Grid
 from sim.drivers.catalogue import Driver, make_driver
 from sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
 from sim.episodes.progress import EpisodeProgress
-from sim.perception.scan_matcher import ScanMatcher
+from sim.perception.scanning_planner import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.contacts import ContactCounts
 from sim.safety.faults import Messages, fault_named

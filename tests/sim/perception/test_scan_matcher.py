@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.perception.scan_matcher import ScanMatcher
+from sim.perception.scanning_planner import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.sensors.lidar import Lidar
 from sim.scenario.scenario import load_scenario

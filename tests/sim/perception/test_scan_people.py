@@ -8,7 +8,7 @@ import pytest
 from serd_core.errors import SerdError
 from sim.drivers.expert import ScriptedExpert
 from sim.episodes.episode import run_episode
-from sim.perception.people_tracker import PeopleTracker
+from sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
 from sim.perception.scan_people import ScanPerception, people_in_scan
 from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.catalogue import make_planner, planner_in_world, planner_names
@@ -103,7 +103,7 @@ def test_nobody_is_believed_to_walk_faster_than_people_do():
     for step in range(20):
         tracker.update(np.array([[0.4 * step, 2.0]]), 0.1 * step)
     speeds = np.hypot(*tracker.velocity_mps.T)
-    assert speeds.max() == pytest.approx(tracker.settings.fastest_mps)
+    assert speeds.max() == pytest.approx(FASTEST_MPS)
 
 
 def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
@@ -144,7 +144,7 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
     def commands(observation, people):
         ranges = lidar.scan(observation.pose, people[:, 0], people[:, 1])
         planner = ScanningPlanner(
-            make_planner("dwa", HALLWAY), ScanPerception(HALLWAY), lambda _: ranges
+            make_planner("dwa", HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
         )
         return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
 
