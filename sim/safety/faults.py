@@ -48,24 +48,15 @@ def _frozen(source: Source) -> Channel:
 
     def kept(value: Any) -> Any:
         first[:] = first or [value]
-        return first[0]
+        is_scan = isinstance(value, Scan)
+        return replace(first[0], stamp_s=value.stamp_s) if is_scan else first[0]
 
     return _altered(source, kept)
 
 
-def _frozen_scan() -> Channel:
-    first: list[Scan] = []
-
-    def kept(scan: Scan) -> Scan:
-        first[:] = first or [scan]
-        return replace(first[0], stamp_s=scan.stamp_s)
-
-    return _altered(Source.SCAN, kept)
-
-
-def _late(delay_periods: int) -> Channel:
-    """Every message that many control periods later, with its true stamp."""
-    waiting: deque[Messages] = deque([] for _ in range(delay_periods))
+def _late(delay_s: float, period_s: float) -> Channel:
+    """Every message that much later, with its true stamp."""
+    waiting: deque[Messages] = deque([] for _ in range(round(delay_s / period_s)))
 
     def late(messages: Messages) -> Messages:
         waiting.append(messages)
@@ -100,65 +91,51 @@ def _jumped(pose: Pose) -> Pose:
 class FaultKind:
     """One fault.
 
-    people_from: what the planner relies on. make: the channel, from a random generator and the
-    control period (s). lasts: through the whole episode, not from full speed on.
-    ends_waypoints: the source of waypoints falls silent instead.
+    make: the channel, from a random generator and the control period (s). people_from: what the
+    planner relies on. lasts: through the whole episode, not from full speed on. ends_waypoints: the
+    source of waypoints falls silent instead.
     """
 
     about: str
-    people_from: str
     make: Callable[[np.random.Generator, float], Channel]
+    people_from: str = "given"
     lasts: bool = False
     ends_waypoints: bool = False
 
 
-def _fault(about: str, make: Callable[[], Channel], people_from: str = "given") -> FaultKind:
-    return FaultKind(about, people_from, lambda _rng, _period_s: make())
-
-
 FAULTS: dict[str, FaultKind] = {
-    "none": FaultKind(
-        "no fault, people as given", "given", lambda _rng, _period_s: intact, lasts=True
+    "none": FaultKind("no fault, people as given", lambda *_: intact, lasts=True),
+    "none_scan": FaultKind("no fault, people from scans", lambda *_: intact, "scan", lasts=True),
+    "scan_stops": FaultKind("scan stops", lambda *_: _stops(Source.SCAN), "scan"),
+    "scan_nan": FaultKind("scan is all NaN", lambda *_: _every_range(np.nan), "scan"),
+    "scan_inf": FaultKind("scan is all inf", lambda *_: _every_range(np.inf), "scan"),
+    "scan_frozen": FaultKind(
+        "scan frozen under fresh stamps", lambda *_: _frozen(Source.SCAN), "scan"
     ),
-    "none_scan": FaultKind(
-        "no fault, people from scans", "scan", lambda _rng, _period_s: intact, lasts=True
+    "people_stop": FaultKind("pedestrians stop", lambda *_: _stops(Source.PEOPLE)),
+    "people_frozen": FaultKind(
+        "pedestrians frozen under fresh stamps", lambda *_: _frozen(Source.PEOPLE)
     ),
-    "scan_stops": _fault("scan stops", lambda: _stops(Source.SCAN), "scan"),
-    "scan_nan": _fault("scan is all NaN", lambda: _every_range(np.nan), "scan"),
-    "scan_inf": _fault("scan is all inf", lambda: _every_range(np.inf), "scan"),
-    "scan_frozen": _fault("scan frozen under fresh stamps", _frozen_scan, "scan"),
-    "people_stop": _fault("pedestrians stop", lambda: _stops(Source.PEOPLE)),
-    "people_frozen": _fault(
-        "pedestrians frozen under fresh stamps", lambda: _frozen(Source.PEOPLE)
+    "pose_stops": FaultKind(
+        "robot_pose stops, or is in another frame", lambda *_: _stops(Source.POSE)
     ),
-    "pose_stops": _fault("robot_pose stops, or is in another frame", lambda: _stops(Source.POSE)),
-    "pose_frozen": _fault("robot_pose frozen under fresh stamps", lambda: _frozen(Source.POSE)),
-    "pose_jumps": _fault("robot_pose jumps by 2 m", lambda: _altered(Source.POSE, _jumped)),
-    "odom_stops": _fault("odom stops", lambda: _stops(Source.ODOMETRY)),
-    "odom_frozen": _fault("odom frozen under fresh stamps", lambda: _frozen(Source.ODOMETRY)),
-    "delay_1s": FaultKind(
-        "every input 1 s late", "given", lambda _rng, period_s: _late(round(1.0 / period_s))
+    "pose_frozen": FaultKind(
+        "robot_pose frozen under fresh stamps", lambda *_: _frozen(Source.POSE)
     ),
-    "delay_3s": FaultKind(
-        "every input 3 s late", "given", lambda _rng, period_s: _late(round(3.0 / period_s))
-    ),
+    "pose_jumps": FaultKind("robot_pose jumps by 2 m", lambda *_: _altered(Source.POSE, _jumped)),
+    "odom_stops": FaultKind("odom stops", lambda *_: _stops(Source.ODOMETRY)),
+    "odom_frozen": FaultKind("odom frozen under fresh stamps", lambda *_: _frozen(Source.ODOMETRY)),
+    "delay_1s": FaultKind("every input 1 s late", lambda _, period_s: _late(1.0, period_s)),
+    "delay_3s": FaultKind("every input 3 s late", lambda _, period_s: _late(3.0, period_s)),
     "delay_1s_scan": FaultKind(
-        "every input 1 s late", "scan", lambda _rng, period_s: _late(round(1.0 / period_s))
+        "every input 1 s late", lambda _, period_s: _late(1.0, period_s), "scan"
     ),
-    "waypoints_stop": FaultKind(
-        "waypoints stop", "given", lambda _rng, _period_s: intact, ends_waypoints=True
-    ),
+    "waypoints_stop": FaultKind("waypoints stop", lambda *_: intact, ends_waypoints=True),
     "scan_noise": FaultKind(
-        "5 cm noise and 10 % of the rays lost",
-        "scan",
-        lambda rng, _period_s: _noisy(rng, 0.1),
-        lasts=True,
+        "5 cm noise and 10 % of the rays lost", lambda rng, _: _noisy(rng, 0.1), "scan", lasts=True
     ),
     "scan_half": FaultKind(
-        "5 cm noise and half of the rays lost",
-        "scan",
-        lambda rng, _period_s: _noisy(rng, 0.5),
-        lasts=True,
+        "5 cm noise and half of the rays lost", lambda rng, _: _noisy(rng, 0.5), "scan", lasts=True
     ),
 }
 

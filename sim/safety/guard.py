@@ -164,12 +164,10 @@ class Guard:
         if monitor is None:
             return False
         now_s = math.inf if self._now_s is None else self._now_s
-        sound = valid and math.isfinite(stamp_s) and not monitor.is_from_future(stamp_s, now_s)
-        if not (sound and monitor.is_new(stamp_s)):
+        accepted = valid and math.isfinite(stamp_s) and monitor.accepts(stamp_s, now_s)
+        if not accepted:
             self.n_rejected[source] += 1
-            return False
-        monitor.receive(stamp_s)
-        return True
+        return accepted
 
     def advance(self, now_s: float) -> None:
         """Set the clock, before the inputs of that time are received.

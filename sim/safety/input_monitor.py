@@ -44,25 +44,23 @@ class StampMonitor:
         """The newest stamp, also one from the future."""
         return self.stamp_s if self._future_s is None else self._future_s
 
-    def is_from_future(self, stamp_s: float, now_s: float) -> bool:
-        """Whether a stamp is from the future, which is a fault until a sound one comes."""
-        if stamp_s - now_s <= self._settings.transform_tolerance:
+    def accepts(self, stamp_s: float, now_s: float) -> bool:
+        """Take a stamp that is newer than the last one; others are no message.
+
+        One from the future is a fault until a sound one comes.
+        """
+        if stamp_s - now_s > self._settings.transform_tolerance:
+            self._future_s = stamp_s
             return False
-        self._future_s = stamp_s
-        return True
-
-    def is_new(self, stamp_s: float) -> bool:
-        """Whether a stamp is newer than the last one; others are no message."""
-        return self.stamp_s is None or stamp_s > self.stamp_s
-
-    def receive(self, stamp_s: float) -> None:
-        """Take a new stamp."""
+        if self.stamp_s is not None and stamp_s <= self.stamp_s:
+            return False
         if self._previous_s is not None:
             gap_s = stamp_s - self._previous_s
             weight = _PERIOD_WEIGHT if self._period_s else 1.0
             self._period_s += weight * (gap_s - self._period_s)
         self.stamp_s = self._previous_s = stamp_s
         self._future_s = None
+        return True
 
     def begin_session(self) -> None:
         """Discard the rate, after a gap in the clock."""

@@ -1,7 +1,6 @@
 """`serd faults`: episodes in which inputs fail, with and without the guard."""
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +20,7 @@ from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.execution import Execution
 from sim.planning.catalogue import planner_names
 from sim.safety.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
-from sim.safety.campaign_summary import FaultSummary, arrival_price, summarise_faults
+from sim.safety.campaign_summary import arrival_price, summarise_faults
 from sim.safety.faults import FAULTS
 from storage.row_table import Row
 
@@ -75,18 +74,19 @@ def faults(
         save_figure(picture, draw_fault_ways(ways, WATCHED_S))
     prices = {name: arrival_price(rows, name) for name in ("none", "none_scan")}
     if as_json:
-        values = [finite_values(asdict(each)) for each in summaries]
+        values = [finite_values(each) for each in summaries.to_dict("records")]
         print_json(
             {"faults": values, "price": finite_values(prices), "table": str(output.resolve())}
         )
         return
     console.print(_table(summaries))
-    for each in summaries:
+    for each in summaries.itertuples():
         price = prices.get(each.fault, math.nan)
         if each.guarded and not math.isnan(price):
             console.print(
-                f"{each.about}: the guard changes the time of arrival by {100 * price:+.2f} % and"
-                f" stops for an input {each.n_input_stops / each.hours:.1f} times per hour"
+                f"{FAULTS[each.fault].about}: the guard changes the time of arrival by"
+                f" {100 * price:+.2f} % and stops for an input"
+                f" {each.n_input_stops / each.hours:.1f} times per hour"
             )
     console.print(f"episodes: {output.resolve()}", soft_wrap=True)
     if ways:
@@ -106,7 +106,7 @@ def _ways(rows: list[Row]) -> list[FaultWays]:
     return found
 
 
-def _table(summaries: list[FaultSummary]) -> Table:
+def _table(summaries: pd.DataFrame) -> Table:
     """zero: until the command is zero; later: way after standing.
 
     Contacts: robot into people, people into robot, walls.
@@ -116,7 +116,7 @@ def _table(summaries: list[FaultSummary]) -> Table:
     table.add_column("guard", no_wrap=True)
     for name in ("stood", "zero, s", "stood, s", "way, m", "later", "contacts"):
         table.add_column(name, justify="right")
-    for each in summaries:
+    for each in summaries.itertuples():
         lasts = FAULTS[each.fault].lasts
         measured = (
             f"{each.n_stood}/{each.n_episodes}",

@@ -88,7 +88,7 @@ def test_a_summary_has_means_and_maxima_of_the_episodes_with_a_fault():
         without=[{}],
         with_=[{}, {"stood_s": 1.0, "n_input_stops": 2}, {"stood_s": math.nan}, {"began": 0}],
     )
-    _, guarded = summarise_faults(rows)
+    _, guarded = summarise_faults(rows).itertuples()
     assert (guarded.n_episodes, guarded.n_stood) == (3, 2)
     assert guarded.mean_stood_s == pytest.approx(0.8)
     assert guarded.largest_stood_s == 1.0
