@@ -119,7 +119,7 @@ class EpisodeDriverNode(ManagedNode[Config]):
         """End episodes in the goal area of this scenario from now on, the running one too."""
         self.scenario = scenario
         if self._progress is not None:
-            self._progress.set_goal(scenario.goal_area_m)
+            self._progress.goal_area_m = scenario.goal_area_m
 
     def clock_jumped(self, jump: Jump) -> None:
         """A new session ends the drive without a result and begins another episode."""

@@ -25,7 +25,7 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
 from sim.world.waypoint import Waypoint, waypoint_of_intent
-from teleop.page.view import point, word, world_state
+from teleop.page.view import point, world_state
 from teleop.session import EpisodeTally
 
 _SHOWN = ("teleop_mux", "guard", "demo_recorder")
@@ -90,7 +90,7 @@ class PageView:
             "world": world,
             "is_stale": observation is None or wall_s - self._seen_wall_s > _STALE_S,
             "obstacles_m": self._obstacles_m,
-            "action": word(self._action),
+            "action": self._action.name.lower(),
             "waypoint": point(self._waypoint),
             "episode": episode,
             "mux": self._health.get("teleop_mux"),

@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
 
 from pydantic import Field
 
 from sim.episodes.episode import EpisodeRecord
 from sim.episodes.progress import Ending, EpisodeProgress
+from sim.robot.contacts import ContactCounts
 from storage.episode_table import EpisodeResult
 from storage.yaml_config import StrictModel
 
@@ -38,18 +41,15 @@ def observed_result(
 ) -> EpisodeResult:
     """The row of an episode over ROS; report: values of `hallway_sim` on `diagnostics`, as text."""
     duration_s = progress.duration_s
+    contacts: dict[str, Any] = {each.name: int(report[each.name]) for each in fields(ContactCounts)}
     return EpisodeResult(
-        episode=start.episode,
-        seed=start.seed,
+        **start.model_dump(exclude={"start_s"}),
         driver=driver,
-        start_area=start.start_area,
         outcome=outcome,
         time_of_arrival_s=duration_s if outcome == "arrived" else math.nan,
         duration_s=duration_s,
         distance_m=progress.distance_m,
-        robot_on_person=int(report["robot_on_person"]),
-        person_on_robot=int(report["person_on_robot"]),
-        robot_on_wall=int(report["robot_on_wall"]),
+        **contacts,
         minimum_person_distance_m=float(report["minimum_person_distance_m"]),
         wall_s=wall_s,
         reason=reason,
@@ -67,9 +67,7 @@ def result_of_record(record: EpisodeRecord, *, reason: str, wall_s: float) -> Ep
         time_of_arrival_s=record.time_of_arrival_s,
         duration_s=record.duration_s,
         distance_m=record.distance_m,
-        robot_on_person=record.contacts.robot_on_person,
-        person_on_robot=record.contacts.person_on_robot,
-        robot_on_wall=record.contacts.robot_on_wall,
+        **asdict(record.contacts),
         minimum_person_distance_m=record.minimum_person_distance_m,
         wall_s=wall_s,
         reason="" if record.outcome == "arrived" else reason,

@@ -90,7 +90,8 @@ def _visibility(
     length_m = np.where(shapely.covers(free, lines), shapely.length(lines), 0.0)
     last = shapely.shortest_line(shapely.points(corners_m), goal)
     at_goal = np.where(shapely.covers(free, last), shapely.length(last), np.inf)
-    return free, goal, corners_m, _ways_to_goal(length_m, at_goal)
+    between_m = dijkstra(csr_matrix(length_m), directed=False)  # 0 where there is no line
+    return free, goal, corners_m, (between_m + at_goal).min(axis=1)
 
 
 def _sound(outline: shapely.Polygon) -> shapely.Geometry:
@@ -126,13 +127,6 @@ def _links(number: IntArray, down: int, right: int) -> tuple[IntArray, IntArray,
     end = number[down:, left + right : columns - more + right]
     joined = (start >= 0) & (end >= 0)
     return start[joined], end[joined], np.full(int(joined.sum()), np.hypot(down, right))
-
-
-def _ways_to_goal(length_m: FloatArray, at_goal_m: FloatArray) -> FloatArray:
-    """(N,) shortest way over the (N, N) lengths, 0 where there is no line, and one last line."""
-    between = dijkstra(csr_matrix(length_m), directed=False)
-    ways: FloatArray = (between + at_goal_m).min(axis=1)
-    return ways
 
 
 def _lines(starts_m: FloatArray, ends_m: FloatArray) -> np.ndarray:

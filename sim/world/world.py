@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,6 @@ from sim.robot.sensors.odometry import Odometry
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.obstacle import Pose
-from sim.scenario.occupancy import OccupancyRaster, occupancy_raster
 from sim.scenario.polygon import contains_point, edges_of
 from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
@@ -44,26 +44,38 @@ _START_GAP_M = 0.5
 _START_DRAWS = 1000
 
 
+#: Attributes of a world that change, beside its robot.
+_CHANGING = (
+    "tick",
+    "n_rejected_commands",
+    "goal_area_m",
+    "_episode",
+    "_first_tick",
+    "_crowd",
+    "_contacts",
+    "_odometry",
+    "_imu",
+)
+
+
 @dataclass(frozen=True, eq=False)
 class WorldState:
-    """A snapshot of a world of one scenario and seed; after a restore, steps repeat exactly."""
+    """A snapshot of a world of one scenario and seed; after a restore, steps repeat exactly.
+
+    values: of the attributes that change.
+    """
 
     scenario_digest: str
     seed: int
-    episode: int
-    tick: int
-    first_tick: int
-    n_rejected_commands: int
-    goal_area_m: Area
     robot: RobotState
-    crowd: Crowd
-    contacts: ContactCounter
-    odometry: Odometry
-    imu: Imu
+    values: dict[str, Any]
 
 
 class HallwayWorld:
-    """One world; call `reset`, then `step` with a command every control period."""
+    """One world; call `reset`, then `step` with a command every control period.
+
+    goal_area_m: may be set to another area at any time.
+    """
 
     def __init__(
         self, scenario: Scenario, *, seed: int, gui: bool = False, number: int = 0
@@ -123,15 +135,24 @@ class HallwayWorld:
     ) -> Crowd:
         """Begin an episode after a gap in time, the robot standing at a random start.
 
-        people: those of the episode, new ones when None. Returns them.
+        people: those of the episode; new ones on their loops, not yet warmed up, when None. Returns
+        them.
         """
         if self._crowd is not None:
             per_decision = self.scenario.ticks_per_decision
             self.tick = (self.tick // per_decision + 2) * per_decision
         self._episode, self._first_tick = episode, self.tick
-        pose = self._draw_start(self._rng(START), start_area, keep_clear_of)
-        self._begin(standing_at(pose), people)
-        return self._running()
+        start = standing_at(self._draw_start(self._rng(START), start_area, keep_clear_of))
+        self._robot.place(start)
+        self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
+        self._imu = self._new_imu()
+        if people is None:
+            loops, walls_m = self.scenario.directed_loops, self._walls_of_people_m()
+            people = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
+        self._crowd = people
+        self._contacts = ContactCounter(len(self._crowd))
+        self.others.begin()
+        return self._crowd
 
     def warm_up_people(self, robots: Sequence[RobotBody]) -> None:
         """Let the people walk among robots that stand."""
@@ -185,10 +206,6 @@ class HallwayWorld:
     def body(self) -> RobotBody:
         """The robot as people and other robots meet it."""
         return self._robot.body
-
-    def set_goal(self, goal_area_m: Area) -> None:
-        """Set another area as the goal from now on."""
-        self.goal_area_m = goal_area_m
 
     @property
     def observation(self) -> Observation:
@@ -275,10 +292,6 @@ class HallwayWorld:
         self._scanned = seen, ranges_m
         return ranges_m
 
-    def map_raster(self, resolution_m: float = 0.05) -> OccupancyRaster:
-        """The map for people and planners."""
-        return occupancy_raster(self.scenario, resolution_m)
-
     def picture(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """(height, width, 3) picture of the world now, the whole of it when no camera is given."""
         scene = self._window or self._pictures
@@ -289,20 +302,10 @@ class HallwayWorld:
 
     def snapshot(self) -> WorldState:
         """Copy of all that changes; it can be pickled."""
-        return WorldState(
-            scenario_digest=scenario_digest(self.scenario),
-            seed=self.seed,
-            episode=self._episode,
-            tick=self.tick,
-            first_tick=self._first_tick,
-            n_rejected_commands=self.n_rejected_commands,
-            goal_area_m=self.goal_area_m,
-            robot=self._robot.snapshot(),
-            crowd=deepcopy(self._running()),
-            contacts=deepcopy(self._contacts),
-            odometry=deepcopy(self._odometry),
-            imu=deepcopy(self._imu),
-        )
+        self._running()
+        values = deepcopy({name: getattr(self, name) for name in _CHANGING})
+        robot = self._robot.snapshot()
+        return WorldState(scenario_digest(self.scenario), self.seed, robot, values)
 
     def restore(self, state: WorldState) -> Observation:
         """Return to a snapshot of a world of this scenario and seed, also of another process."""
@@ -317,10 +320,7 @@ class HallwayWorld:
                 f"; make the world with seed={state.seed}"
             )
         self._robot.place(state.robot)
-        self._crowd, self._contacts = deepcopy(state.crowd), deepcopy(state.contacts)
-        self._odometry, self._imu = deepcopy(state.odometry), deepcopy(state.imu)
-        self._episode, self.tick, self._first_tick = state.episode, state.tick, state.first_tick
-        self.n_rejected_commands, self.goal_area_m = state.n_rejected_commands, state.goal_area_m
+        vars(self).update(deepcopy(state.values))
         self._observation = self._observe()
         return self._observation
 
@@ -355,27 +355,10 @@ class HallwayWorld:
         free = [edges_of(outline_m) for each, outline_m in pairs if each.hinge_m is None]
         return np.concatenate([self.scenario.wall_segments_m, *free])
 
-    def _begin(self, robot: RobotState, people: Crowd | None) -> None:
-        """The robot in the given state; new people on their loops, not yet warmed up, if none."""
-        self._robot.place(robot)
-        self._odometry = Odometry(self.scenario.odometry, robot.pose, self._rng(ODOMETRY))
-        self._imu = self._new_imu()
-        self._crowd = self._new_people() if people is None else people
-        self._contacts = ContactCounter(len(self._crowd))
-        self.others.begin()
-
     def _rng(self, purpose: int, *more: int) -> np.random.Generator:
         """Random numbers of this robot and episode; those of a robot alone have no number."""
         numbers = (*more, self._number) if self._number else more
         return episode_rng(self.seed, self._episode, purpose, *numbers)
-
-    def _new_people(self) -> Crowd:
-        return start_crowd(
-            self.scenario.pedestrians,
-            self.scenario.directed_loops,
-            self._walls_of_people_m(),
-            self._rng(CROWD),
-        )
 
     def _new_imu(self) -> Imu:
         period_s, inertial = self.scenario.control_period_s, self._robot.inertial

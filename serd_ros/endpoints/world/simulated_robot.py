@@ -114,5 +114,6 @@ class SimulatedRobot:
 
     def _on_goal(self, message: PolygonStamped) -> None:
         """Set the goal of the driver: where its episode ends and it is no longer waited for."""
-        self.world.set_goal(from_goal_area_message(message, self.world.scenario.goal_area_m))
+        goal_area_m = from_goal_area_message(message, self.world.scenario.goal_area_m)
+        self.world.goal_area_m = goal_area_m
         self._on_goal_moved()

@@ -16,6 +16,7 @@ from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.crowd.social_force import model_named
 from sim.robot.urdf import link_transforms
+from sim.scenario.occupancy import occupancy_raster
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
@@ -51,7 +52,7 @@ class WorldPublisher:
         self._obstacles = node.create_publisher(MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
-        self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
+        self._map.publish(to_occupancy_grid(occupancy_raster(world.scenario), 0.0))
         self._publish_description()
         self._person_radius_m = model_named(world.scenario.pedestrians.model).body_radius_m
 

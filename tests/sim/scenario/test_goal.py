@@ -65,7 +65,7 @@ def test_an_episode_ends_in_the_goal_it_is_aimed_at():
         start = world.reset(0)
         column = int(start.x_m)
         near, far = (goal_at(HALLWAY, column + 0.5, y_m) for y_m in (5.5, 7.5))
-        world.set_goal(near.goal_area_m)
+        world.goal_area_m = near.goal_area_m
         progress = EpisodeProgress(near, start, 60.0)
         planner, driver = make_planner("dwa", world.scenario), PolicyDriver(GRID, policy)
         observation, aimed = start, near
@@ -79,8 +79,8 @@ def test_an_episode_ends_in_the_goal_it_is_aimed_at():
             observation = world.step(planner.step(observation, waypoint))
             if aimed is near and observation.y_m > 4.5:
                 aimed = far
-                progress.set_goal(far.goal_area_m)
-                world.set_goal(far.goal_area_m)
+                progress.goal_area_m = far.goal_area_m
+                world.goal_area_m = far.goal_area_m
             if progress.see(observation) == "arrived":
                 break
             assert not world.in_goal

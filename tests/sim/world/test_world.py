@@ -9,6 +9,7 @@ import pytest
 
 from serd_core.errors import SerdError
 from sim.robot.robot import standing_at
+from sim.scenario.occupancy import occupancy_raster
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.world import HallwayWorld
@@ -139,7 +140,7 @@ def test_walking_into_the_standing_robot_is_the_persons_contact():
 
 def test_the_map_is_free_inside_occupied_at_the_walls_and_unknown_beyond():
     with HallwayWorld(EMPTY, seed=1) as world:
-        raster = world.map_raster(0.1)
+        raster = occupancy_raster(world.scenario, 0.1)
 
     def cell(x_m, y_m):
         column = int((x_m - raster.origin_m[0]) / raster.resolution_m)
@@ -195,7 +196,7 @@ def test_a_snapshot_holds_the_goal_too():
     with HallwayWorld(EMPTY, seed=1) as world:
         world.reset(0)
         state = world.snapshot()
-        world.set_goal(here)
+        world.goal_area_m = here
         assert world.in_goal
         world.restore(state)
         assert not world.in_goal
