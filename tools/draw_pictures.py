@@ -46,7 +46,7 @@ from sim.world.world import HallwayWorld
 from storage.episode_table import load_episodes
 from teleop.page.access import PageAccess
 from teleop.page.server import PageServer
-from teleop.page.view import overlay_message, point, scene_of, watched_scene_of, word, world_state
+from teleop.page.view import overlay_message, point, scene_of, watched_scene_of, world_state
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -238,8 +238,8 @@ def _episode_states() -> list[dict[str, Any]]:
                 "world": world_state(observation, HALLWAY, world.scan(observation)),
                 "is_stale": False,
                 "obstacles_m": [],
-                "action": word(action),
-                "choice": word(action),
+                "action": action.name.lower(),
+                "choice": action.name.lower(),
                 "waypoint": point(decisions[-1]),
                 "episode": _episode_values(passed_s, len(decisions)),
                 "next_start": None,

@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from itertools import count
+from typing import Literal
 
 from teleop.errors import TeleopError
 from teleop.page.requests import Away, EmergencyStop, PageRequest, parse_request
@@ -57,7 +58,7 @@ class OpenPage:
         self.changed = asyncio.Event()
         self._greeting = greeting
         self._notices: deque[str] = deque(maxlen=_MOST_NOTICES)
-        self._state = self._overlay = ""
+        self._newest = {"overlay": "", "state": ""}
         self.changed.set()
 
     def add_notice(self, text: str) -> None:
@@ -65,21 +66,16 @@ class OpenPage:
         self._notices.append(_message("notice", text=text))
         self.changed.set()
 
-    def set_state(self, message: str) -> None:
-        """Replace the state that waits."""
-        self._state = message
-        self.changed.set()
-
-    def set_overlay(self, message: str) -> None:
-        """Replace the overlay that waits."""
-        self._overlay = message
+    def replace(self, kind: Literal["overlay", "state"], message: str) -> None:
+        """Replace the overlay or the state that waits."""
+        self._newest[kind] = message
         self.changed.set()
 
     def pending(self) -> list[str]:
         """Remove and return all messages, the state last."""
-        newest = [message for message in (self._overlay, self._state) if message]
+        newest = [message for message in self._newest.values() if message]
         messages = [*self._greeting, *self._notices, *newest]
-        self._greeting, self._overlay, self._state = [], "", ""
+        self._greeting, self._newest = [], dict.fromkeys(self._newest, "")
         self._notices.clear()
         self.changed.clear()
         return messages
@@ -132,13 +128,13 @@ class Hub:
         """Send the newest state to all pages."""
         self._update_driver()
         for page in self._pages.values():
-            page.set_state(state)
+            page.replace("state", state)
 
     def send_overlay(self, overlay: str) -> None:
         """Send the layers of the newest model to all pages, and to those opened later."""
         self._overlay = overlay
         for page in self._pages.values():
-            page.set_overlay(overlay)
+            page.replace("overlay", overlay)
 
     def send_notice(self, text: str) -> None:
         """Send a notice to all pages."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_app.navigation.overlay import ModelOverlay
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Grid
 from sim.crowd.social_force import model_named
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
@@ -54,7 +54,7 @@ def world_state(
         "decided": round(observation.tick % ticks / ticks, _MILLIRADIANS),
         "robot": _rounded([*observation.pose, observation.speed_mps, observation.yaw_rate_radps]),
         "people": np.round(people, _CENTIMETRES).tolist(),
-        "scan_m": None if ranges_m is None else scan_values(ranges_m),
+        "scan_m": None if ranges_m is None else _scan_values(ranges_m),
     }
 
 
@@ -104,7 +104,7 @@ def _labels(values: NDArray[np.float64], without: str) -> list[str]:
     return [without if np.isnan(value) else f"{value:.0f}" for value in values.tolist()]
 
 
-def scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
+def _scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
     """(n_rays,) ranges rounded to centimetres, 0 where a ray hit nothing."""
     seen = np.where(np.isfinite(ranges_m), ranges_m, 0.0).astype(np.float64)
     return [round(value, _CENTIMETRES) for value in seen.tolist()]
@@ -113,11 +113,6 @@ def scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
 def point(waypoint: Waypoint | None) -> list[float] | None:
     """(x, y) in metres, None for none."""
     return None if waypoint is None else _rounded([waypoint.x_m, waypoint.y_m])
-
-
-def word(action: Action) -> str:
-    """north, east, south, west or wait."""
-    return action.name.lower()
 
 
 def _rounded(values: Sequence[float]) -> list[float]:
