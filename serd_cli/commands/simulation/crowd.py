@@ -1,7 +1,7 @@
 """`serd crowd`: compare simulated people with measured ones."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, fields
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +18,6 @@ from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
 from sim.crowd.comparison import (
     ComparedCrowd,
-    Walking,
     compare_with_recording,
     compare_with_weidmann,
 )
@@ -135,10 +134,7 @@ def _places(rows: list[ComparedCrowd]) -> list[CrowdPlace]:
 
 
 def _curve(name: str, rows: list[ComparedCrowd], side: str) -> CrowdCurve:
-    columns = [
-        np.array([getattr(getattr(row, side), each.name) for row in rows])
-        for each in fields(Walking)
-    ]
+    columns = np.array([astuple(getattr(row, side)) for row in rows]).T
     return CrowdCurve(name, np.array([row.density_pm2 for row in rows]), *columns)
 
 
@@ -152,10 +148,7 @@ def _table(rows: list[ComparedCrowd]) -> Table:
     names = ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m")
     table = table_of("Simulated | measured", "model, place", names, no_wrap=True)
     for row in rows:
-        both = [
-            _both(getattr(row.simulated, each.name), getattr(row.measured, each.name))
-            for each in fields(Walking)
-        ]
+        both = map(_both, astuple(row.simulated), astuple(row.measured))
         table.add_row(f"{row.model}, {row.place}, {row.flow}", f"{row.density_pm2:g}", *both)
     return table
 
