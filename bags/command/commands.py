@@ -11,6 +11,7 @@ from typing import Any, Literal, Protocol, TypeVar
 
 from bags.command.rewrite import RewriteReport, convert, recover
 from bags.errors import BagError
+from bags.formats.mcap.writer import Compression
 from bags.formats.rosbag2.layout import storage_name
 from bags.health.check import BagCheck, TopicCheck, check_bag
 from bags.health.contents import BagContents, contents_of_bag
@@ -22,7 +23,6 @@ Style = Literal["good", "notable", "bad"]
 #: Longer ones are those of another clock, of which digits after the point state nothing.
 _LONG_DELAY_S = 100.0
 FAILED = 1
-Compression = Literal["none", "zstd"]
 Result = TypeVar("Result")
 
 

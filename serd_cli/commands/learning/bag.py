@@ -11,13 +11,13 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from bags.command.commands import (
-    Compression,
     Page,
     convert_bags,
     recover_bags,
     show_checks,
     show_contents,
 )
+from bags.formats.mcap.writer import Compression
 from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
