@@ -77,7 +77,8 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
         values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
     usable = values[np.isfinite(values).sum(axis=1) >= min(2, values.shape[1])]
     if not len(usable):
-        raise FileError(f"{path} must hold numbers, it holds none; check the path")
+        limit = f"of at most {_LARGEST:g} in size"
+        raise FileError(f"{path} must hold numbers, it holds none {limit}; check path and unit")
     columns = located(str(path), cells.names, usable, wanted)
     return _tracks(path, cells, values, columns, wanted)
 

@@ -358,6 +358,7 @@ def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
         ("# only a comment\n", "must hold rows of values, it holds none"),
         ("t,x,y\n", "must hold rows of values below the names of its columns, it holds none"),
         ("name,colour\na,b\nc,d\n", "must hold numbers, it holds none"),
+        ("t,x,y\n0,1e300,2e300\n1,2e300,2e300\n", "holds none of at most 1e.20 in size; check"),
         ("hello\nworld\n", "must have columns of time, x and y, got 1 column"),
         (
             "state,action,next\n1,2,3\n2,3,4\n",
