@@ -126,11 +126,16 @@ def confidence_interval(
     estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
     """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
-    table = number_array("errors", errors)
+    middle, table = number_array("estimate", estimate), number_array("errors", errors)
+    if table.ndim and table.shape != middle.shape:
+        raise SerdError(
+            f"errors must have the shape of estimate, {middle.shape}, got {table.shape}; give one"
+            " per number"
+        )
     require_each("errors", table, ~(table < 0), "be at least 0", "give standard errors")
     require_share("coverage", coverage)
     width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * table
-    return np.asarray(estimate) - width, np.asarray(estimate) + width
+    return middle - width, middle + width
 
 
 def clustered_outer_product(

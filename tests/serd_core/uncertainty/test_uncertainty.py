@@ -397,3 +397,9 @@ def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
         SerdError, match=r"^errors\[1\] must be at least 0, got -2.0; give standard"
     ):
         confidence_interval(np.zeros(2), np.array([1.0, -2.0]))
+    with pytest.raises(
+        SerdError, match=r"errors must have the shape of estimate, \(2,\), got \(3,\)"
+    ):
+        confidence_interval(np.zeros(2), np.ones(3))
+    with pytest.raises(SerdError, match="^estimate must be an array of numbers, got <U1"):
+        confidence_interval(["a"], np.ones(1))
