@@ -401,5 +401,5 @@ def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
         SerdError, match=r"errors must have the shape of estimate, \(2,\), got \(3,\)"
     ):
         confidence_interval(np.zeros(2), np.ones(3))
-    with pytest.raises(SerdError, match="^estimate must be an array of numbers, got <U1"):
+    with pytest.raises(SerdError, match=r"^estimate must be an array of numbers, got <U1"):
         confidence_interval(["a"], np.ones(1))
