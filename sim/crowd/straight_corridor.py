@@ -47,7 +47,9 @@ def corridor_people(tracks: Sequence[Track]) -> CorridorPeople:
     axis = round(angle_rad / (np.pi / 2)) % 2
     off_rad = angle_rad - np.pi / 2 * round(angle_rad / (np.pi / 2))
     if abs(off_rad) > _ALIGNED_RAD and len(tracks) >= _FEWEST:
-        tracks = [_turned(track, -off_rad) for track in tracks]
+        cos, sin = np.cos(-off_rad), np.sin(-off_rad)
+        turn = np.array([[cos, sin], [-sin, cos]])
+        tracks = [replace(track, position_m=track.position_m @ turn) for track in tracks]
         remarks.append(
             f"the corridor is at {np.rad2deg(off_rad):.0f}° to the {'xy'[axis]} axis, so places are"
             " turned by that angle"
@@ -105,11 +107,6 @@ def _angle_rad(tracks: Sequence[Track]) -> float:
             " recording in which all walk along one line"
         )
     return float(np.angle(mean) / 2)
-
-
-def _turned(track: Track, angle_rad: float) -> Track:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return replace(track, position_m=track.position_m @ np.array([[cos, sin], [-sin, cos]]))
 
 
 def _together(tracks: Sequence[Track], axis: int) -> BoolArray:

@@ -4,8 +4,8 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -56,7 +56,12 @@ class Execution:
         if self.backend == "ray":
             yield from self._ray_results(function, tasks)
             return
-        with self._joblib():
+        settings: dict[str, Any] = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+        with ExitStack() as stack:
+            if self.backend == "dask":
+                settings = {"client": stack.enter_context(self._dask_client())}
+            configured = joblib.parallel_config(self.backend, n_jobs=self.n_jobs, **settings)
+            stack.enter_context(configured)
             parallel = joblib.Parallel(return_as="generator_unordered")
             results = parallel(joblib.delayed(function)(task) for task in tasks)
             try:
@@ -69,19 +74,8 @@ class Execution:
                     warnings.simplefilter("ignore", UserWarning)
                     results.close()
 
-    @contextmanager
-    def _joblib(self) -> Iterator[None]:
-        """joblib set up to use the backend, with a local cluster where none was named."""
-        with ExitStack() as stack:
-            settings: dict[str, Any] = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
-            if self.backend == "dask":
-                settings = {"client": stack.enter_context(self._dask_client())}
-            stack.enter_context(
-                joblib.parallel_config(self.backend, n_jobs=self.n_jobs, **settings)
-            )
-            yield
-
     def _dask_client(self) -> Any:
+        """A client of the named cluster, of a local one where none was named."""
         try:
             from distributed import Client
         except ImportError:

@@ -81,7 +81,10 @@ class Scene:
         count = scenario.pedestrians.n_people
         self._people = [self._load_person(number) for number in range(count)]
         if gui:
-            self._look_at(overview_camera(scenario))
+            camera = overview_camera(scenario)
+            direction = camera.yaw_deg, camera.pitch_deg, camera.target_m
+            # The window sees more at a time than the pictures.
+            self.client.resetDebugVisualizerCamera(0.6 * camera.distance_m, *direction)
             self._show(pybullet.COV_ENABLE_RENDERING, True)
 
     def place_robot(self, pose: Pose) -> None:
@@ -118,7 +121,11 @@ class Scene:
         for body, (x_m, y_m), heading, stride in zip(
             self._people, now.tolist(), self._heading_rad, self._stride_rad, strict=True
         ):
-            self._place_person(body, (x_m, y_m, 0.0), heading, stride)
+            self.client.resetBasePositionAndOrientation(body, (x_m, y_m, 0.0), turned(heading))
+            swing = _SWING_RAD * math.sin(stride)
+            for (left, right), angle in ((_LEGS, swing), (_ARMS, -0.7 * swing)):
+                self.client.resetJointState(body, left, angle, 0.0)
+                self.client.resetJointState(body, right, -angle, 0.0)
 
     def place_obstacles(self, poses: ArrayLike) -> None:
         """Put the movable obstacles at (K, 3) poses, in the order of the scenario."""
@@ -157,14 +164,6 @@ class Scene:
     def _show(self, what: int, on: bool) -> None:
         """Switch a part of the window on or off."""
         self.client.configureDebugVisualizer(what, int(on))
-
-    def _look_at(self, camera: Camera) -> None:
-        self.client.resetDebugVisualizerCamera(
-            0.6 * camera.distance_m,  # the window sees more at a time than the pictures
-            camera.yaw_deg,
-            camera.pitch_deg,
-            camera.target_m,
-        )
 
     def _add_floor(self, scenario: Scenario) -> None:
         """A plate with lines across the walkable area."""
@@ -246,15 +245,6 @@ class Scene:
         for link in (-1, *_ARMS):
             self.client.changeVisualShape(body, link, rgbaColor=_SHIRTS[number % len(_SHIRTS)])
         return body
-
-    def _place_person(
-        self, body: int, place_m: tuple[float, float, float], heading_rad: float, stride_rad: float
-    ) -> None:
-        self.client.resetBasePositionAndOrientation(body, place_m, turned(heading_rad))
-        swing = _SWING_RAD * math.sin(stride_rad)
-        for (left, right), angle in ((_LEGS, swing), (_ARMS, -0.7 * swing)):
-            self.client.resetJointState(body, left, angle, 0.0)
-            self.client.resetJointState(body, right, -angle, 0.0)
 
 
 class SceneView(Scene):

@@ -6,7 +6,7 @@ limit surface of Howe & Cutkosky (1996). A door turns by up to a quarter to each
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -62,27 +62,24 @@ class MovableBodies:
     @property
     def poses(self) -> tuple[Pose, ...]:
         """Where the obstacles are."""
-        poses = []
-        for obstacle, body in zip(self._obstacles, self._bodies, strict=True):
-            x_m, y_m, _ = obstacle.pose
-            *moved, turned = (state[0] for state in self._states(body))
-            dx_m, dy_m = moved or (0.0, 0.0)
-            poses.append((x_m + dx_m, y_m + dy_m, turned))
-        return tuple(poses)
+        moved = zip(self._obstacles, self._joints(0), strict=True)
+        return tuple((o.pose[0] + dx, o.pose[1] + dy, yaw) for o, (dx, dy, yaw) in moved)
 
     @property
     def motions(self) -> tuple[Motion, ...]:
         """(vx_mps, vy_mps, yaw rate_radps) of the obstacles at their poses."""
-        motions = []
-        for body in self._bodies:
-            *moved, yaw_rate = (state[1] for state in self._states(body))
-            vx_mps, vy_mps = moved or (0.0, 0.0)
-            motions.append((vx_mps, vy_mps, yaw_rate))
-        return tuple(motions)
+        return tuple(self._joints(1))
 
     def number_of(self, body: int) -> int | None:
         """The place of a body of PyBullet among the obstacles, None for another body."""
         return self._bodies.index(body) if body in self._bodies else None
+
+    def _joints(self, which: int) -> Iterator[Motion]:
+        """Positions (0) or velocities (1) along x and y, and of the turn, of each body."""
+        for body in self._bodies:
+            *along, turn = (state[which] for state in self._states(body))
+            x, y = along or (0.0, 0.0)
+            yield x, y, turn
 
     def _states(self, body: int) -> list[tuple[float, ...]]:
         joints = range(self._client.getNumJoints(body))

@@ -65,14 +65,11 @@ def make_app(hub: Hub, access: PageAccess) -> web.Application:
     app = web.Application(middlewares=[guarded])
     app.on_response_prepare.append(_harden)
     app.router.add_get("/socket", connect)
-    for name, content in _static_files().items():
-        app.router.add_get("/" if name == "index.html" else f"/{name}", _sender(name, content))
+    for each in (files("teleop.page") / "static").iterdir():
+        if each.is_file():
+            path = "/" if each.name == "index.html" else f"/{each.name}"
+            app.router.add_get(path, _sender(each.name, each.read_bytes()))
     return app
-
-
-def _static_files() -> dict[str, bytes]:
-    folder = files("teleop.page") / "static"
-    return {each.name: each.read_bytes() for each in folder.iterdir() if each.is_file()}
 
 
 def _sender(name: str, content: bytes) -> Handler:
