@@ -31,7 +31,7 @@ class FileError(SerdError):
 @contextmanager
 def disk_errors(doing: str, path: Path, kind: type[FileError] = FileError) -> Iterator[None]:
     """An OSError within becomes a FileError with the operating system's reason; doing: "read",
-    "write", "unpack" or "delete"."""
+    "write", "unpack", "delete" or "use"."""
     try:
         yield
     except OSError as error:

@@ -37,7 +37,10 @@ def written_output() -> Iterator[None]:
             raise SystemExit(0) from None
         raise
     except OSError as error:
-        if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
+        if error.filename is not None:  # of a path that no file can have
+            with disk_errors("use", Path(os.fsdecode(error.filename))):
+                raise
+        if error.errno not in _OUTPUT_ERRORS:
             raise
         _drop()
         with disk_errors("write", Path("the output")):

@@ -8,6 +8,7 @@ kind of move of which there are no crossings has the coefficient of the most fre
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os.path import realpath
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ _KINDS = tuple(kind.value for kind in Kind)
 
 def load_times(paths: Sequence[Path]) -> tuple[CrossingTimes, ...]:
     """The law of each look-ahead in tables of crossings; AppError where there are too few."""
-    twice = [path for path, n in Counter(path.resolve() for path in paths).items() if n > 1]
+    twice = [path for path, n in Counter(map(realpath, paths)).items() if n > 1]
     if twice:
         raise AppError(f"--times must name each table once, got {twice[0]} twice; leave out one")
     tables = [load_crossings(path) for path in paths]

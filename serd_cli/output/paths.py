@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from contextlib import suppress
 from itertools import count
+from os.path import realpath
 from pathlib import Path
 
 from serd_cli.errors import UsageError
@@ -29,9 +30,9 @@ def free_folder(output: Path, name: str) -> Path:
 
 def require_apart(output: Path, written: Iterable[Path], read: Iterable[str | Path]) -> None:
     """UsageError where a file that --output makes the command write is one that it reads."""
-    inputs = {Path(each).resolve() for each in read}
+    inputs = {realpath(each) for each in read}  # which takes links that go round
     for path in written:
-        if path.resolve() in inputs:
+        if realpath(path) in inputs:
             raise UsageError(
                 f"--output must not overwrite what is read, {output} would overwrite {path};"
                 " name another file"

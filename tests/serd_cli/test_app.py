@@ -150,6 +150,22 @@ def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("loop", "serd: cannot read loop: Too many levels of symbolic links; check the path and"),
+        ("x" * 300, "x: the name is too long; choose a shorter one"),
+    ],
+)
+def test_a_path_that_no_file_can_have_gets_a_sentence(root, tmp_path, monkeypatch, name, sentence):
+    (tmp_path / "loop").symlink_to("loop")
+    monkeypatch.chdir(tmp_path)
+    for words in (["learn"], ["navigate"], ["bag", "info"]):
+        done = serd(root, *words, name)
+        assert done.returncode == 2
+        assert sentence in done.stderr or (words[0] == "bag" and "check the path" in done.stderr)
+
+
 def test_a_closed_output_gets_a_sentence(root):
     done = serd(root, "scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
     assert done.returncode == 2

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
+from os.path import realpath
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -63,7 +64,7 @@ def navigate(
     """
     settings = validated(
         DriveSettings,
-        model=str(model.resolve()),
+        model=realpath(model),
         scenario=resolved_scenario(
             scenario or scenario_of_model(model, load_model(model).scenario)
         ),

@@ -117,6 +117,11 @@ def test_a_reader_that_has_ended_is_no_error_and_changes_no_exit_code(
     assert done.returncode == (0 if unbuffered else code)
 
 
+def test_a_name_that_no_file_can_have_is_one_line_and_exit_code_2(capsys):
+    assert main(["info", "x" * 300]) == 2
+    assert "the name is too long; choose a shorter one" in capsys.readouterr().err
+
+
 def run(*words, **streams):
     """The command in a process of its own."""
     return subprocess.run([sys.executable, "-m", "bags.command.main", *words], **streams)
