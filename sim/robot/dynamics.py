@@ -150,7 +150,7 @@ class Dynamics:
             self._turn_wheels((left + share * more_left, right + share * more_right))
             if movable:
                 self.obstacles.brake()
-            self._client.stepSimulation()
+            self._step()
             if movable:
                 self.obstacles.stop_doors()
             if near_walls or people:
@@ -220,6 +220,8 @@ class Dynamics:
             raise
 
     def _add_bodies(self, client: BulletClient) -> None:
+        # Called in every substep: a client looks a function up anew each time.
+        self._step, self._set_motors = client.stepSimulation, client.setJointMotorControlArray
         client.setGravity(0, 0, -GRAVITY_MPS2)
         client.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,
@@ -299,7 +301,7 @@ class Dynamics:
 
     def _turn_wheels(self, wheels_radps: Wheels) -> None:
         left, right = self._drive.turns_forward
-        self._client.setJointMotorControlArray(
+        self._set_motors(
             self._robot,
             self._wheels,
             pybullet.VELOCITY_CONTROL,

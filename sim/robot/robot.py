@@ -62,6 +62,10 @@ class KinematicRobot:
         self._settings = robot = scenario.robot
         self._step_s = scenario.control_period_s
         self._client = client = new_world()
+        # Called in every period: a client looks a function up anew each time.
+        self._set_pose = client.resetBasePositionAndOrientation
+        self._pose_of = client.getBasePositionAndOrientation
+        self._set_velocity, self._step = client.resetBaseVelocity, client.stepSimulation
         client.setGravity(0, 0, 0)
         client.setPhysicsEngineParameter(fixedTimeStep=self._step_s, numSubSteps=0)
         cylinder = pybullet.GEOM_CYLINDER
@@ -101,9 +105,9 @@ class KinematicRobot:
         # From the state, not from where Bullet has the robot: its matrix differs from what the
         # quaternion gives in the last bit, and a restored world must continue exactly the same.
         self._put(before)
-        self._client.resetBaseVelocity(self._body, (*chord, 0.0), (0.0, 0.0, yaw_rate))
-        self._client.stepSimulation()
-        (x_m, y_m, _), (_, _, z, w) = self._client.getBasePositionAndOrientation(self._body)
+        self._set_velocity(self._body, (*chord, 0.0), (0.0, 0.0, yaw_rate))
+        self._step()
+        (x_m, y_m, _), (_, _, z, w) = self._pose_of(self._body)
         self.state = RobotState(x_m, y_m, (z, w), speed, yaw_rate)
         self.wall_distance_m = self._distance_to_walls_m()
         if self.wall_distance_m < self._settings.radius_m:
@@ -117,7 +121,7 @@ class KinematicRobot:
     def _put(self, state: RobotState) -> None:
         place_m = (state.x_m, state.y_m, 0.5 * self._settings.height_m)
         turn = (0.0, 0.0, *state.half_turn)
-        self._client.resetBasePositionAndOrientation(self._body, place_m, turn)
+        self._set_pose(self._body, place_m, turn)
 
     def _leave_walls(self, before: Pose) -> None:
         """Slide along the walls: out of them, with what is left of the speed along the heading.
