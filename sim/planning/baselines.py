@@ -37,6 +37,7 @@ class BaselinePlanner:
     is_blocked = False
 
     def __init__(self, name: str, scenario: Scenario) -> None:
+        self._made_of = name, scenario
         self._core = core = _navground()
         self._robot = robot = scenario.local_planner.limited(scenario.robot)
         self._period_s = scenario.control_period_s
@@ -61,8 +62,19 @@ class BaselinePlanner:
                 for start, end in scenario.wall_segments_m
             ]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A behaviour of the library can be neither copied nor pickled: it is made again.
+        last = self._behaviour.get_actuated_twist(self._core.Frame.relative)
+        return BaselinePlanner, self._made_of, (*last.velocity, last.angular_speed)
+
+    def __setstate__(self, last: tuple[float, float, float]) -> None:
+        self._behaviour.actuated_twist = self._core.Twist2(
+            last[:2], last[2], frame=self._core.Frame.relative
+        )
+
     def reset(self) -> None:
-        """A behaviour has no state from earlier steps."""
+        """Discard the last command, the one state of a behaviour."""
+        self.__setstate__((0.0, 0.0, 0.0))
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""

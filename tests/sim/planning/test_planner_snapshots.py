@@ -6,7 +6,12 @@ import sys
 
 import pytest
 
-from sim.planning.catalogue import PEOPLE_SOURCES, planner_in_world, planner_names
+from sim.planning.catalogue import (
+    PEOPLE_SOURCES,
+    baseline_names,
+    planner_in_world,
+    planner_names,
+)
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
@@ -45,7 +50,7 @@ def drive(world, planner, n_ticks):
 
 
 @pytest.mark.parametrize("people_from", PEOPLE_SOURCES)
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", [*planner_names(), *baseline_names()])
 def test_a_drive_goes_on_the_same_from_snapshots_also_in_another_process(name, people_from):
     with HallwayWorld(NOISY, seed=5) as world:
         world.reset(0)
