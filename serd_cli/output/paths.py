@@ -1,9 +1,8 @@
 """Checks of output paths before a command works for minutes, and numbered output folders."""
 
 from collections.abc import Iterable
-from contextlib import suppress
 from itertools import count
-from os.path import realpath
+from os.path import lexists, realpath
 from pathlib import Path
 
 from serd_cli.errors import UsageError
@@ -22,9 +21,13 @@ def free_folder(output: Path, name: str) -> Path:
     """Make the next free folder `name-N` below `output`; nothing is ever overwritten."""
     for number in count(1):
         root = output / f"{name}-{number}"
-        with disk_errors("write", root), suppress(FileExistsError):
-            root.mkdir(parents=True)
-            break
+        with disk_errors("write", root):
+            try:
+                root.mkdir(parents=True)
+                break
+            except FileExistsError:
+                if not lexists(root):  # a folder above is a link to nothing
+                    raise
     return root
 
 

@@ -94,6 +94,10 @@ def test_every_run_gets_a_folder_of_its_own(tmp_path):
     file.write_text("")
     with pytest.raises(FileError, match="is a file, not a folder; check the path"):
         free_folder(file, "session")
+    link = tmp_path / "link"
+    link.symlink_to("nothing")
+    with pytest.raises(FileError, match="a file of this name is in the way"):
+        free_folder(link, "session")
 
 
 def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
