@@ -144,12 +144,10 @@ def learn(
         density=density,
     )
     decisions, problem = files.demonstrations.decisions, files.task.problem
-    units = experts_of_recordings(table, decisions) if by_recording else None
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
+    units = experts_of_recordings(table, decisions) if by_recording else None
     outcome = _fitted(files, settings, wanted, units)
-    grouped = bool(outcome.model.types)
-    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
     model = outcome.model.model_copy(update={"crossing_times": measured})
     outcome = replace(outcome, model=model)
     save_outcome(output, outcome, problem.grid)
@@ -161,6 +159,8 @@ def learn(
         page = write_report(
             inputs_of_model(output, scenario=scenario, demonstrations=table), report
         )
+    grouped = bool(outcome.model.types)
+    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
     if as_json:
         reported = {} if page is None else {"report": str(page)}
         print_json(learned_values(files, outcome, certainty, output) | reported)
