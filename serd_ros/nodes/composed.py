@@ -61,12 +61,12 @@ def make_nodes(names: list[str]) -> SerdNode[Any]:
     for each in made[1:]:
         made[0].add_companion(each)
     others = _OtherPublishers(made[0], composition)
-    made[0].create_timer(_LOOK_PERIOD_S, others.look, clock=made[0].wall_clock)
+    made[0].create_timer(_LOOK_PERIOD_S, others.look)
     return made[0]
 
 
 class _OtherPublishers:
-    """Warns, once for each topic, of publishers of other processes, which the nodes do not hear."""
+    """Warns, once for each topic, of publishers of other processes, which no node receives."""
 
     def __init__(self, node: SerdNode[Any], composition: Composition) -> None:
         self._node, self._composition = node, composition

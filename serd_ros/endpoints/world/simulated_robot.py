@@ -1,5 +1,6 @@
 """One robot of a simulated world: what it observes, its commands, its goal, its episodes."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -92,8 +93,9 @@ class SimulatedRobot:
     @property
     def _is_new_request(self) -> bool:
         """Whether a request is no repetition of one that was answered."""
-        stands = np.allclose(self.world.observation.pose, self._start_pose, rtol=0.0, atol=_SETTLES)
-        return self._is_answered and not (stands and self.has_driver)
+        x_m, y_m, yaw_rad = np.subtract(self.world.observation.pose, self._start_pose).tolist()
+        moved = max(abs(x_m), abs(y_m), abs(math.remainder(yaw_rad, math.tau)))
+        return self._is_answered and (moved > _SETTLES or not self.has_driver)
 
     def _on_reset(self, _: Trigger.Request) -> str:
         missing = self._readiness.missing(self.node.wall_s())

@@ -207,6 +207,17 @@ def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved():
         assert episodes_of_two_requests(running, drive) == [0, 1]
 
 
+def test_a_heading_on_the_other_side_of_180_degrees_is_no_motion():
+    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
+
+        def turn():
+            (robot,) = running.node._robots
+            x_m, y_m, yaw_rad = robot._start_pose
+            robot._start_pose = x_m, y_m, yaw_rad + math.tau
+
+        assert episodes_of_two_requests(running, turn) == [0, 0]
+
+
 @contextmanager
 def driven_world():
     """A world whose robots have begun an episode; their drivers end before it does."""
