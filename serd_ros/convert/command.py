@@ -43,7 +43,7 @@ def from_twist_stamped(message: TwistStamped) -> tuple[int, Command]:
 
 
 def from_any_twist(message: Twist | TwistStamped) -> Command:
-    """The command of either."""
+    """The command of a message with a stamp or without."""
     is_plain = isinstance(message, Twist)
     return from_twist(message) if is_plain else from_twist_stamped(message)[1]
 

@@ -32,7 +32,7 @@ class SimulatedRobot:
 
     A response may be late or lost, and the driver then repeats its request. So `reset` responds
     with the same episode again until the driver marks it or the robot moves. Where no node
-    publishes marks, each request that was answered is followed by a new one.
+    publishes marks, each request after an answered one begins the next episode.
     """
 
     def __init__(
