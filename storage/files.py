@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -20,9 +21,19 @@ def read_text(path: str | Path) -> str:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The content of the file; FileError where it is missing or unreadable."""
-    with disk_errors("read", Path(path)):
-        return Path(path).read_bytes()
+    """The content of the file; FileError where it is missing, unreadable or no regular file.
+
+    Devices and pipes are rejected because their content may have no end.
+    """
+    path = Path(path)
+    with disk_errors("read", path):
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # of a folder the system has the reason
+            raise FileError(
+                f"{path} must be a regular file, got a device, pipe or socket; write its content to"
+                " a file first"
+            )
+        return path.read_bytes()
 
 
 def atomic_write_text(path: str | Path, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Files are written whole or not at all, and read where they are regular ones."""
 
 import errno
 import os
@@ -12,6 +12,8 @@ from storage.files import (
     atomic_write_bytes,
     atomic_write_text,
     delete_file,
+    read_bytes,
+    read_text,
     require_file_place,
 )
 
@@ -97,3 +99,27 @@ def test_a_file_is_deleted_where_there_is_one_and_a_folder_gets_a_sentence(tmp_p
     path.touch()
     with pytest.raises(FileError, match="the file system is read-only; choose a folder"):
         delete_file(path)
+
+
+def test_devices_and_pipes_are_rejected_before_they_are_opened(tmp_path):
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (Path("/dev/zero"), pipe, link):
+        for read in (read_bytes, read_text):
+            with pytest.raises(FileError) as error:
+                read(path)
+            assert str(error.value) == (
+                f"{path} must be a regular file, got a device, pipe or socket; write its content to"
+                " a file first"
+            )
+
+
+def test_links_to_files_are_read_and_folders_are_not(tmp_path):
+    (tmp_path / "file").write_bytes(b"content")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    assert read_bytes(tmp_path / "link") == b"content"
+    with pytest.raises(FileError, match="it is a folder; name a file"):
+        read_bytes(tmp_path)
+    with pytest.raises(FileError, match="it does not exist; check the path"):
+        read_bytes(tmp_path / "other")
