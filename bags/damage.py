@@ -15,19 +15,22 @@ from bags.formats.rosbag2.layout import BagLayout, storage_name
 class Damage:
     """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
 
-    In a summary of several kinds of faults, `what` states so.
+    In a summary of several kinds of faults, `what` states so. fix: what may repair it where
+    `recover` finds nothing.
     """
 
     path: Path
     offset: int | None
     what: str
     count: int = 1
+    fix: str = ""
 
     def sentence(self) -> str:
-        """File, place, fault and how often it was found, in one sentence."""
+        """File, place, fault, how often it was found, and the fix, in one sentence."""
         where = "" if self.offset is None else f"at byte {self.offset}: "
         often = "" if self.count == 1 else f" (the first of {self.count} such faults)"
-        return f"{self.path}: {where}{self.what}{often}"
+        fix = f"; {self.fix}" if self.fix else ""
+        return f"{self.path}: {where}{self.what}{often}{fix}"
 
 
 class DamageLog:
@@ -38,12 +41,12 @@ class DamageLog:
         self._found: dict[str, Damage] = {}
         self._counts: Counter[str] = Counter()
 
-    def note(self, offset: int | None, what: str) -> None:
+    def note(self, offset: int | None, what: str, fix: str = "") -> None:
         """Add a fault; faults that differ in numbers only are of one kind."""
         kind = _kind(what)
         if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
-            kind, what = "", "it has further faults of other kinds"
-        self._found.setdefault(kind, Damage(self._path, offset, what))
+            kind, what, fix = "", "it has further faults of other kinds", ""
+        self._found.setdefault(kind, Damage(self._path, offset, what, fix=fix))
         self._counts[kind] += 1
 
     def __len__(self) -> int:

@@ -8,4 +8,4 @@ class BagError(FileError):
 
 
 class DamagedBagError(BagError):
-    """A bag is damaged; the message names the command that recovers it."""
+    """A bag is damaged; the message names the command that recovers it, or what else may."""

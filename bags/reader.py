@@ -100,7 +100,8 @@ class BagReader:
         """Collect damage, or raise it; `file` is named in place of its decompressed copy."""
         found = damage if file is None else [replace(each, path=file) for each in damage]
         if found and not self.tolerant:
-            raise DamagedBagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
+            advice = "" if found[0].fix else "; repair it with 'serd bag recover'"
+            raise DamagedBagError(found[0].sentence() + advice)
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
 

@@ -171,9 +171,9 @@ class Screen(Protocol):
 
 
 def show_contents(bags: Sequence[Path], screen: Screen) -> int:
-    """`info`: what bags hold."""
-    _shown(map(contents_of_bag, bags), contents_page, screen)
-    return 0
+    """`info`: what bags hold; 1 where a bag has faults and no message that can be read."""
+    found = _shown(map(contents_of_bag, bags), contents_page, screen)
+    return FAILED if any(each.faults and not each.n_messages for each in found) else 0
 
 
 def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:

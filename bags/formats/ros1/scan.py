@@ -169,7 +169,9 @@ class Ros1Scan:
         try:
             reader.open()
         except Exception as error:  # rosbags raises errors of any kind for foreign bytes
-            self._note(f"{_reason(error)}; 'rosbag reindex' of ROS 1 may repair it")
+            is_empty = not self.path.stat().st_size
+            fix = "record it again" if is_empty else "'rosbag reindex' of ROS 1 may repair it"
+            self._log.note(None, _reason(error), fix)
             return
         for position, chunk in reader.chunks.items():
             bounded = _bounded(chunk.decompressor)

@@ -56,9 +56,9 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     serd bag info demo_output/run-1/bag
 
     Sound MCAP files are not read but for their summaries. Other and damaged ones are read too,
-    and their faults are listed.
+    and their faults are listed. Exit code 1 where a bag has faults and no message can be read.
     """
-    show_contents(bags, RichScreen(as_json=as_json))
+    raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json)))
 
 
 def check(

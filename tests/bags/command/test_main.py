@@ -86,6 +86,23 @@ def test_bad_input_is_one_line_and_exit_code_2(words, sentence, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag.bag"])
+def test_info_of_a_file_without_a_readable_message_ends_with_1_as_check_does(
+    tmp_path, name, capsys
+):
+    (tmp_path / name).touch()
+    for words in (["info"], ["info", "--json"], ["check"]):
+        assert main([*words, str(tmp_path / name)]) == 1
+    assert f"{tmp_path / name}: no message" in capsys.readouterr().out
+
+
+def test_info_of_a_bag_without_messages_and_of_a_part_of_a_bag_ends_with_0(small_bag, tmp_path):
+    with BagWriter(tmp_path / "empty") as writer:
+        writer.add_topic("/odom", "nav_msgs/msg/Odometry")
+    for bag in (tmp_path / "empty", cut_short(small_bag())):
+        assert main(["info", str(bag)]) == 0
+
+
 FULL = Path("/dev/full")
 
 

@@ -1,5 +1,6 @@
 """Bags of ROS 1 read as the messages of ROS 2, judged by rosbags, which writes them here."""
 
+import re
 from collections import Counter
 
 import numpy as np
@@ -179,9 +180,9 @@ def test_check_reports_that_such_files_have_no_checksums(ros1_bag):
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "seems to be empty"),
+        (b"", "seems to be empty; record it again$"),
         (b"#ROSBAG V1.2\n", "Bag version 102 is not supported"),
-        (b"#ROSBAG V2.0\n", "'rosbag reindex' of ROS 1 may repair it"),
+        (b"#ROSBAG V2.0\n", "; 'rosbag reindex' of ROS 1 may repair it$"),
     ],
 )
 def test_a_file_without_an_index_gets_a_sentence(tmp_path, content, sentence):
@@ -189,6 +190,7 @@ def test_a_file_without_an_index_gets_a_sentence(tmp_path, content, sentence):
     path.write_bytes(content)
     with pytest.raises(BagError, match=sentence):
         BagReader(path)
+    assert re.search(sentence, check_bag(path).faults[0])
     with pytest.raises(BagError, match=f"holds bags of ROS 1; give each of them, as {path}"):
         BagReader(tmp_path)
 
