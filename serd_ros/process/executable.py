@@ -102,4 +102,6 @@ def module_of(executable: str) -> str:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
+        sys.exit(f"serd_ros: name a node: {', '.join(NODES)}")
     run(sys.argv.pop(1))

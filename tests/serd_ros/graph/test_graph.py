@@ -42,6 +42,16 @@ def test_every_executable_makes_the_node_of_its_name():
         assert place.partition(":")[2] in names, node
 
 
+def test_the_ros_package_installs_every_executable(root):
+    tree = ast.parse((root / "ros_ws/src/serd_ros/setup.py").read_text(encoding="utf-8"))
+    [installed] = (
+        ast.literal_eval(statement.value)
+        for statement in tree.body
+        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "NODES"
+    )
+    assert list(installed) == list(NODES)
+
+
 def test_every_subscribed_topic_is_published_by_some_node():
     graph = load_graph()
     published = {topic for node in graph.nodes.values() for topic in node.publishes}
