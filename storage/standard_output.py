@@ -17,8 +17,8 @@ _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBAD
 def written_output() -> Iterator[None]:
     """Write what is printed within, until its reader ends; FileError where that is not possible.
 
-    A command keeps its exit code where the reader ends after it; one that its reader ends, also one
-    that click then ends with 1, has done nothing wrong and gets 0.
+    A command that is done keeps its exit code where the reader of its output has ended; one that
+    cannot write any more ends with 0, also where click would end it with 1.
     """
     if sys.stdout is None:
         raise FileError("the output must be open, got a closed one; redirect it to /dev/null")

@@ -36,7 +36,7 @@ from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 
 
 class _Bag(StrictModel):
-    """Of which `BagRecord` is, the first key."""
+    """The first key of `BagRecord`: fields of the last base class come first."""
 
     bag: str
 
@@ -243,8 +243,6 @@ def load_advice(table: Path) -> ResolutionAdvice | None:
 def report_of_table(table: Path) -> DiscretisationReport | None:
     """That of the recordings of a table of decisions; None where its record is not kept."""
     record = files_beside(table)["record"]
-    return (
-        joined_reports(load_yaml_model(record, DemonstrationRecord).bags)
-        if record.exists()
-        else None
-    )
+    if not record.exists():
+        return None
+    return joined_reports(load_yaml_model(record, DemonstrationRecord).bags)
