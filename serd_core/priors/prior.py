@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from operator import is_
 
 import numpy as np
 
@@ -101,12 +102,13 @@ class SumOfPriors(Prior):
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
         """Sum of the terms' constants."""
-        return sum(term.log_constant(model, parameters) for term in self.terms)
+        return float(sum(term.log_constant(model, parameters) for term in self.terms))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""
         terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
-        return self if terms == self.terms else SumOfPriors(terms)
+        # By identity: terms of one's own may hold arrays, which have no one truth value.
+        return self if all(map(is_, terms, self.terms)) else SumOfPriors(terms)
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,5 @@
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 import scipy.integrate
@@ -6,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import serd_core as sc
-from serd_core.arrays import gradient_differences
+from serd_core.arrays import FloatArray, gradient_differences
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
@@ -204,6 +206,27 @@ def test_an_unanchored_divergence_takes_the_initial_dynamics():
 def test_anchoring_keeps_a_given_reference_and_priors_that_need_none():
     for prior in (KldPrior(1.0, REFERENCE), EntropyPrior(1.0), UniformPrior()):
         assert prior.anchored(np.array([[0.5, 0.25, 0.25]])) is prior
+
+
+@dataclass(frozen=True)
+class NearReference(Prior):
+    """A prior of one's own, which is compared by its fields and holds an array."""
+
+    reference: FloatArray | None = None
+
+    def evaluate(self, model, parameters):
+        away = model.local_probabilities(parameters.truth) - self.reference
+        return LogPrior(-float(np.sum(away**2)), parameters.zeros())
+
+    def anchored(self, initial_local_probabilities):
+        return NearReference(initial_local_probabilities)
+
+
+def test_a_sum_anchors_terms_that_hold_arrays():
+    prior = (UniformPrior() + NearReference()).anchored(REFERENCE).anchored(2.0 * REFERENCE)
+    assert prior.evaluate(MODEL, at(truth=np.log(REFERENCE[0]))).value == pytest.approx(
+        -float(np.sum(REFERENCE**2))
+    )
 
 
 def test_coupling_is_zero_where_belief_and_truth_are_the_same():
