@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, shown
+from serd_core.arrays import FloatArray, float_array, number_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
@@ -67,7 +67,7 @@ def fit_several_goals(
         start = float_array("initial_weights", initial_weights, (len(names),))
     ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
     each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
-    objective = SumOverGoals(each)  # transitions are known and only add a constant
+    objective = SumOverGoals(each)
     found = Scaled(objective, 1.0 / ranges).maximum(NewtonAscent(), start, on_step)
     weights = found.vector
     return SharedRewards(
@@ -83,13 +83,14 @@ def fit_several_goals(
 
 @dataclass(frozen=True, eq=False)
 class SumOverGoals(Objective):
-    """The sum of the goals' log-likelihoods."""
+    """The sum of the goals' log-likelihoods of choices; known transitions only add a constant."""
 
-    goals: Sequence[Objective]
+    goals: Sequence[LogPosterior]
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """Sum of values and of gradients."""
-        values, gradients = zip(*(goal.evaluate(vector) for goal in self.goals), strict=True)
+        values = [goal.found(vector)[1].policy_log_likelihood for goal in self.goals]
+        gradients = [goal.evaluate(vector)[1] for goal in self.goals]
         return float(sum(values)), np.sum(gradients, axis=0)
 
     def hessian(self, vector: FloatArray) -> FloatArray:
@@ -107,7 +108,9 @@ def _log_likelihood(
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
     observations = observe_in(problem, decisions)
-    known = np.zeros(0) if dynamics is None else np.asarray(dynamics, dtype=np.float64)
+    known = np.zeros(0)
+    if dynamics is not None:
+        known = np.asarray(number_array("dynamics", dynamics), dtype=np.float64)
     if decisions.hidden.any():
         raise SerdError(
             f"decisions must show their actions, got {int(decisions.hidden.sum())} without; use"

@@ -53,6 +53,12 @@ def test_one_goal_is_an_ordinary_fit():
     np.testing.assert_allclose(found.standard_errors, errors.reward, rtol=1e-4)
 
 
+def test_steps_show_the_log_likelihood_of_the_choices_alone():
+    (pair,), steps = simulated(goals=(12,)), []
+    found = sc.fit_several_goals([pair], on_step=lambda step: steps.append(step.objective))
+    assert steps[-1] == pytest.approx(found.log_likelihoods[0], rel=1e-9)
+
+
 def test_the_gradient_over_all_goals_is_that_of_differences():
     pairs = simulated()
     objective = SumOverGoals([_log_likelihood(*pair, None) for pair in pairs])
