@@ -84,6 +84,7 @@ class CrowdSnapshot:
 
     def __post_init__(self) -> None:
         people = len(self.people_position_m)
+        float_array("time_s of the snapshot", self.time_s, ())
         shapes: dict[str, tuple[int | None, ...]] = {
             "robot_pose": (3,),
             "people_position_m": (people, 2),
@@ -92,7 +93,7 @@ class CrowdSnapshot:
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, float_array(name, getattr(self, name), shape))
-        trail = np.asarray(self.people_trail_m, dtype=np.float64)
+        trail = np.array(self.people_trail_m, dtype=np.float64)
         float_array("people_trail_m", np.where(np.isnan(trail), 0.0, trail), (None, people, 2))
         object.__setattr__(self, "people_trail_m", trail)
 
@@ -193,6 +194,9 @@ class ReportInputs:
         require_index("demonstrations.state", self.demonstrations.state, states, "a state")
         # What else the fit and the policy hold is checked by the figures that draw it.
         float_array("fit.objective_trace", self.fit.objective_trace, (None,))
+        for name in ("outcome_probabilities", "initial_outcome_probabilities"):
+            table = getattr(self.fit, name)
+            float_array(f"fit.{name}", table, (len(self.problem.model_names), None))
         if self.fit.feature_names != self.problem.feature_names:
             raise ReportError(
                 f"fit.feature_names must be those of the problem {self.problem.feature_names}, "

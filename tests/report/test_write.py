@@ -158,6 +158,13 @@ def test_a_nan_in_the_objective_is_refused_with_its_place(inputs: ReportInputs) 
         replace(inputs, fit=fit)
 
 
+@pytest.mark.parametrize("name", ["outcome_probabilities", "initial_outcome_probabilities"])
+def test_a_table_of_other_outcome_models_is_refused(inputs: ReportInputs, name: str) -> None:
+    fit = replace(inputs.fit, **{name: getattr(inputs.fit, name)[:1]})
+    with pytest.raises(SerdError, match=rf"^fit\.{name} must have shape \(4, any\), got \(1, 5\)"):
+        replace(inputs, fit=fit)
+
+
 def test_a_report_without_episodes_and_forecasts_is_refused(inputs: ReportInputs) -> None:
     with pytest.raises(SerdError, match="episodes must have at least one row where there is no"):
         replace(inputs, episodes=())
