@@ -107,7 +107,7 @@ class SumOfPriors(Prior):
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""
         terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
-        # By identity: terms of one's own may hold arrays, which have no one truth value.
+        # By identity: priors of users may hold arrays, whose comparison is no single truth value.
         return self if all(map(is_, terms, self.terms)) else SumOfPriors(terms)
 
 
