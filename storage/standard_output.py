@@ -11,6 +11,8 @@ from storage.errors import FileError, disk_errors
 
 #: Of what is printed; opening a file fails with its name.
 _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+#: Of a path that no file can have.
+_PATH_ERRORS = (errno.ENAMETOOLONG, errno.ELOOP)
 
 
 @contextmanager
@@ -37,7 +39,7 @@ def written_output() -> Iterator[None]:
             raise SystemExit(0) from None
         raise
     except OSError as error:
-        if error.filename is not None:  # of a path that no file can have
+        if error.errno in _PATH_ERRORS:
             with disk_errors("use", Path(os.fsdecode(error.filename))):
                 raise
         if error.errno not in _OUTPUT_ERRORS:
