@@ -150,7 +150,7 @@ def require_count(name: str, value: object, least: int, example: str) -> None:
 
 def require_positive(name: str, value: Any, fix: str = "use for example 1") -> None:
     """SerdError unless an argument is one finite number above 0."""
-    if not (is_number(value) and np.isfinite(value) and value > 0):
+    if not (is_number(value) and 0.0 < value < np.inf):
         raise SerdError(f"{name} must be finite and above 0, got {shown(value)}; {fix}")
 
 

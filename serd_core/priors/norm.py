@@ -30,7 +30,7 @@ class NormPrior(Prior):
     def __post_init__(self) -> None:
         require_weight("weight of NormPrior", self.weight)
         require_kind("block of NormPrior", self.block, (Block,), "Block.REWARD")
-        if not (is_number(self.p) and np.isfinite(self.p) and self.p >= 1.0):
+        if not (is_number(self.p) and 1.0 <= self.p < np.inf):
             raise SerdError(
                 f"p of NormPrior must be finite and at least 1, got {shown(self.p)}; use 2"
             )

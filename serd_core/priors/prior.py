@@ -126,7 +126,7 @@ def require_dynamics_block(name: str, block: Block) -> None:
 
 def require_weight(name: str, weight: float) -> None:
     """SerdError unless the weight is finite and not negative."""
-    if not (is_number(weight) and np.isfinite(weight) and weight >= 0):
+    if not (is_number(weight) and 0.0 <= weight < np.inf):
         raise SerdError(
             f"{name} must be finite and not negative, got {shown(weight)}; use 0 for none"
         )

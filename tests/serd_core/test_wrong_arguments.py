@@ -53,6 +53,13 @@ def test_what_is_no_positive_number_is_rejected(gridworld, wrong):
             call()
 
 
+def test_a_number_is_positive_where_numpy_has_no_type_for_it():
+    [start] = PolicyMatchingPolicy(2**70).initial_parameters.tolist()
+    assert (start, type(start)) == (2.0**70, float)
+    with pytest.raises(sc.SerdError, match="start_temperature must be finite and above 0, got -1"):
+        PolicyMatchingPolicy(-(2**70))
+
+
 @pytest.mark.parametrize("size", [1e308, 1e300])
 @pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
 def test_weights_whose_values_overflow_are_rejected(gridworld, solve, size):
