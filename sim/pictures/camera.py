@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.scenario.scenario import Scenario
 
+#: (height, width, 3) picture.
+Frame = NDArray[np.uint8]
 _HIGHEST_M = 1.75
 _FILLED = 0.96
 _FITTING_PASSES = 40

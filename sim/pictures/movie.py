@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from sim.errors import SimError
-from sim.pictures.trajectory import Frame
+from sim.pictures.camera import Frame
 from storage.errors import disk_errors
 
 

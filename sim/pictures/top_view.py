@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
-from sim.pictures.trajectory import Frame, Trajectory
+from sim.pictures.camera import Frame
+from sim.pictures.trajectory import Trajectory
 from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.polygon import contains
 from sim.scenario.scenario import Scenario

@@ -1,10 +1,8 @@
 """Who was where during an episode, tick by tick."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
@@ -12,12 +10,7 @@ from sim.errors import SimError
 from sim.scenario.obstacle import Pose
 from sim.world.command import Command
 from sim.world.observation import Observation
-
-if TYPE_CHECKING:  # it imports `scene`, which draws trajectories
-    from sim.world.world import HallwayWorld
-
-#: (height, width, 3) picture.
-Frame = NDArray[np.uint8]
+from sim.world.world import HallwayWorld
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +29,7 @@ class Trajectory:
 class TrajectoryRecorder:
     """Pass `see` to run_episode of a world as its observer, then read `trajectory`."""
 
-    def __init__(self, world: "HallwayWorld") -> None:
+    def __init__(self, world: HallwayWorld) -> None:
         self._world = world
         self._seen: list[Observation] = []
         self._obstacles: list[tuple[Pose, ...]] = []

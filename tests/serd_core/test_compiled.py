@@ -23,7 +23,7 @@ from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear import krylov
 from serd_core.bellman.linear import policy_pattern as linear_pattern
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.krylov import Krylov, Swept
+from serd_core.bellman.linear.krylov import Krylov, Swept, SweptSystem
 from serd_core.bellman.linear.linear_solver import WithFallback
 from serd_core.bellman.linear.policy_pattern import EntryPattern, policy_pattern
 from serd_core.bellman.value_iteration import ValueIteration
@@ -34,9 +34,6 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, usable_features, weights_gradient
 from serd_core.mdp.problem import rewards as reward_table
 from serd_core.policies.solved_policy import soft_policy
-
-if HAS_NUMBA:
-    from serd_core.bellman.linear.swept_bicgstab import SweptSystem
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`) is not installed")
 
@@ -178,6 +175,8 @@ def test_swept_solutions_are_those_of_the_dense_solver(
 @pytest.mark.parametrize("n_states", [2, 3, 8, 41])
 @pytest.mark.parametrize("split_from", [0, compiled.SMALLEST_SPLIT])
 def test_the_factor_of_a_chain_is_exact_in_twisted_order(monkeypatch, n_states, split_from):
+    from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
+
     monkeypatch.setattr(compiled, "SMALLEST_SPLIT", split_from)
     monkeypatch.setattr(linear_pattern, "_MOST_CROSSING", 1.0)
     monkeypatch.setattr(linear_pattern, "_WIDEST_SEAM", 1.0)
@@ -190,8 +189,7 @@ def test_the_factor_of_a_chain_is_exact_in_twisted_order(monkeypatch, n_states, 
     data = pattern.system_data(np.ones((n_states, 1)), entries, 0.99)
     right_side = rng.normal(size=n_states)
     for transposed in (False, True):
-        system = SweptSystem(Krylov(max_iterations=1), pattern, data, lumped=1.0)
-        found = system._run(right_side, transposed, 0.0)
+        found = SweptMatrix(pattern, data, 1.0).solve(right_side, transposed, 0.0, 1)
         dense = pattern.matrix(data).toarray()
         expected = np.linalg.solve(dense.T if transposed else dense, right_side)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)

@@ -16,10 +16,11 @@ from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.episodes.settings import EpisodeSettings, WorldSettings
+from sim.pictures.camera import Frame
 from sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
-from sim.pictures.scene import SceneView
+from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
-from sim.pictures.trajectory import Frame, Trajectory, TrajectoryRecorder
+from sim.pictures.trajectory import Trajectory, TrajectoryRecorder
 from sim.planning.catalogue import planner_in_world
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld

@@ -72,7 +72,7 @@ class Krylov(LinearSolver):
 
 @dataclass(frozen=True)
 class Swept(LinearSolver):
-    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptSystem`."""
+    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptMatrix`."""
 
     settings: Krylov
     lumped: float = 0.0
@@ -80,9 +80,9 @@ class Swept(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Scale the rows of the matrix."""
-        from serd_core.bellman.linear.swept_bicgstab import SweptSystem
+        from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
 
-        return SweptSystem(self.settings, pattern, data, self.lumped, self.kind)
+        return SweptSystem(self.settings, SweptMatrix(pattern, data, self.lumped, self.kind))
 
 
 class KrylovSystem(LinearSystem):
@@ -170,3 +170,23 @@ class PlainSystem(KrylovSystem):
             matvec=lambda vector: factor.solve(vector, trans=trans),
             dtype=np.float64,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SweptSystem(KrylovSystem):
+    """Preconditioned by compiled sweeps."""
+
+    settings: Krylov
+    swept: Any
+
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        product: FloatArray = self.swept.product(vector, transposed)
+        return product
+
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
+    ) -> FloatArray:
+        found: FloatArray = self.swept.solve(
+            right_side, transposed, relative_residual, self.settings.max_iterations
+        )
+        return found

@@ -25,28 +25,22 @@ import numba
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.linear.krylov import Krylov, KrylovSystem
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.compiled import side_by_side
 
 _compiled: Any = numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 
 
-class SweptSystem(KrylovSystem):
+class SweptMatrix:
     """A, and its rows divided by the pivots d; read by columns those are A^T / d.
 
     lumped: share of the fill that pivots take up; kind: type of the divided rows and the vectors.
     """
 
     def __init__(
-        self,
-        settings: Krylov,
-        pattern: PolicyPattern,
-        data: FloatArray,
-        lumped: float,
-        kind: Any = np.float64,
+        self, pattern: PolicyPattern, data: FloatArray, lumped: float = 0.0, kind: Any = np.float64
     ) -> None:
-        self.settings, self._matrix = settings, pattern.matrix(data)
+        self._matrix = pattern.matrix(data)
         self._seam = pattern.seam
         pivots, scaled = np.empty(pattern.n_states), np.empty(len(data), dtype=kind)
         structure = pattern.row_start, pattern.column, data, pattern.diagonal
@@ -57,27 +51,39 @@ class SweptSystem(KrylovSystem):
         self._pivots = pivots
         self._stored = (pattern.row_start, pattern.column, scaled, pattern.diagonal)
 
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+    def product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        """(S,) A x, or A^T x."""
         return np.asarray((self._matrix.T if transposed else self._matrix) @ vector)
 
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
+    def solve(
+        self,
+        right_side: FloatArray,
+        transposed: bool,
+        relative_residual: float,
+        max_iterations: int,
     ) -> FloatArray:
+        """(S,) x near the solution of A x = b or A^T x = b, as far as the recurrences got."""
         by_rows = not transposed
         size = float(np.max(np.abs(right_side))) or 1.0
         remaining = right_side / (size * self._pivots if by_rows else size)
         remaining = remaining.astype(self._stored[2].dtype, copy=False)
         # What breaks down is not finite and no better than zero, which callers see.
         with side_by_side(self._seam.sides) as on_sides, np.errstate(all="ignore"):
-            found = self._bicgstab(on_sides, by_rows, remaining, relative_residual)
-        solution = found.astype(np.float64, copy=False)
+            solution = self._bicgstab(
+                on_sides, by_rows, remaining, relative_residual, max_iterations
+            ).astype(np.float64, copy=False)
         solution *= size
         if transposed:
             solution /= self._pivots
         return np.asarray(solution)
 
     def _bicgstab(
-        self, on_sides: Callable[..., list[Any]], by_rows: bool, r: Any, relative_residual: float
+        self,
+        on_sides: Callable[..., list[Any]],
+        by_rows: bool,
+        r: Any,
+        relative_residual: float,
+        max_iterations: int,
     ) -> Any:
         """x near the solution, from zero (van der Vorst 1992); uses up the right side r.
 
@@ -104,7 +110,7 @@ class SweptSystem(KrylovSystem):
         squared = rho = lower(on_sides(_solve_lower, *given, y, r, r), y, r, r)[0]
         shadow, t, target = r.copy(), np.empty_like(r), relative_residual**2 * squared
         beta, minus = kind(0.0), kind(0.0)
-        for _ in range(self.settings.max_iterations):
+        for _ in range(max_iterations):
             if squared <= target or rho == 0.0:
                 break
             everywhere(_turn, beta, minus, r, v, p, y)

@@ -11,7 +11,7 @@ from PIL import Image
 from serd_core.errors import SerdError
 from sim.pictures.camera import Camera, chase_camera
 from sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
-from sim.pictures.scene import SceneView
+from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
 from sim.pictures.trajectory import TrajectoryRecorder
 from sim.scenario.scenario import load_scenario
