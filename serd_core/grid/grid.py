@@ -66,7 +66,8 @@ class Grid:
         if len(origin) != 2 or not np.all(np.isfinite(origin)):
             raise SerdError(f"origin_m must be two finite numbers (x, y), got {self.origin_m}")
         require_positive("cell_size_m", self.cell_size_m)
-        if not 1.0 / _LARGEST_M <= self.cell_size_m <= _LARGEST_M >= np.abs(origin).max():
+        largest_m = max(self.cell_size_m, *map(abs, origin))
+        if self.cell_size_m < 1.0 / _LARGEST_M or largest_m > _LARGEST_M:
             raise SerdError(
                 f"cell_size_m must be from {1.0 / _LARGEST_M:g} to {_LARGEST_M:g} and origin_m at"
                 f" most that, got {self.cell_size_m:g} and {origin}; use metres"

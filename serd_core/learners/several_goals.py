@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, number_array, shown
+from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
-from serd_core.learners.start import starting_parameters
+from serd_core.learners.start import dynamics_or_estimate, starting_parameters
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
@@ -108,9 +108,7 @@ def _log_likelihood(
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
     observations = observe_in(problem, decisions)
-    known = np.zeros(0)
-    if dynamics is not None:
-        known = np.asarray(number_array("dynamics", dynamics), dtype=np.float64)
+    known = dynamics_or_estimate(problem, decisions, dynamics)
     if decisions.hidden.any():
         raise SerdError(
             f"decisions must show their actions, got {int(decisions.hidden.sum())} without; use"

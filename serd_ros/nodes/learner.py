@@ -91,8 +91,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         folder = Path(self.config.state) if self.config.state else beside
         memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
-        if memory.start_remark:
-            self.get_logger().warning(memory.start_remark)
+        if remark := memory.start_remark:
+            self.get_logger().warning(remark)
         return memory
 
     def _listen(self, memory: LearnerMemory) -> None:

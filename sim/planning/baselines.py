@@ -68,13 +68,16 @@ class BaselinePlanner:
         return BaselinePlanner, self._made_of, (*last.velocity, last.angular_speed)
 
     def __setstate__(self, last: tuple[float, float, float]) -> None:
-        self._behaviour.actuated_twist = self._core.Twist2(
-            last[:2], last[2], frame=self._core.Frame.relative
-        )
+        self._set_last_command(*last)
 
     def reset(self) -> None:
         """Discard the last command, the one state of a behaviour."""
-        self.__setstate__((0.0, 0.0, 0.0))
+        self._set_last_command(0.0, 0.0, 0.0)
+
+    def _set_last_command(self, ahead_mps: float, left_mps: float, yaw_rate_radps: float) -> None:
+        core = self._core
+        twist = core.Twist2((ahead_mps, left_mps), yaw_rate_radps, frame=core.Frame.relative)
+        self._behaviour.actuated_twist = twist
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""

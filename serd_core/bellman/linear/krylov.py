@@ -85,6 +85,7 @@ class Swept(LinearSolver):
         return SweptSystem(self.settings, SweptMatrix(pattern, data, self.lumped, self.kind))
 
 
+@dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
     """One matrix."""
 
@@ -137,7 +138,6 @@ class KrylovSystem(LinearSystem):
 class PlainSystem(KrylovSystem):
     """By rows, without a preconditioner or with an incomplete factor."""
 
-    settings: Krylov
     matrix: Any
     incomplete: Any
 
@@ -176,7 +176,6 @@ class PlainSystem(KrylovSystem):
 class SweptSystem(KrylovSystem):
     """Preconditioned by compiled sweeps."""
 
-    settings: Krylov
     swept: Any
 
     def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
