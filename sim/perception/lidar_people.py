@@ -30,7 +30,7 @@ class LidarPeople:
     def __init__(
         self, scenario: Scenario, settings: GuardSettings, wall_margin_m: float = WALL_MARGIN_M
     ) -> None:
-        self._settings = settings
+        self._settings, self._walls_m = settings, scenario.wall_segments_m
         self._perception = ScanPerception(scenario, wall_margin_m)
         self._waiting: deque[Scan] = deque(maxlen=_MOST_WAITING)
         self.reset()
@@ -39,7 +39,7 @@ class LidarPeople:
         """Discard tracks and poses, after a jump of the clock; scans that wait are kept."""
         self._perception.reset()
         self._poses = PoseTrack(_MEMORY_S)
-        self._monitor = ScanMonitor(self._settings, self._poses)
+        self._monitor = ScanMonitor(self._settings, self._poses, self._walls_m)
         self._taken_s: float | None = None
         self._received_s: float | None = None
 
@@ -67,9 +67,10 @@ class LidarPeople:
 
     def _take(self, scan: Scan) -> None:
         self._taken_s = scan.stamp_s
-        self._monitor.take(scan)
+        pose = self._poses.at(scan.stamp_s)
+        interpreted = self._monitor.take(scan, pose, pose=pose)
         if self._monitor.check()[0] > 0.0:
-            self._perception.take_scan(scan, self._poses.at(scan.stamp_s))
+            self._perception.take_scan(interpreted, pose)
 
     def _fault(self, time_s: float) -> Fault | None:
         timeout_s = self._settings.source_timeout

@@ -25,7 +25,7 @@ from sim.safety.world_guard import Message, guarded, published
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
-from sim.world.directive import FollowedDirective
+from sim.world.directive import REPEAT_PERIOD_S, FollowedDirective
 from sim.world.observation import Observation
 from sim.world.observation_inbox import ObservationInbox
 from sim.world.seeds import FAULT, episode_rng
@@ -120,6 +120,7 @@ class _LivePlanner:
         self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf
         self.observation: Observation | None = None
+        self._directed: Waypoint | None = None
 
     def receive(self, messages: Messages, now_s: float) -> None:
         for each in messages:
@@ -145,8 +146,13 @@ class _LivePlanner:
         """Take the waypoint of the decision period that begins now."""
         observation = self.observation
         if observation is not None:
-            waypoint = _waypoint_ahead(self._grid, observation, driver.decide(observation))
-            self._followed.take(observation.time_s, waypoint)
+            self._directed = _waypoint_ahead(self._grid, observation, driver.decide(observation))
+            self.repeat()
+
+    def repeat(self) -> None:
+        """Take the last waypoint again, as a source does that goes on."""
+        if self.observation is not None and self._directed is not None:
+            self._followed.take(self.observation.time_s, self._directed)
 
     def command(self, now_s: float) -> Command:
         if self.observation is None or now_s - self._arrived_s > _SILENT_S:
@@ -202,10 +208,11 @@ class _FaultyEpisode:
         self._driver = make_driver(task.driver, scenario, task.seed)
         self._planner = _LivePlanner(scenario, task.planner, task.people_from)
         settings = GuardSettings.of_scenario(scenario, task.people_from)
-        self._guard = Guard(settings) if task.guarded else None
+        self._guard = Guard(settings, scenario.wall_segments_m) if task.guarded else None
         rng = episode_rng(task.seed, task.episode, FAULT)
         self._channel = self._kind.make(rng, scenario.control_period_s)
         self._watch = _Watch()
+        self._repeat_ticks = round(REPEAT_PERIOD_S / scenario.control_period_s)
         self._stopped_for: bool | None = None
         self._n_stops: Counter[bool] = Counter()
 
@@ -255,6 +262,8 @@ class _FaultyEpisode:
         silent = self._kind.ends_waypoints and self._watch.start is not None
         if is_decision_tick(observation, self._world.scenario) and not silent:
             planner.decide(self._driver)
+        elif observation.tick % self._repeat_ticks == 0 and not silent:
+            planner.repeat()
         command = planner.command(now_s)
         if self._guard is None:
             return command

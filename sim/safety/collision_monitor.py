@@ -8,19 +8,23 @@ obstacle of radius r_j, the command is forbidden where for some t before the rob
 
 Scan points stand (u = 0, r_j = 0), people walk straight on. Where only the scan shows people, its
 points may come from every side: the margin grows by their speed times t. The second argument of the
-minimum lets the robot leave an obstacle that it touches. A robot that brakes from an allowed
-command stays on the path that was checked, so braking is always allowed.
+minimum lets the robot leave an obstacle that it touches. Points within the footprint show that the
+body is smaller: where nothing else is allowed the robot creeps, and others may come as near. Where
+the known space ends there is an obstacle, so that the robot can stop within what is known. A robot
+that brakes from an allowed command stays on the path that was checked, so braking is always
+allowed.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.robot.unicycle import limited_velocity
+from sim.safety.known_space import NO_POINTS
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
-from sim.safety.settings import GuardSettings
+from sim.safety.settings import CREEP_MPS, GuardSettings
 from sim.world.command import STOP, Command
 
 #: Shares of a command that are tried in turn.
@@ -34,13 +38,15 @@ _NO_REASON: tuple[Reason, ...] = ()
 class Obstacles:
     """In the robot's frame: scan points (N, 2), people (M, 2) and their velocities (M, 2).
 
-    points_mps: speed at which points may come nearer.
+    points_mps: speed at which points may come nearer. unknown_m: (K, 2) places where nothing is
+    known any more.
     """
 
     points_m: FloatArray
     people_m: FloatArray
     people_mps: FloatArray
     points_mps: float = 0.0
+    unknown_m: FloatArray = field(default_factory=lambda: NO_POINTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +83,17 @@ class CollisionMonitor:
             found = found or reasons
             if tried.linear_mps == 0.0:
                 break
+        slow = _scaled(command, min(1.0, CREEP_MPS / max(abs(command.linear_mps), 1e-9)))
+        if self._touches(obstacles) and not self._collisions(slow, speeds, obstacles, leaves=True):
+            return slow, GuardAction.APPROACH, zone + found
         turn = Command(0.0, command.angular_radps)
         allowed = not self._collisions(turn, speeds, obstacles)
         return turn if allowed else STOP, GuardAction.STOP, zone + found
+
+    def _touches(self, obstacles: Obstacles) -> bool:
+        """Whether scan points are within the footprint."""
+        within = np.hypot(*obstacles.points_m.T) < self._settings.radius
+        return int(within.sum()) >= self._settings.min_points
 
     def _slowdown_zone(self, obstacles: Obstacles) -> tuple[Reason, ...]:
         settings = self._settings
@@ -91,18 +105,32 @@ class CollisionMonitor:
         return _reasons(near_people.any(), near.sum() >= settings.min_points, Fault.NEAR)
 
     def _collisions(
-        self, command: Command, speeds: tuple[float, float], obstacles: Obstacles
+        self,
+        command: Command,
+        speeds: tuple[float, float],
+        obstacles: Obstacles,
+        *,
+        leaves: bool = False,
     ) -> tuple[Reason, ...]:
-        """Which obstacles forbid a command; none do where the robot only turns."""
+        """Which obstacles forbid a command; none do where the robot only turns.
+
+        leaves: scan points may come as near as the nearest one is, but no deeper all in all.
+        """
         path = self._path(command, speeds)
         if path.length_m == 0.0:
             return _NO_REASON
         settings = self._settings
-        hit = self._comes_near_points(path, obstacles, settings.radius, settings.collision_margin)
+        radius_m, margin_m = settings.radius, settings.collision_margin
+        unknown: tuple[Reason, ...] = ()
+        if len(obstacles.unknown_m):
+            known = replace(obstacles, points_m=obstacles.unknown_m, points_mps=0.0)
+            if self._comes_near_points(path, known, radius_m, margin_m):
+                unknown = (Reason(Source.SCAN, Fault.UNKNOWN),)
+        hit = self._comes_near_points(path, obstacles, radius_m, margin_m, leaves=leaves)
         if settings.stop_radius > 0.0 and not hit:
             start = _Path(path.places_m[:1], path.time_s[:1], path.length_m)
             hit = self._comes_near_points(start, obstacles, settings.stop_radius, 0.0)
-        return _reasons(self._comes_near_people(path, obstacles), hit, Fault.COLLISION)
+        return _reasons(self._comes_near_people(path, obstacles), hit, Fault.COLLISION) + unknown
 
     def _path(self, command: Command, speeds: tuple[float, float]) -> _Path:
         """The path of a robot that follows the command for a while and then brakes."""
@@ -123,7 +151,13 @@ class CollisionMonitor:
         return _Path(np.array(places), time_s, length_m)
 
     def _comes_near_points(
-        self, path: _Path, obstacles: Obstacles, radius_m: float, margin_m: float
+        self,
+        path: _Path,
+        obstacles: Obstacles,
+        radius_m: float,
+        margin_m: float,
+        *,
+        leaves: bool = False,
     ) -> bool:
         """Whether enough scan points come within the margin, or nearer than they are."""
         margins_m = margin_m + obstacles.points_mps * path.time_s[:, None]
@@ -137,9 +171,11 @@ class CollisionMonitor:
             points_m[:, 0] - places_m[:, :1], points_m[:, 1] - places_m[:, 1:]
         ) - radius_m  # fmt: skip
         # Along a wall that is nearer than the margin, the robot may keep its distance to it.
-        kept_m = np.minimum(max(float(standing_m.min()), 0.0), margins_m)
+        nearest_m = float(standing_m.min())
+        kept_m = np.minimum(nearest_m if leaves else max(nearest_m, 0.0), margins_m)
         limit_m = np.minimum(standing_m, kept_m) - _ROUNDING_M
-        return int((gap_m < limit_m).any(axis=0).sum()) >= self._settings.min_points
+        comes_near = int((gap_m < limit_m).any(axis=0).sum()) >= self._settings.min_points
+        return comes_near or (leaves and _goes_deeper(standing_m, gap_m))
 
     def _comes_near_people(self, path: _Path, obstacles: Obstacles) -> bool:
         """Whether a person comes within the margin, and nearer than to a robot that stands."""
@@ -160,6 +196,15 @@ class CollisionMonitor:
         gap_m = np.hypot(away[..., 0], away[..., 1]) - reach_m
         limit_m = np.minimum(settings.collision_margin, standing_m - _ROUNDING_M)
         return bool((gap_m < limit_m).any())
+
+
+def _goes_deeper(standing_m: FloatArray, gap_m: FloatArray) -> bool:
+    """Whether points (N,) come deeper into the footprint on a path (times, N), all in all.
+
+    A single point would not do: by its noise the robot would come nearer scan by scan.
+    """
+    now_m, later_m = (np.maximum(-each, 0.0).sum(axis=-1) for each in (standing_m, gap_m))
+    return bool((later_m > now_m + _ROUNDING_M).any())
 
 
 def _scaled(command: Command, share: float) -> Command:

@@ -71,6 +71,21 @@ def _every_range(value: float) -> Channel:
     )
 
 
+def _sector_ahead(value: float) -> Channel:
+    """The ranges of a quarter turn ahead have that value."""
+
+    def hidden(scan: Scan) -> Scan:
+        ahead = np.abs(np.remainder(scan.angles_rad + np.pi, 2.0 * np.pi) - np.pi) < np.pi / 4.0
+        ranges_m = np.where(ahead, np.float32(value), scan.ranges_m)
+        return replace(scan, ranges_m=ranges_m)
+
+    return _altered(Source.SCAN, hidden)
+
+
+def _without_twist(odometry: tuple[Pose, tuple[float, float]]) -> tuple[Pose, tuple[float, float]]:
+    return odometry[0], (0.0, 0.0)
+
+
 def _noisy(rng: np.random.Generator, lost_share: float) -> Channel:
     """Normal noise on every range, and that share of the rays without one."""
 
@@ -109,6 +124,13 @@ FAULTS: dict[str, FaultKind] = {
     "scan_stops": FaultKind("scan stops", lambda *_: _stops(Source.SCAN), "scan"),
     "scan_nan": FaultKind("scan is all NaN", lambda *_: _every_range(np.nan), "scan"),
     "scan_inf": FaultKind("scan is all inf", lambda *_: _every_range(np.inf), "scan"),
+    "scan_near": FaultKind(
+        "a quarter turn ahead is -inf", lambda *_: _sector_ahead(-np.inf), "scan"
+    ),
+    "scan_zero": FaultKind("a quarter turn ahead is 0", lambda *_: _sector_ahead(0.0), "scan"),
+    "scan_sector": FaultKind(
+        "a quarter turn ahead turns inf", lambda *_: _sector_ahead(np.inf), "scan"
+    ),
     "scan_frozen": FaultKind(
         "scan frozen under fresh stamps", lambda *_: _frozen(Source.SCAN), "scan"
     ),
@@ -124,6 +146,9 @@ FAULTS: dict[str, FaultKind] = {
     ),
     "pose_jumps": FaultKind("robot_pose jumps by 2 m", lambda *_: _altered(Source.POSE, _jumped)),
     "odom_stops": FaultKind("odom stops", lambda *_: _stops(Source.ODOMETRY)),
+    "odom_twist": FaultKind(
+        "the twist of odom is 0", lambda *_: _altered(Source.ODOMETRY, _without_twist)
+    ),
     "odom_frozen": FaultKind("odom frozen under fresh stamps", lambda *_: _frozen(Source.ODOMETRY)),
     "delay_1s": FaultKind("every input 1 s late", lambda _, period_s: _late(1.0, period_s)),
     "delay_3s": FaultKind("every input 3 s late", lambda _, period_s: _late(3.0, period_s)),

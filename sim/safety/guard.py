@@ -24,14 +24,13 @@ from sim.safety.input_monitor import (
     ScanMonitor,
     StampMonitor,
 )
-from sim.safety.motion import Pose, is_finite, motion_between
+from sim.safety.known_space import BODY_MARGIN_M, NO_POINTS, SeenSpace
+from sim.safety.motion import Pose, compose, in_frame, is_finite, motion_between, rotated
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
-from sim.safety.settings import GuardSettings
+from sim.safety.settings import CREEP_MPS, GuardSettings
 from sim.world.command import STOP, Command
 
-#: Scan points nearer than this (m) to the body of a person belong to that person.
-_BODY_MARGIN_M = 0.15
 _MOST_WAITING = 200
 _PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID, Fault.UNSEEN
 
@@ -61,17 +60,22 @@ class _People:
 
 
 class Guard:
-    """Receives inputs and returns commands; it has no clock of its own."""
+    """Receives inputs and returns commands; it has no clock of its own.
 
-    def __init__(self, settings: GuardSettings | None = None) -> None:
+    walls_m: (W, 2, 2) segments of the map, in whose reach a ray must have a return; None without
+    a map.
+    """
+
+    def __init__(
+        self, settings: GuardSettings | None = None, walls_m: FloatArray | None = None
+    ) -> None:
         self.settings = settings if settings is not None else GuardSettings()
+        self._walls_m = walls_m
         self.n_rejected: Counter[Source] = Counter()
         self._monitor = CollisionMonitor(self.settings)
         observed = map(Source, self.settings.observation_sources)
         self.sources = (Source.ODOMETRY, *observed)
         self._reach_m = _reach_m(self.settings)
-        at = self.settings
-        self._sensor: Pose = at.sensor_x, at.sensor_y, at.sensor_yaw
         self._now_s: float | None = None
         self._override_s: float | None = None
         self.reset()
@@ -82,7 +86,8 @@ class Guard:
         self._stamps = {source: StampMonitor(settings) for source in self.sources}
         self._odometry, self._crowd = OdometryMonitor(settings), PeopleMonitor(settings)
         track = self._odometry.track
-        self._poses, self._scans = PoseMonitor(settings, track), ScanMonitor(settings, track)
+        self._poses = PoseMonitor(settings, track)
+        self._scans = ScanMonitor(settings, track, self._walls_m, self._reach_m)
         self._rules: dict[Source, _Rule] = {
             Source.ODOMETRY: self._odometry,
             Source.POSE: self._poses,
@@ -93,7 +98,8 @@ class Guard:
         self._waiting_scans: deque[Scan] = deque(maxlen=_MOST_WAITING)
         self._pose: tuple[float, Pose] | None = None
         self._people: _People | None = None
-        self._scan: tuple[FloatArray, Pose, float] | None = None
+        #: What the newest scan shows, the pose by odometry at its stamp, and the stamp.
+        self._scan: tuple[SeenSpace, Pose, float] | None = None
         self._command: tuple[float, Command] | None = None
         self._override_s = None
 
@@ -196,33 +202,25 @@ class Guard:
             if self._poses.has_leapt and Source.SCAN in self.sources:
                 self._crowd.doubt(stamp_s)
         while self._waiting_scans:
-            scan = self._waiting_scans.popleft()
-            odometry = track.at(scan.stamp_s)
-            self._scans.take(scan)
-            self._scan = self._points(scan), odometry, scan.stamp_s
-            self._compare_people(scan, odometry)
+            raw = self._waiting_scans.popleft()
+            odometry = track.at(raw.stamp_s)
+            people_m, in_map = self._people_around(raw.stamp_s, odometry)
+            scan = self._scans.take(raw, odometry, people_m, in_map)
+            self._scan = self._scans.seen, odometry, scan.stamp_s
+            if self._people is not None and in_map is not None:
+                self._crowd.compare(scan, in_frame(people_m, self._scans.mount_of(scan)))
 
-    def _compare_people(self, scan: Scan, odometry: Pose) -> None:
-        people = self._people
-        if people is None or self._pose is None:
-            return
-        stamp_s, pose = self._pose
-        moved = motion_between(self._odometry.track.at(stamp_s), odometry)
-        walked_m = (scan.stamp_s - people.stamp_s) * people.velocity_mps
-        place_m = in_frame(in_frame(people.position_m + walked_m, pose), moved)
-        self._crowd.compare(scan, in_frame(place_m, self._mount_of(scan)))
-
-    def _mount_of(self, scan: Scan) -> Pose:
-        return self._sensor if scan.mount is None else scan.mount
-
-    def _points(self, scan: Scan) -> FloatArray:
-        """(N, 2) points near the robot, in its frame at the time of the scan."""
-        x_m, y_m, yaw_rad = self._mount_of(scan)
-        points_m = scan.points_within(self._reach_m + math.hypot(x_m, y_m))
-        if yaw_rad != 0.0:
-            points_m = _rotated(points_m, yaw_rad)
-        offset_m: FloatArray = np.array([x_m, y_m])
-        return points_m + offset_m
+    def _people_around(self, stamp_s: float, odometry: Pose) -> tuple[FloatArray, Pose | None]:
+        """People (P, 2) in the robot's frame at the stamp of a scan, and its pose in the map."""
+        if self._pose is None:
+            return NO_POINTS, None
+        posed_s, pose = self._pose
+        moved = motion_between(self._odometry.track.at(posed_s), odometry)
+        people, in_map = self._people, compose(pose, moved)
+        if people is None:
+            return NO_POINTS, in_map
+        walked_m = (stamp_s - people.stamp_s) * people.velocity_mps
+        return in_frame(in_frame(people.position_m + walked_m, pose), moved), in_map
 
     def _command_fault(self, now_s: float) -> Fault | None:
         if self._command is None:
@@ -247,10 +245,20 @@ class Guard:
         share = min(checks[source][0] for source in relied)
         if share <= 0.0:
             return GuardOutput(STOP, GuardAction.STOP, reasons)
+        if not self._is_in_view(command):
+            share = min(share, CREEP_MPS / self.settings.max_vel_x)
+            reasons += (Reason(Source.SCAN, Fault.NOT_IN_VIEW),)
         allowed, action = self._limited(command, share, slowly=ignored)
         obstacles = self._obstacles(now_s, with_people=not ignored)
         allowed, done, found = self._monitor.step(allowed, self._odometry.speeds, obstacles)
         return GuardOutput(allowed, done if found else action, reasons + found)
+
+    def _is_in_view(self, command: Command) -> bool:
+        """Whether the lidar, where there is one, looks where a command leads."""
+        if self._scan is None or command.linear_mps == 0.0:
+            return True
+        seen = self._scan[0]
+        return seen.ahead if command.linear_mps > 0.0 else seen.behind
 
     def _check(self, source: Source, now_s: float) -> Check:
         """The stricter of what age and content of an input allow."""
@@ -258,7 +266,8 @@ class Guard:
         if by_age[0] <= 0.0:
             return by_age
         by_content = self._rules[source].check()
-        return by_content if by_content[0] < by_age[0] else by_age
+        is_sound = by_content[1] is None or (by_age[1] is not None and by_age[0] <= by_content[0])
+        return by_age if is_sound else by_content
 
     def _ignored_people(self, checks: dict[Source, Check]) -> bool:
         """Whether the people are known to be wrong, and the scan shows them instead."""
@@ -286,27 +295,29 @@ class Guard:
 
     def _obstacles(self, now_s: float, *, with_people: bool) -> Obstacles:
         """Scan points and people in the robot's frame; points of known people are left out."""
-        nothing = np.zeros((0, 2))
-        people_m = people_mps = points_m = nothing
+        people_m = people_mps = points_m = unknown_m = NO_POINTS
         if self._scan is not None:
-            points_m, scanned_at, _ = self._scan
-            points_m = in_frame(points_m, motion_between(scanned_at, self._odometry.track.pose))
+            seen, scanned_at, _ = self._scan
+            moved = motion_between(scanned_at, self._odometry.track.pose)
+            points_m, unknown_m = in_frame(seen.points_m, moved), in_frame(seen.unknown_m, moved)
         if not with_people:
-            return Obstacles(points_m, people_m, people_mps, self.settings.person_speed)
+            speed_mps = self.settings.person_speed
+            return Obstacles(points_m, people_m, people_mps, speed_mps, unknown_m)
         if self._people is None or self._pose is None:
-            return Obstacles(points_m, people_m, people_mps)
+            return Obstacles(points_m, people_m, people_mps, unknown_m=unknown_m)
         people, (_, pose) = self._people, self._pose
         place_m = in_frame(people.position_m, pose)
         near = np.hypot(place_m[:, 0], place_m[:, 1]) < 2.0 * self._reach_m
         place_m = place_m[near]
-        velocity_mps = _rotated(people.velocity_mps[near], -pose[2])
+        velocity_mps = rotated(people.velocity_mps[near], -pose[2])
         if len(points_m) and len(place_m):
             assert self._scan is not None
             then_m = place_m + (self._scan[2] - people.stamp_s) * velocity_mps
             from_m, to_m = (points_m[:, 0], points_m[:, 1]), (then_m[:, :1], then_m[:, 1:])
             away_m = distance_to_nearest(*from_m, *to_m)
-            points_m = points_m[away_m > self.settings.person_radius + _BODY_MARGIN_M]
-        return Obstacles(points_m, place_m + (now_s - people.stamp_s) * velocity_mps, velocity_mps)
+            points_m = points_m[away_m > self.settings.person_radius + BODY_MARGIN_M]
+        people_m = place_m + (now_s - people.stamp_s) * velocity_mps
+        return Obstacles(points_m, people_m, velocity_mps, unknown_m=unknown_m)
 
 
 def _reach_m(settings: GuardSettings) -> float:
@@ -321,18 +332,3 @@ def _reach_m(settings: GuardSettings) -> float:
         zones_m + slow * follows_s + 0.5 * slow**2 / settings.braking + walked_m,
         settings.slowdown_radius,
     )
-
-
-def in_frame(points_m: FloatArray, frame: Pose) -> FloatArray:
-    """(N, 2) points in the frame of a pose."""
-    return _rotated(points_m, -frame[2], frame[:2])
-
-
-def _rotated(
-    vectors: FloatArray, angle_rad: float, centre: tuple[float, float] = (0.0, 0.0)
-) -> FloatArray:
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    x, y = vectors[:, 0] - centre[0], vectors[:, 1] - centre[1]
-    turned: FloatArray = np.empty((len(vectors), 2))
-    turned[:, 0], turned[:, 1] = cos * x - sin * y, sin * x + cos * y
-    return turned

@@ -11,10 +11,11 @@ from collections import deque
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.safety.known_space import NO_POINTS, KnownSpace, SeenSpace
 from sim.safety.motion import Pose, PoseTrack, motion_between
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan, shown_by
-from sim.safety.settings import GuardSettings
+from sim.safety.settings import CREEP_MPS, GuardSettings
 
 #: Share of the speed that an input allows, and the fault where it is below 1.
 Check = tuple[float, Fault | None]
@@ -175,7 +176,13 @@ class PoseMonitor:
 
 
 class OdometryMonitor:
-    """A jump that speed cannot explain, and wheels that report a speed without a motion."""
+    """Compares the poses by the wheels with the speeds of the same messages.
+
+    A jump that speed cannot explain, a speed without a motion, and a motion without its speed are
+    faults. After the last, speeds count as wrong until the robot has moved by `pose_tolerance` as
+    they state, no faster than it creeps: a robot that stands shows nothing of them. Each time that
+    they are wrong again it stands for twice as long.
+    """
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
@@ -184,10 +191,15 @@ class OdometryMonitor:
         self._stamp_s: float | None = None
         self._n_same = 0
         self._jumped_s: float | None = None
+        #: Stamp, way and turn by the speeds, way and turn by the poses, and the way without a sign.
+        self._window: deque[FloatArray] = deque()
+        self._doubted_s: float | None = None
+        self._look_s = settings.second_look
 
     def begin_session(self) -> None:
         """Discard the stamp of the last pose, after a gap in the clock."""
         self._stamp_s = None
+        self._window.clear()
 
     def take(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
         """Take a pose by the wheels and the speeds (m/s, rad/s)."""
@@ -195,18 +207,53 @@ class OdometryMonitor:
         if len(self.track) and self._stamp_s is not None:
             if _leaps(self.track.pose, pose, stamp_s - self._stamp_s, settings):
                 self._jumped_s = stamp_s
+                self._window.clear()
             same = pose == self.track.pose and abs(speeds[0]) > _WALKS_MPS
             self._n_same = self._n_same + 1 if same else 0
+            self._compare(stamp_s, pose, speeds)
         if self._jumped_s is not None and stamp_s - self._jumped_s >= settings.second_look:
             self._jumped_s = None
         self._stamp_s, self.speeds = stamp_s, speeds
         self.track.append(stamp_s, pose)
 
+    def _compare(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
+        """Compare the motions of the window by pose and by the mean speeds of each period."""
+        assert self._stamp_s is not None
+        settings, period_s = self._settings, stamp_s - self._stamp_s
+        if period_s > settings.source_timeout:  # the mean of two speeds says little
+            self._window.clear()
+            return
+        x_m, _, turn = motion_between(self.track.pose, pose)
+        stated = 0.5 * period_s * np.add(speeds, self.speeds)
+        now = np.array([stamp_s, *stated, x_m, turn, abs(x_m)])
+        now[1:] += self._window[-1][1:] if self._window else 0.0
+        self._window.append(now)
+        while self._window[0][0] < stamp_s - settings.consistency_window:
+            self._window.popleft()
+        _, stated_m, stated_rad, moved_m, turned_rad, way_m = now - self._window[0]
+        on_trial = self._doubted_s is not None
+        allowed_m = settings.frozen_motion if on_trial else settings.pose_tolerance
+        wrong = abs(moved_m - stated_m) > allowed_m + settings.drift_ratio * way_m
+        wrong |= abs(turned_rad - stated_rad) > (
+            settings.yaw_tolerance + settings.drift_ratio * abs(turned_rad)
+        )
+        if wrong:
+            self._look_s = 2.0 * self._look_s if on_trial else settings.second_look
+            self._doubted_s = stamp_s
+            self._window.clear()
+        elif on_trial and way_m > settings.pose_tolerance:
+            self._doubted_s, self._look_s = None, settings.second_look
+
     def check(self) -> Check:
         """What odometry allows."""
         if self._n_same >= self._settings.frozen_messages - 1:
             return _stand_at(Fault.FROZEN)
-        return _stand_at(None if self._jumped_s is None else Fault.JUMP)
+        if self._jumped_s is not None:
+            return 0.0, Fault.JUMP
+        if self._doubted_s is None or self._stamp_s is None:
+            return _SOUND
+        creeps = self._stamp_s - self._doubted_s >= self._look_s
+        return (CREEP_MPS / self._settings.max_vel_x if creeps else 0.0), Fault.TWIST
 
 
 class PeopleMonitor:
@@ -257,28 +304,48 @@ class PeopleMonitor:
 
 
 class ScanMonitor:
-    """The share of lost rays, and scans that stay the same while the robot moves."""
+    """What scans show, the share of lost rays, and scans that stay the same while the robot moves.
 
-    def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
+    walls_m, reach_m: as of `KnownSpace`.
+    """
+
+    def __init__(
+        self,
+        settings: GuardSettings,
+        track: PoseTrack,
+        walls_m: FloatArray | None = None,
+        reach_m: float = 0.0,
+    ) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        self.lost_share, self._is_blind = 0.0, False
+        self._space = KnownSpace(settings, walls_m, reach_m)
+        self.mount_of = self._space.mount_of
+        self.lost_share, self.seen = 0.0, SeenSpace()
 
-    def take(self, scan: Scan) -> None:
-        """Take a scan."""
-        self._frozen.take(scan.stamp_s, scan.ranges_m.tobytes())
+    def take(
+        self, raw: Scan, odometry: Pose, people_m: FloatArray = NO_POINTS, pose: Pose | None = None
+    ) -> Scan:
+        """Take a scan; it is returned as interpreted. Arguments as of `KnownSpace.take`."""
+        scan, self.seen = self._space.take(raw, odometry, people_m, pose)
+        # Where nothing is within reach, sound scans are equal, too.
+        has_return = bool(scan.valid.any() or self.seen.blind_share)
+        self._frozen.take(
+            raw.stamp_s, raw.ranges_m.tobytes() if has_return else np.float64(raw.stamp_s).tobytes()
+        )
         self.lost_share = lost_share(scan)
-        self._is_blind = 1.0 - float(scan.valid.mean()) >= self._settings.blind_rays
+        return scan
 
     def check(self) -> Check:
         """What the newest scan allows."""
         settings = self._settings
-        if self._is_blind:
+        if self.seen.blind_share >= settings.blind_rays:
             return 0.0, Fault.BLIND
         if self._frozen.is_frozen():
             return 0.0, Fault.FROZEN
         span = settings.blind_rays - settings.lost_rays
         share = min(max(settings.blind_rays - self.lost_share, 0.0) / span, 1.0)
+        if self.seen.lost:
+            return share, Fault.LOST_SECTOR
         return share, Fault.LOST_RAYS if share < 1.0 else None
 
 

@@ -5,6 +5,8 @@ from bisect import bisect_left, bisect_right
 
 import numpy as np
 
+from serd_core.arrays import FloatArray
+
 Pose = tuple[float, float, float]
 STANDING: Pose = (0.0, 0.0, 0.0)
 
@@ -27,6 +29,29 @@ def compose(outer: Pose, inner: Pose) -> Pose:
         float(y_m + sin * inner[0] + cos * inner[1]),
         float(np.arctan2(np.sin(yaw), np.cos(yaw))),
     )
+
+
+def in_frame(points_m: FloatArray, frame: Pose) -> FloatArray:
+    """(N, 2) points in the frame of a pose."""
+    return rotated(points_m, -frame[2], frame[:2])
+
+
+def out_of_frame(points_m: FloatArray, frame: Pose) -> FloatArray:
+    """(N, 2) points that are given in the frame of a pose."""
+    points_m = rotated(points_m, frame[2]) if frame[2] != 0.0 else points_m
+    offset_m: FloatArray = np.array(frame[:2])
+    return points_m + offset_m
+
+
+def rotated(
+    vectors: FloatArray, angle_rad: float, centre: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
+    """(N, 2) vectors from a centre, turned by an angle."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    x, y = vectors[:, 0] - centre[0], vectors[:, 1] - centre[1]
+    turned: FloatArray = np.empty((len(vectors), 2))
+    turned[:, 0], turned[:, 1] = cos * x - sin * y, sin * x + cos * y
+    return turned
 
 
 def is_finite(pose: Pose) -> bool:

@@ -5,7 +5,7 @@ from enum import Enum, IntEnum
 
 
 class Source(str, Enum):
-    """An input of the guard, by the name of its topic."""
+    """An input of the guard, or its output, by the name of its topic."""
 
     COMMAND = "cmd_vel_raw"
     ODOMETRY = "odom"
@@ -13,6 +13,7 @@ class Source(str, Enum):
     PEOPLE = "pedestrians"
     SCAN = "scan"
     CLOCK = "/clock"
+    OUTPUT = "cmd_vel"
 
 
 class Fault(str, Enum):
@@ -27,8 +28,13 @@ class Fault(str, Enum):
     JUMP = "jump"
     INCONSISTENT = "contradicts odometry"
     UNSEEN = "contradicts the scan"
+    TWIST = "twist contradicts the pose"
     BLIND = "too few valid rays"
     LOST_RAYS = "lost rays"
+    LOST_SECTOR = "no return where something was in reach"
+    NOT_IN_VIEW = "does not look there"
+    UNKNOWN = "nothing known ahead"
+    SEVERAL = "several publishers"
     COLLISION = "collision ahead"
     NEAR = "in the slowdown zone"
 

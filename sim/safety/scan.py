@@ -1,15 +1,19 @@
-"""One scan of a lidar with the geometry that its message has."""
+"""One scan of a lidar with the geometry that its message has, and what each of its rays states."""
 
 import math
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from sim.safety.motion import Pose
 
+#: What a range of 0 states: nothing, no return, or a return nearer than `range_min`.
+ZeroIs = Literal["unknown", "free", "obstacle"]
+_RANGE_OF_ZERO = {"unknown": np.nan, "free": np.inf, "obstacle": -np.inf}
 #: Error (m) allowed between the place of a person and the points that show it.
 _PLACE_ERROR_M = 0.3
 #: People beyond this distance (m) are not looked for in a scan.
@@ -34,13 +38,25 @@ class ScanGeometry:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all values are numbers."""
-        return all(map(math.isfinite, vars(self).values()))
+        """Whether all values are numbers, and rays differ in direction."""
+        return all(map(math.isfinite, vars(self).values())) and self.angle_increment_rad != 0.0
 
     def angles_rad(self, n_rays: int) -> FloatArray:
         """(n_rays,) directions of the rays in the lidar's frame."""
         rays = np.arange(n_rays, dtype=np.float64)
         return self.angle_min_rad + self.angle_increment_rad * rays
+
+    def closes(self, n_rays: int) -> bool:
+        """Whether the first ray follows the last one, as in a full turn."""
+        step_rad = abs(self.angle_increment_rad)
+        return n_rays * step_rad > math.tau - 1.5 * step_rad
+
+    def rays_towards(self, bearing_rad: FloatArray, n_rays: int) -> IntArray:
+        """(N,) indices of the rays nearest to bearings (N,), -1 where the lidar does not look."""
+        per_turn = math.tau / abs(self.angle_increment_rad)
+        ray = np.rint((bearing_rad - self.angle_min_rad) / self.angle_increment_rad % per_turn)
+        ray = np.where(ray >= round(per_turn), 0.0, ray)
+        return np.where(ray < n_rays, ray, -1.0).astype(np.int64)
 
 
 @lru_cache(maxsize=16)
@@ -59,7 +75,7 @@ class Scan:
     geometry: ScanGeometry
     mount: Pose | None = None
 
-    @cached_property
+    @property
     def valid(self) -> BoolArray:
         """(n_rays,) which rays have a range; lidars whose range_min is 0 send 0 for none."""
         geometry, ranges_m = self.geometry, self.ranges_m
@@ -76,10 +92,24 @@ class Scan:
         """(n_rays, 2) directions of the rays in the lidar's frame; do not write to it."""
         return _directions(self.geometry, len(self.ranges_m))
 
-    def points_within(self, range_m: float) -> FloatArray:
-        """(N, 2) ends of the rays of up to that range, in the lidar's frame."""
-        rays = (self.valid & (self.ranges_m <= range_m)).nonzero()[0]
-        return self.ranges_m[rays, None].astype(np.float64) * self.directions[rays]
+    def interpreted(self, zero_is: ZeroIs) -> tuple["Scan", BoolArray]:
+        """The same scan with a range, inf for a free ray, or NaN for one that states nothing; and
+        (n_rays,) which rays are too near.
+
+        By REP 117 -inf is nearer than range_min, as every range below it; it becomes range_min.
+        +inf is free up to range_max, as are ranges from range_max on. zero_is: what 0 states, which
+        differs between drivers.
+
+        >>> ranges = np.array([-np.inf, 0.0, 0.05, 2.0, np.inf, np.nan], dtype=np.float32)
+        >>> scan = Scan(0.0, ranges, ScanGeometry(0.0, 1.0, 0.1, 5.0))
+        >>> scan.interpreted("unknown")[0].ranges_m
+        array([0.1, nan, 0.1, 2. , inf, nan], dtype=float32)
+        """
+        ranges_m = np.where(self.ranges_m == 0.0, _RANGE_OF_ZERO[zero_is], self.ranges_m)
+        near = ranges_m < self.geometry.range_min_m
+        far = ranges_m >= self.geometry.range_max_m
+        ranges_m = np.where(far, np.inf, np.where(near, self.geometry.range_min_m, ranges_m))
+        return replace(self, ranges_m=ranges_m.astype(np.float32)), near
 
 
 def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int]:

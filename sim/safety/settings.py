@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import model_validator
 
 from sim.crowd.social_force import model_named
+from sim.safety.scan import ZeroIs
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 from storage.settings import setting
@@ -13,16 +14,22 @@ from storage.yaml_config import StrictModel
 _ROBOT = RobotSettings()
 Observed = Literal["robot_pose", "pedestrians", "scan"]
 _MAP_SOURCES: tuple[Observed, ...] = ("robot_pose", "pedestrians")
+#: How fast (m/s) a robot drives where it touches something or little is known.
+CREEP_MPS = 0.1
 #: Periods of the lidar within which two scans are expected.
 _SCAN_PERIODS = 2.5
 
 
 class LidarPlace(StrictModel):
-    """Where the lidar is on the robot."""
+    """Where the lidar is on the robot, and what it means by a range of 0."""
 
     sensor_x: float = setting(0.0, "position of the lidar ahead of the centre", unit="m")
     sensor_y: float = setting(0.0, "position of the lidar left of the centre", unit="m")
     sensor_yaw: float = setting(0.0, "direction of the lidar's x axis", unit="rad")
+    zero_is: ZeroIs = setting(
+        "unknown",
+        "what the lidar means by a range of 0: unknown; free: no return; obstacle: too near",
+    )
 
 
 class GuardSettings(LidarPlace):
@@ -78,7 +85,7 @@ class GuardSettings(LidarPlace):
         0.15, "slower in proportion from this age of a stamp on", unit="s", gt=0
     )
     command_timeout: float = setting(
-        0.5, "stop without a command for this time", unit="s", gt=0, le=0.5
+        0.2, "stop without a command for this time", unit="s", gt=0, le=0.5
     )
     transform_tolerance: float = setting(
         0.2, "a stamp this far in the future is a fault", unit="s", ge=0
@@ -94,7 +101,17 @@ class GuardSettings(LidarPlace):
         0.05, "share of lost rays from which the robot drives slower in proportion", ge=0, lt=1
     )
     blind_rays: float = setting(
-        0.5, "share of rays without a range from which the robot stands", gt=0, le=1
+        0.5,
+        "share of rays that state nothing, or are lost, from which the robot stands",
+        gt=0,
+        le=1,
+    )
+    vanished_hold: float = setting(
+        0.5,
+        "time for which an obstacle stays where a ray that met it turns free",
+        unit="s",
+        ge=0,
+        le=10,
     )
     frozen_motion: float = setting(
         0.03, "a scan or pose that is the same after this motion is frozen", unit="m", gt=0

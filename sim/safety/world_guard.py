@@ -76,7 +76,9 @@ class WorldGuard:
     """
 
     def __init__(self, world: HallwayWorld, people_from: str = "given") -> None:
-        self._guard = Guard(GuardSettings.of_scenario(world.scenario, people_from))
+        scenario = world.scenario
+        settings = GuardSettings.of_scenario(scenario, people_from)
+        self._guard = Guard(settings, scenario.wall_segments_m)
         self._world = world
 
     def __call__(self, observation: Observation, command: Command) -> Command:

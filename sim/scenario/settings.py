@@ -103,7 +103,7 @@ class LidarSettings(StrictModel):
     """A 2-D lidar at the robot's centre that scans the full circle."""
 
     n_rays: int = setting(360, "rays of a scan, over the full circle", ge=4)
-    range_min_m: float = setting(0.1, "smallest range; smaller ones are inf", unit="m", ge=0)
+    range_min_m: float = setting(0.1, "smallest range; smaller ones are -inf", unit="m", ge=0)
     range_max_m: float = setting(10.0, "largest range; larger ones are inf", unit="m", gt=0)
     rate_hz: float = setting(
         10.0,

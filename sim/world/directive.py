@@ -1,22 +1,27 @@
-"""The waypoint that a live planner follows, and where it stops when its source is silent.
+"""The waypoint that a live planner follows, and when it stands since its source is silent.
 
 A directive is an action (one cell on) or a waypoint, with the stamp of the observation it was made
-for. It is recent while that stamp is at most 1.5 decision periods old, and at most half of one
-ahead. A waypoint that is no longer recent is replaced by the nearest cell centre on the way to it.
+for. A waypoint may be far, so its source repeats it, and it is recent for 0.8 s. An action ends in
+the next cell; it is recent for 1.5 times the longest of the last pauses between actions, 0.8 s at
+least and 1.5 decision periods at most. No directive is recent half a period ahead of its stamp.
+Without a recent one the robot brakes.
 """
 
 import math
-from collections.abc import Iterator
+from collections import deque
 
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
+from sim.world.waypoint import Waypoint, waypoint_of_intent
 
-_RECENT_PERIODS = (-0.5, 1.5)
-#: A centre is on the way when reaching it shortens the way by at least this share of its distance.
-_ON_THE_WAY = 0.5
+_EARLY, _LATE = 0.5, 1.5
+_SHORTEST_S = 0.8
+#: Pauses between actions that count.
+_N_PAUSES = 4
+#: How often a source repeats its waypoint, s.
+REPEAT_PERIOD_S = 0.2
 
 
 class FollowedDirective:
@@ -24,15 +29,14 @@ class FollowedDirective:
 
     def __init__(self, scenario: Scenario) -> None:
         self._grid = grid_of(scenario)
-        self._is_recent = True
         self._period_s = scenario.decision_period_s
-        self._brake_mps2 = scenario.robot.acc_lim_x_mps2
         self.clear()
 
     def clear(self) -> None:
         """Discard directive and waypoint."""
         self._newest: tuple[float, Action | Waypoint] | None = None
-        self._is_new = False
+        self._pauses_s: deque[float] = deque(maxlen=_N_PAUSES)
+        self._is_new, self._is_recent = False, True
         self.stand()
 
     def stand(self) -> None:
@@ -41,6 +45,8 @@ class FollowedDirective:
 
     def take(self, time_s: float, directive: Action | Waypoint) -> None:
         """Follow a directive with this stamp from now on."""
+        if self._newest is not None and time_s > self._newest[0]:
+            self._pauses_s.append(time_s - self._newest[0])
         self._newest, self._is_new = (time_s, directive), True
 
     @property
@@ -50,8 +56,18 @@ class FollowedDirective:
 
     @property
     def is_overdue(self) -> bool:
-        """Whether the robot drives by a directive that was no longer recent at the last step."""
-        return self._waypoint is not None and not self._is_recent
+        """Whether the robot stood at the last step since its directive was no longer recent."""
+        is_motion = self._newest is not None and self._newest[1] != Action.WAIT
+        return is_motion and not self._is_recent
+
+    @property
+    def patience_s(self) -> float:
+        """How old (s) the newest directive may be."""
+        if self._newest is not None and isinstance(self._newest[1], Waypoint):
+            return _SHORTEST_S
+        longest_s = _LATE * self._period_s
+        usual_s = max(self._pauses_s, default=longest_s)
+        return min(max(_LATE * usual_s, _SHORTEST_S), longest_s)
 
     def age_s(self, observation: Observation) -> float:
         """Seconds since the stamp of the newest directive; infinite without one."""
@@ -61,13 +77,11 @@ class FollowedDirective:
         """Where to drive now, None to stand."""
         if self._newest is None:
             return None
-        was_recent, (low, high) = self._is_recent or self._is_new, _RECENT_PERIODS
-        self._is_recent = low <= self.age_s(observation) / self._period_s <= high
         if self._is_new:
             self._waypoint, self._is_new = self._resolve(observation, self._newest[1]), False
-        if was_recent and not self._is_recent and isinstance(self._newest[1], Waypoint):
-            self._waypoint = self._shortened(observation)
-        return self._waypoint
+        age_s = self.age_s(observation)
+        self._is_recent = -_EARLY * self._period_s <= age_s <= self.patience_s
+        return self._waypoint if self._is_recent else None
 
     def _resolve(self, observation: Observation, directive: Action | Waypoint) -> Waypoint | None:
         if isinstance(directive, Waypoint):
@@ -75,32 +89,3 @@ class FollowedDirective:
         if directive == Action.WAIT:
             return None
         return waypoint_of_intent(self._grid, observation, directive)
-
-    def _shortened(self, observation: Observation) -> Waypoint | None:
-        """The nearest cell centre on the way at which the robot can stop, or the waypoint itself
-        where it is as near; None where the way leads over no neighbouring cell."""
-        waypoint = self._waypoint
-        if waypoint is None:
-            return None
-        here = Waypoint(observation.x_m, observation.y_m)
-        brakes_m = observation.speed_mps**2 / (2.0 * self._brake_mps2)
-        left_m = _between_m(here, waypoint)
-        ahead = [
-            (away_m, centre)
-            for centre in self._centres_around(observation)
-            if (away_m := _between_m(here, centre)) >= brakes_m
-            and left_m - _between_m(centre, waypoint) >= _ON_THE_WAY * away_m
-        ]
-        if left_m <= self._grid.cell_size_m:
-            ahead.append((left_m, waypoint))
-        return min(ahead, key=lambda each: each[0], default=(0.0, None))[1]
-
-    def _centres_around(self, observation: Observation) -> Iterator[Waypoint]:
-        here = self._grid.state_at(observation.x_m, observation.y_m)
-        if here >= 0:
-            for state in {here, *map(int, self._grid.neighbours[here])}:
-                yield waypoint_of_cell(self._grid, state)
-
-
-def _between_m(one: Waypoint, other: Waypoint) -> float:
-    return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m)

@@ -21,7 +21,7 @@ from bags.recorder_settings import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.discovery import processes_discover_each_other
+from serd_cli.processes.discovery import lidar_report, processes_discover_each_other
 from serd_cli.processes.workspace import ros_environment, workspace_install
 
 #: Of the page for driving by hand.
@@ -50,6 +50,7 @@ def all_checks(environment: Mapping[str, str], folder: Path) -> Iterator[Check]:
     yield workspace()
     yield ros_client(ros)
     yield discovery(ros)
+    yield lidar(ros)
     yield page_port(PAGE_PORT)
     yield display(environment)
     yield disk(folder)
@@ -154,6 +155,19 @@ def discovery(environment: Mapping[str, str]) -> Check:
         f"two processes do not meet in domain {domain}",
         "allow UDP on loopback and unset ROS_DISCOVERY_SERVER and FASTRTPS_DEFAULT_PROFILES_FILE",
     )
+
+
+def lidar(environment: Mapping[str, str]) -> Check:
+    """What the lidar that runs now means by ranges of 0, which the guard must be told."""
+    report = lidar_report(environment)
+    if not report.n_scans:
+        return Check("lidar", "optional", "no scan is published now")
+    finding = f"{report.n_scans} scans, {100.0 * report.zero_share:.0f} % of their ranges are 0"
+    if report.zero is None:
+        return Check("lidar", "works", finding)
+    finding = f"{finding}, which seems to mean {report.zero}"
+    fix = "" if report.zero == "unknown" else f"serd launch guard zero_is:={report.zero}"
+    return Check("lidar", "works", finding, fix)
 
 
 def page_port(port: int) -> Check:

@@ -37,7 +37,8 @@ class Lidar:
         obstacles_m: FloatArray | None = None,
         robots: Sequence[RobotBody] = (),
     ) -> NDArray[np.float32]:
-        """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit.
+        """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit, -inf
+        where it is nearer than range_min (REP 117).
 
         obstacles_m: (S, 2, 2) edges of movable obstacles. robots: other ones. With an rng, every
         range that hits something carries the sensor's noise.
@@ -59,8 +60,8 @@ class Lidar:
             np.minimum(ranges, nearest, out=ranges)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
-        seen = (ranges >= settings.range_min_m) & (ranges <= settings.range_max_m)
-        return np.where(seen, ranges, np.inf).astype(np.float32)
+        ranges = np.where(ranges > settings.range_max_m, np.inf, ranges)
+        return np.where(ranges < settings.range_min_m, -np.inf, ranges).astype(np.float32)
 
 
 @compilable

@@ -78,7 +78,7 @@ def test_faults_are_reported_once_each_and_their_end_too():
         observe(running, 10.0)
         assert running.published["diagnostics"] == 0
         blind = scan_at(10.1)
-        blind.ranges[:200] = type(blind.ranges)("f", [math.inf] * 200)
+        blind.ranges[:300] = type(blind.ranges)("f", [math.inf] * 300)
         running.receive("scan", blind)
         for time_s in (10.1, 10.15):
             observe(running, time_s)

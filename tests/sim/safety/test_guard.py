@@ -191,8 +191,9 @@ def test_a_free_corridor_without_returns_is_no_loss():
         ranges_m[160:200] = math.inf
         return stamp_s, ranges_m
 
-    drive = driving(scan=open_ahead)
-    assert drive.run(2.0).reasons == ()
+    drive = Drive(scan=open_ahead)
+    assert drive.run(5.0).reasons == ()
+    assert drive.speed_mps == 1.2
 
 
 def test_a_frozen_scan_stands_the_robot_until_another_one_comes():
@@ -402,7 +403,7 @@ def test_a_command_that_is_not_finite_is_a_stop(command):
 
 def test_a_command_is_followed_for_its_timeout_only():
     drive = driving(command=never)
-    assert drive.until_zero_s() == pytest.approx(0.5, abs=0.051)
+    assert drive.until_zero_s() == pytest.approx(0.2, abs=0.051)
     assert drive.reasons() == {(Source.COMMAND, Fault.STALE)}
 
 

@@ -1,0 +1,213 @@
+"""Lidars of different makers in front of a wall: no reading drives a robot into it.
+
+Each fault has a healthy twin that travels more than 5 m and stands before the wall.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.safety.reasons import GuardAction
+from sim.world.command import Command
+from support.corridor import RADIUS_M, Corridor
+
+TOO_NEAR, NOTHING = (-np.inf, 0.05, 0.02, -1.0), (np.nan, 0.0)
+
+
+def test_a_healthy_robot_travels_and_stands_before_the_wall():
+    corridor = Corridor().run()
+    assert corridor.pose[0] > 5.0
+    assert 0.0 < corridor.gap_m < 0.1
+    assert corridor.faults == {"COLLISION"}
+
+
+@pytest.mark.parametrize("degrees", [10, 40, 90, 170, 358])
+@pytest.mark.parametrize("value", [*TOO_NEAR, *NOTHING, np.inf, 12.0, 65.5])
+@pytest.mark.parametrize("n_rays", [360, 97])
+def test_no_reading_of_a_sector_ahead_drives_the_robot_into_the_wall(value, degrees, n_rays):
+    corridor = Corridor(n_rays=n_rays).sector(value, degrees).run()
+    assert corridor.gap_m > 0.0
+    assert corridor.speeds[0] == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("value", TOO_NEAR)
+def test_a_return_that_is_too_near_is_an_obstacle_at_range_min(value):
+    corridor = Corridor().sector(value, 40.0).run()
+    assert corridor.pose[0] < 3.5
+    assert corridor.outputs[-1].action is GuardAction.STOP
+    assert "COLLISION" in corridor.faults
+    corridor.sector(value, 0.0).run(8.0)
+    assert 0.0 < corridor.gap_m < 0.1
+
+
+def test_a_wall_that_comes_nearer_than_a_large_range_min_is_no_obstacle_that_goes_along():
+    corridor = Corridor(range_m=(0.6, 12.0))
+    corridor.change = lambda ranges_m, _: np.where(ranges_m < 0.6, -np.inf, ranges_m)
+    corridor.run()
+    assert 0.0 < corridor.gap_m < 0.1
+    beside = Corridor(range_m=(0.6, 12.0), sides_m=(-0.45, 0.45), wall_m=9.0)
+    beside.change = corridor.change
+    assert beside.run().pose[0] > 5.0
+
+
+@pytest.mark.parametrize("value", NOTHING)
+def test_a_robot_drives_no_faster_than_it_can_stop_within_what_is_known(value):
+    corridor = Corridor(wall_m=30.0).sector(value, 60.0)
+    corridor.run(8.0)
+    assert 3.0 < corridor.pose[0] < 5.5  # on what it has seen before, less what people walk
+    assert corridor.outputs[-1].action is GuardAction.STOP
+    assert "UNKNOWN" in corridor.faults
+    corridor.sector(value, 0.0).run(5.0)
+    assert corridor.speeds[0] == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("value", NOTHING)
+def test_a_robot_may_drive_away_from_where_nothing_is_known(value):
+    """A lidar that its own robot covers behind."""
+    corridor = Corridor().sector(value, 90.0, after_m=-1.0, centre_deg=180.0).run()
+    assert corridor.pose[0] > 5.0
+    assert corridor.gap_m < 0.1
+
+
+def test_single_rays_without_a_statement_are_bridged():
+    def every_twentieth(ranges_m, _):
+        ranges_m[::20] = np.nan
+        return ranges_m
+
+    corridor = Corridor(every_twentieth).run(4.0)
+    assert corridor.pose[0] > 4.0
+    assert corridor.faults == set()
+    assert corridor.run().gap_m < 0.1
+
+
+def test_what_zero_means_is_a_setting_of_the_lidar():
+    def zeros_beyond_four_metres(ranges_m, _):
+        return np.where(ranges_m > 4.0, 0.0, ranges_m)
+
+    def way_m(zero_is):
+        wide = {"wall_m": 40.0, "sides_m": (-20.0, 20.0), "range_m": (0.1, 4.0)}
+        corridor = Corridor(zeros_beyond_four_metres, zero_is=zero_is, **wide)
+        return corridor.run(8.0).pose[0]
+
+    assert way_m("free") > 8.0
+    assert way_m("unknown") == 0.0
+    assert way_m("obstacle") == 0.0
+
+
+@pytest.mark.parametrize("n_rays", [90, 360, 1081])
+def test_a_lidar_of_short_range_drives_in_a_wide_room(n_rays):
+    """All of its rays are +inf, and all scans equal."""
+    wide = {"wall_m": 60.0, "sides_m": (-20.0, 20.0), "range_m": (0.1, 3.5)}
+    corridor = Corridor(n_rays=n_rays, **wide).run()
+    assert corridor.pose[0] > 10.0
+    assert corridor.faults == set()
+
+
+def test_a_lidar_of_short_range_stands_before_a_wall_that_comes_into_reach():
+    corridor = Corridor(wall_m=9.0, sides_m=(-20.0, 20.0), range_m=(0.1, 3.5)).run(15.0)
+    assert 0.0 < corridor.gap_m < 0.1
+
+
+@pytest.mark.parametrize("degrees", [40, 90])
+def test_a_sector_that_turns_free_at_once_is_lost_and_named_until_it_has_returns(degrees):
+    corridor = Corridor(wall_m=8.0).sector(np.inf, degrees).run()
+    assert "LOST_SECTOR" in corridor.faults
+    assert 3.0 < corridor.pose[0] < 6.0
+    corridor.outputs.clear()
+    corridor.sector(np.inf, 0.0).run(8.0)
+    assert 0.0 < corridor.gap_m < 0.1
+    assert "LOST_SECTOR" not in {each.fault.name for each in corridor.outputs[-1].reasons}
+
+
+def test_a_lidar_that_loses_all_returns_at_once_is_blind():
+    corridor = Corridor().sector(np.inf, 360.0)
+    while corridor.pose[0] < 3.0:
+        corridor.tick()
+    corridor.run(1.0)
+    assert "BLIND" in corridor.faults
+    assert corridor.pose[0] < 3.5
+
+
+def test_a_free_sector_where_the_map_has_a_wall_in_reach_is_lost():
+    walls_m = np.array(
+        [[[-3.0, -1.5], [6.0, -1.5]], [[6.0, -1.5], [6.0, 1.5]], [[6.0, 1.5], [-3.0, 1.5]]]
+    )
+    corridor = Corridor(walls_m=walls_m).sector(np.inf, 60.0, after_m=-1.0).run()
+    assert "LOST_SECTOR" in corridor.faults
+    assert corridor.gap_m > 3.0
+    healthy = Corridor(walls_m=walls_m).run()
+    assert "LOST_SECTOR" not in healthy.faults
+    assert healthy.gap_m < 0.1
+
+
+@pytest.mark.parametrize("scan_ticks", [1, 2, 4])
+def test_somebody_who_steps_aside_is_held_for_a_moment_and_delays_nobody_for_long(scan_ticks):
+    """A person 0.5 m wide before a free room, who leaves at walking pace."""
+    corridor = Corridor(
+        wall_m=60.0, sides_m=(-20.0, 20.0), range_m=(0.1, 5.0), scan_ticks=scan_ticks
+    )
+
+    def person(ranges_m, _):
+        x_m, y_m = 2.0 - corridor.pose[0], 1.3 * max(corridor.time_s - 2.0, 0.0)
+        away_m, bearing = math.hypot(x_m, y_m), math.atan2(y_m, x_m)
+        on_body = np.abs(corridor.angles_rad - bearing) < math.asin(min(0.25 / away_m, 1.0))
+        return np.where(on_body, away_m - 0.25, ranges_m)
+
+    corridor.change = person
+    corridor.run(2.0)
+    assert corridor.pose[0] + RADIUS_M < 1.75
+    corridor.run(0.2)
+    assert corridor.pose[0] + RADIUS_M < 1.75
+    corridor.run(4.0)
+    assert corridor.pose[0] > 3.0
+    assert "LOST_SECTOR" not in corridor.faults
+
+
+def test_a_robot_creeps_where_its_lidar_does_not_look():
+    corridor = Corridor(field_rad=math.pi, n_rays=181)
+    corridor.run(2.0)
+    assert corridor.speeds[0] == pytest.approx(1.2)
+    corridor.run(1.0, Command(-1.0, 0.0))
+    assert corridor.speeds[0] == pytest.approx(-0.1)
+    assert "NOT_IN_VIEW" in corridor.faults
+
+
+@pytest.mark.parametrize("gap_m", [-0.1, -0.05, 0.0, 0.2])
+@pytest.mark.parametrize("yaw_rad", [0.1, 0.3])
+def test_a_robot_beside_a_wall_moves_away_from_it_slowly(gap_m, yaw_rad):
+    right_m = -(RADIUS_M + gap_m)
+    corridor = Corridor(wall_m=30.0, sides_m=(right_m, 6.0), start=(0.0, 0.0, yaw_rad))
+    corridor.run(1.0)
+    assert corridor.speeds[0] <= 0.11 or gap_m >= 0.0
+    corridor.run(14.0)
+    assert corridor.pose[1] - right_m > RADIUS_M
+    assert corridor.speeds[0] == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("yaw_rad", [-0.3, -1.5])
+def test_a_robot_that_touches_a_wall_comes_no_nearer(yaw_rad):
+    corridor = Corridor(wall_m=30.0, sides_m=(-0.2, 6.0), start=(0.0, 0.0, yaw_rad))
+    corridor.run(5.0)
+    assert corridor.pose[1] > -0.03
+
+
+@pytest.mark.parametrize("twist", [0.0, -1.0, 0.5, 1000.0])
+def test_a_twist_that_contradicts_the_pose_of_its_message_stands_the_robot(twist):
+    corridor = Corridor(wall_m=5.0)
+    corridor.twist = lambda speeds: (twist * speeds[0], speeds[1])
+    corridor.run()
+    assert corridor.pose[0] < 1.0
+    assert "TWIST" in corridor.faults
+    corridor.twist = lambda speeds: speeds
+    corridor.run(30.0)
+    assert 0.0 < corridor.gap_m < 0.1
+    assert "TWIST" not in {each.fault.name for each in corridor.outputs[-1].reasons}
+
+
+def test_a_turn_that_contradicts_the_pose_of_its_message_stands_the_robot():
+    corridor = Corridor()
+    corridor.twist = lambda speeds: (speeds[0], -speeds[1])
+    corridor.run(1.0, Command(0.0, 1.0))
+    assert corridor.outputs[-1].action is GuardAction.STOP
+    assert "TWIST" in corridor.faults
