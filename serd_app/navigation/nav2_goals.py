@@ -11,6 +11,8 @@ from typing import Any
 SUCCEEDED, CANCELED = 4, 5  # action_msgs/GoalStatus
 _WITHOUT_CODE = "failed without a code (another client's goal may have replaced it)"
 _SAME_M = 0.05
+#: How long the server's answer to a goal is awaited, s.
+_ANSWERED_WITHIN_S = 5.0
 
 #: x and y in m, heading in rad.
 Target = tuple[float, float, float]
@@ -21,8 +23,7 @@ class Nav2Goals:
 
     client: an rclpy.action.ActionClient, of which `server_is_ready` and `send_goal_async` are used.
     state: no goal, no server, sent, no answer, driving, arrived, rejected, canceled by another
-    client, or failed with Nav2's error code or without one. timeout_s: without a waypoint, and for
-    the server's answer to a goal.
+    client, or failed with Nav2's error code or without one. timeout_s: without a waypoint.
     """
 
     def __init__(
@@ -41,6 +42,10 @@ class Nav2Goals:
         self._sent_wall_s = -math.inf
         self._handle: Any = None
         self._waypoint_wall_s = -math.inf
+
+    def hear(self, wall_s: float) -> None:
+        """Note that the source of the targets goes on."""
+        self._waypoint_wall_s = wall_s
 
     def take(self, targets: Sequence[Target], time_s: float, wall_s: float) -> None:
         """Drive to the targets in turn (in the map); what Nav2 does already is not sent again."""
@@ -89,7 +94,7 @@ class Nav2Goals:
         self._request.add_done_callback(self._on_answer)
 
     def _forget_unanswered(self, wall_s: float) -> None:
-        if self._request is not None and wall_s - self._sent_wall_s > self._timeout_s:
+        if self._request is not None and wall_s - self._sent_wall_s > _ANSWERED_WITHIN_S:
             self._request, self._targets, self.state = None, (), "no answer"
 
     def _on_answer(self, request: Any) -> None:

@@ -1,7 +1,7 @@
 """The newest transforms between frames, as /tf and /tf_static give them (REP 105).
 
 A transform that is older than `LONGEST_S` beside the newest one of its chain is stale: what
-published it has stopped.
+published it has stopped. A frame that is in two others within that time is in neither.
 """
 
 import math
@@ -50,6 +50,8 @@ class Frames:
     def __init__(self, prefix: str = "") -> None:
         self.prefix = prefix
         self._edges: dict[str, tuple[str, FloatArray, int | None]] = {}
+        #: By frame: another one that it was in, and the stamps of both at that time.
+        self._others: dict[str, tuple[str, int, int]] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -78,8 +80,16 @@ class Frames:
         matrix[:3, :3] = matrix_of((x / length, y / length, z / length, w / length))
         matrix[:3, 3] = moved
         stamp_ns = None if static else transform.header.stamp_ns
+        self._note_other_parent(child, parent, stamp_ns)
         self._edges[child] = parent, matrix, stamp_ns
         self._break_loop(child, stamp_ns)
+
+    def _note_other_parent(self, child: str, parent: str, stamp_ns: int | None) -> None:
+        """Note that a frame was in another one; a static transform has the time of the moving."""
+        other, _, then_ns = self._edges.get(child, (parent, None, None))
+        times_ns = [each for each in (then_ns, stamp_ns) if each is not None]
+        if other != parent and times_ns:
+            self._others[child] = other, times_ns[0], times_ns[-1]
 
     def _break_loop(self, frame: str, stamp_ns: int | None) -> None:
         """Discard transforms that have stopped of a loop that the newest one closes."""
@@ -115,6 +125,7 @@ class Frames:
                 f"publish the transform from {target!r} to {frame!r}" if frame else f"set {field}",
             )
         up, down = up[: up.index(shared)], down[: down.index(shared)]
+        self._require_one_parent([*up, *down])
         self._require_fresh([*up, *down])
         matrix = np.linalg.inv(self._product(down)) @ self._product(up)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
@@ -135,6 +146,22 @@ class Frames:
         if frame == target:
             return pose
         return compose(self.place(frame, target).pose, pose)
+
+    def _require_one_parent(self, chain: list[str]) -> None:
+        """A frame may move to another parent, but is not in both in turn."""
+        for child in chain:
+            if child not in self._others:
+                continue
+            other, then_ns, changed_ns = self._others[child]
+            parent, _, stamp_ns = self._edges[child]
+            had_stopped = abs(changed_ns - then_ns) * 1e-9 > LONGEST_S
+            is_over = stamp_ns is not None and abs(stamp_ns - changed_ns) * 1e-9 > LONGEST_S
+            if not (had_stopped or is_over):
+                raise MessageError(
+                    "a frame of /tf must have one parent",
+                    f"{child!r} in {other!r} and in {parent!r}",
+                    "end what publishes one of them",
+                )
 
     def _require_fresh(self, chain: list[str]) -> None:
         stamps = {child: stamp for child in chain if (stamp := self._edges[child][2]) is not None}

@@ -26,6 +26,8 @@ def _last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSPro
 
 STATE = _last(STATE_DEPTH)
 COMMAND = _last(COMMAND_DEPTH)
+#: For readers of commands of which an older one must not wait behind a newer one.
+NEWEST = _last(1)
 CLOCK = _last(1, reliable=False)
 #: What lidars publish with; it receives from reliable publishers too.
 SENSOR = _last(COMMAND_DEPTH, reliable=False)

@@ -157,6 +157,11 @@ class EpisodeDriverNode(ManagedNode[Config]):
             write_progress(Progress(text=f"waiting for {missing}"))
 
     @property
+    def observation(self) -> Observation | None:
+        """The newest observation."""
+        return self._observation
+
+    @property
     def ready(self) -> bool:
         """Whether all that episodes need is there."""
         return not self._starter.waiting

@@ -11,6 +11,7 @@ was absent, at the end of an episode and when planner, mux or world have fallen 
 discarded and the planner locked: the robot stands until a key is pressed anew.
 """
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TypeVar
@@ -63,7 +64,9 @@ class HandDriverNode(SerdNode[Config]):
         self._was_present = self._is_driving = self._is_moving = self._is_e_stopped = False
         # Between the key of the emergency stop and the mux's answer a tap must not drive.
         self._wants_stop = False
-        self._is_driven, self._beat_s = False, self.wall_s()
+        #: Whether the mux has an input, and since when it has none any more.
+        self._is_driven, self._undriven_s = False, math.inf
+        self._beat_s = self.wall_s()
         self._received_s: dict[str, float] = {}
         self._is_silent = False
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
@@ -127,7 +130,7 @@ class HandDriverNode(SerdNode[Config]):
     def _beat(self) -> None:
         late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
         was_silent, self._is_silent = self._is_silent, self._hears_too_little()
-        if late_s > _ABSENCE_S or was_silent != self._is_silent:
+        if late_s > _ABSENCE_S or was_silent != self._is_silent or self._planner_fell_silent():
             self.stop_moving()
         present = self.attend()
         if present and self.mode == "directions" and self._is_driving and not self._is_silent:
@@ -135,6 +138,13 @@ class HandDriverNode(SerdNode[Config]):
         if self._was_present and not present:
             self.stop_moving()
         self._was_present = present
+
+    def _planner_fell_silent(self) -> bool:
+        """Whether the mux has lost the planner, which drives by directions, for a while now."""
+        if self.wall_s() - self._undriven_s <= _ABSENCE_S:
+            return False
+        self._undriven_s = math.inf
+        return self.mode == "directions"
 
     def _hears_too_little(self) -> bool:
         """Whether a node that sent messages before is silent: it was stopped, and may continue."""
@@ -156,15 +166,14 @@ class HandDriverNode(SerdNode[Config]):
             self._publish_intent(Action.WAIT, self.observation)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Discard the input when the mux has no input left: the planner has fallen silent."""
         self._show_guard(values_of(message, "guard"))
         values = values_of(message, "teleop_mux")
         if values is None:
             return
         self._received_s["teleop_mux"] = self.wall_s()
         was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
-        if was_driven and not self._is_driven and self.mode == "directions":
-            self.stop_moving()
+        if was_driven != self._is_driven:
+            self._undriven_s = math.inf if self._is_driven else self.wall_s()
 
     def _show_guard(self, values: Mapping[str, str] | None) -> None:
         was_guarded = self._is_guarded

@@ -72,7 +72,7 @@ class HallwaySimConfig(FramesConfig):
         False, "cmd_vel is a TwistStamped; in lock-step it always is one"
     )
     command_timeout_s: float = setting(
-        0.5, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
+        0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
     )
     publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
     robots: tuple[str, ...] = setting(
@@ -211,7 +211,12 @@ class GuardConfig(GuardSettings, LidarConfig):
     """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
 
     scenario: str = setting(
-        "", "built-in scenario or file whose robot is guarded; any other robot when empty"
+        "",
+        "built-in scenario or file whose robot is guarded, and at whose walls a lidar must have"
+        " returns; any other robot when empty",
+    )
+    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting_of(
+        LocalisationConfig, "pose_from"
     )
     people_from: Literal["given", "scan", "none"] = setting_of(LocalPlannerConfig, "people_from")
     people_topic: str = setting_of(ObservationConfig, "people_topic")
@@ -266,6 +271,12 @@ class StrategyConfig(NavigationSettings, DriverConfig):
 
     changeable: ClassVar[tuple[str, ...]] = ("goal", "model")
 
+    lockstep: bool = setting_of(
+        HallwaySimConfig,
+        "lockstep",
+        description="the world waits for every decision; otherwise waypoints are repeated five"
+        " times a second, so that the planner stands soon after this node has ended",
+    )
     reset: bool = setting(
         True, "reset the world before each episode; false: a goal starts one where the robot is"
     )
@@ -388,7 +399,7 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     )
     behavior_tree: str = setting("", "behavior tree of Nav2; its default when empty")
     waypoint_timeout_s: float = setting(
-        5.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
+        1.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
     )
     publish_tf: bool = setting(
         False,

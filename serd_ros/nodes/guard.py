@@ -2,34 +2,39 @@
 
 See sim.safety for the rules. In lock-step each command is answered by one command with its stamp,
 once the inputs of that stamp have arrived. Live, a command is answered at once, and a timer stops
-the robot when inputs or commands stop coming; without a command the node publishes nothing.
+the robot when inputs or commands stop coming, or when several nodes publish commands; without a
+command the node publishes nothing.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import from_odometry, from_pose_stamped
+from serd_ros.convert.pose import PlanarPose, from_odometry
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.command_topic import follow_commands
+from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.scan_topic import ScanTopic
-from serd_ros.endpoints.transforms import follow_transforms
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from sim.safety.guard import Guard, GuardOutput
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
+from sim.safety.zero_ranges import ZeroRanges
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import People
 
 _REPORT_PERIOD_S = 0.5
+_LOG_PERIOD_S = 5.0
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
 
 
@@ -39,9 +44,12 @@ class GuardNode(SerdNode[GuardConfig]):
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
         config = self.config
-        self._guard = Guard(config.guard())
-        # Whose ticks have scans or not.
-        self._scenario = load_scenario(config.scenario or "hallway") if config.lockstep else None
+        self._refuse_own_output()
+        # Its ticks have scans or not.
+        self._scenario = load_scenario(config.scenario or "hallway")
+        walls_m = self._scenario.wall_segments_m if config.scenario else None
+        self._guard, self._zeros = Guard(config.guard(), walls_m), ZeroRanges()
+        self._several: tuple[Reason, ...] = ()
         self._waiting: dict[Source, tuple[int, Callable[[], None]]] = {}
         self._answer: tuple[int, Command] | None = None
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
@@ -49,26 +57,54 @@ class GuardNode(SerdNode[GuardConfig]):
         self._stepped_wall_s = self._reported_wall_s = 0.0
         self._reported: GuardOutput | None = None
         self._stamped = config.stamped_cmd_vel or config.lockstep
-        kind = TwistStamped if self._stamped else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
-        self.create_subscription(kind, topics.CMD_VEL_RAW, self._on_command, qos.COMMAND)
-        follow_transforms(self)
+        twist: type[Twist | TwistStamped] = TwistStamped if self._stamped else Twist
+        self._commands = self.create_publisher(twist, topics.CMD_VEL, qos.STATE)
+        self._localisation = LOCALISATIONS[config.pose_from](self, self._take_pose)
         self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
-        self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         PeopleTopic(self, config.people_topic, self._on_people)
         ScanTopic(self, config, self._on_scan, qos.STATE if config.lockstep else qos.SENSOR)
-        if not config.lockstep:
+        if config.lockstep:
+            self.create_subscription(twist, topics.CMD_VEL_RAW, self._on_stamped, qos.COMMAND)
+        else:
+            follow_commands(self, twist, topics.CMD_VEL_RAW, self._on_command)
             self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
             self.create_timer(period_s, self._watch)
+
+    def _refuse_own_output(self) -> None:
+        """NodeError where the node would take what it publishes as commands."""
+        raw, out = map(self.resolve_topic_name, (topics.CMD_VEL_RAW, topics.CMD_VEL))
+        if raw == out:
+            raise NodeError(
+                f"cmd_vel_raw and cmd_vel must be two topics, got {out} for both; remap one of them"
+                " only, for instance -r cmd_vel_raw:=nav_vel"
+            )
+
+    def _look_for_publishers(self) -> None:
+        """Stand while another node commands the robot, or several nodes the guard."""
+        several = []
+        for source in (Source.COMMAND, Source.OUTPUT):
+            topic = self.resolve_topic_name(source.value)
+            if self.count_publishers(topic) > 1:
+                several.append(Reason(source, Fault.SEVERAL))
+                names = sorted(
+                    f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+                    for each in self.get_publishers_info_by_topic(topic)
+                )
+                self.get_logger().warning(
+                    f"{topic} has several publishers: {', '.join(names)}; end all but one, or let"
+                    " teleop_mux choose between them",
+                    throttle_duration_sec=_LOG_PERIOD_S,
+                )
+        self._several = tuple(several)
 
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self.frames)
         receive = self._guard.receive_odometry
         self._take(Source.ODOMETRY, time_ns, lambda: receive(time_ns * 1e-9, pose, speeds))
+        self._localisation.take_odometry(time_ns, pose)
 
-    def _on_pose(self, message: PoseStamped) -> None:
-        time_ns, pose = from_pose_stamped(message, self.frames)
+    def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
         self._take(Source.POSE, time_ns, lambda: self._guard.receive_pose(time_ns * 1e-9, pose))
 
     def _on_people(self, time_ns: int, people: People) -> None:
@@ -77,17 +113,24 @@ class GuardNode(SerdNode[GuardConfig]):
         self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
 
     def _on_scan(self, time_ns: int, scan: Scan) -> None:
+        self._zeros.take(scan)
         self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
 
-    def _on_command(self, message: Twist | TwistStamped) -> None:
-        if isinstance(message, TwistStamped):
-            time_ns, command = from_twist_stamped(message)
-        else:
-            time_ns, command = self.get_clock().now().nanoseconds, from_twist(message)
+    def _on_stamped(self, message: TwistStamped) -> None:
+        time_ns, command = from_twist_stamped(message)
         receive = self._guard.receive_command
         self._take(Source.COMMAND, time_ns, lambda: receive(time_ns * 1e-9, command))
-        if not self.config.lockstep:
-            self._step()
+
+    def _on_command(self, message: Twist | TwistStamped, age_s: float) -> None:
+        now_s = self._now_s()
+        if isinstance(message, TwistStamped):
+            time_ns, command = from_twist_stamped(message)
+            time_s = time_ns * 1e-9
+        else:
+            time_s, command = now_s, from_twist(message)
+        self._guard.advance(now_s)
+        self._guard.receive_command(min(time_s, now_s - age_s), command)
+        self._step()
 
     def _on_override(self, message: Bool) -> None:
         self._guard.receive_override(self._now_s(), bool(message.data))
@@ -124,7 +167,6 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def _is_here(self, source: Source, time_ns: int) -> bool:
         """Whether the input of a stamp has arrived, or there is none."""
-        assert self._scenario is not None
         tick = round(time_ns * 1e-9 / self._scenario.control_period_s)
         if source is Source.SCAN and tick % self._scenario.ticks_per_scan:
             return True
@@ -132,6 +174,7 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def _watch(self) -> None:
         """Step when no command has come for a period."""
+        self._look_for_publishers()
         if self.wall_s() - self._stepped_wall_s >= 1.0 / self.config.controller_frequency:
             self._step()
 
@@ -140,6 +183,8 @@ class GuardNode(SerdNode[GuardConfig]):
         if now_s != self._clock_s:
             self._clock_s, self._clock_wall_s = now_s, self._stepped_wall_s
         output = self._guard.step(now_s)
+        if self._several:
+            output = GuardOutput(STOP, GuardAction.STOP, self._several)
         if self._stepped_wall_s - self._clock_wall_s > self.config.clock_timeout:
             output = _CLOCK_STANDS
         silent_s = self._guard.command_age_s(now_s) - self.config.command_timeout
@@ -167,6 +212,8 @@ class GuardNode(SerdNode[GuardConfig]):
             "reasons": ", ".join(map(str, output.reasons)),
             **{f"age_s.{source.value}": age_s for source, age_s in ages.items()},
             "rejected": sum(self._guard.n_rejected.values()),
+            "zero_ranges": self._zeros.sentence(self.config.zero_is),
+            "localisation": self._localisation.fault(),
         }
         state_name = "overridden" if output.overridden else output.action.name
         level = WARN if output.overridden or output.action is GuardAction.STOP else OK

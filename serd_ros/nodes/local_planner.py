@@ -2,8 +2,8 @@
 
 In lock-step every observation is answered by one command with its stamp; at a decision tick the
 answer waits for the waypoint or intent of that tick. Live, every observation is answered at once,
-and the robot stops when they stop coming; when waypoints or intents stop coming, it drives to the
-next cell centre on its way and stands there. An engaged e-stop discards them.
+and the robot stops when they, or waypoints and intents, stop coming. An engaged e-stop discards
+waypoints and intents.
 """
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
@@ -111,7 +111,9 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         if self.config.lockstep:
             self._answer_tick()
         elif not self._is_e_stopped:
-            self._followed.take(time_ns * 1e-9, directive)
+            newest_s = 0.0 if self._observation is None else self._observation.time_s
+            # A message by hand has no stamp.
+            self._followed.take(time_ns * 1e-9 if time_ns else newest_s, directive)
 
     def _on_e_stop(self, message: Bool) -> None:
         """Discard what was asked for before the e-stop was engaged, and while it is."""

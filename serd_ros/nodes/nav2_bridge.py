@@ -45,8 +45,7 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
         """Send goals from now on."""
         if self.config.mode == "through_poses":
             self.create_subscription(Path, topics.PLAN, self._take, qos.COMMAND)
-        else:
-            self.create_subscription(PoseStamped, topics.WAYPOINT, self._take, qos.COMMAND)
+        self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         self._odom_pose: PlanarPose | None = None
         self._stamp_clock = StampClock()
         if self.config.publish_tf:
@@ -59,6 +58,13 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     def release(self) -> None:
         """Do not leave Nav2 driving."""
         self._goals.cancel()
+
+    def _on_waypoint(self, message: PoseStamped) -> None:
+        """A waypoint is repeated while the strategy drives, a plan is not."""
+        if self.config.mode == "through_poses":
+            self._goals.hear(self.wall_s())
+        else:
+            self._take(message)
 
     def _take(self, message: PoseStamped | Path) -> None:
         poses = message.poses if isinstance(message, Path) else [message]

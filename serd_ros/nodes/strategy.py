@@ -19,7 +19,7 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import UNCOUNTED
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
-from serd_ros.convert.stamp import Jump
+from serd_ros.convert.stamp import Jump, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.driver import EpisodeDriverNode
@@ -27,6 +27,7 @@ from serd_ros.graph.configs import StrategyConfig
 from serd_ros.graph.parameters import accept_changes
 from sim.drivers.catalogue import Driver
 from sim.episodes.result import ANYWHERE, EpisodeStart
+from sim.world.directive import REPEAT_PERIOD_S
 from sim.world.observation import Observation
 from sim.world.waypoint import heading_to
 from storage.episode_table import EpisodeResult
@@ -57,6 +58,9 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         """Drive to the goals that come, by the newest model."""
         super().activate()
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
+        self._steered: PoseStamped | None = None
+        if not self.config.lockstep:
+            self.create_timer(REPEAT_PERIOD_S, self._repeat_waypoint)
         self._reporter = StrategyReporter(self)
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         self.create_subscription(String, topics.MODEL, self._on_model, qos.LATCHED)
@@ -92,10 +96,17 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         """Publish the waypoint and the forecast it is based on."""
         waypoint = self._navigator.waypoint_of(observation, action)
         heading_rad = heading_to(waypoint, observation)
-        self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s, heading_rad))
+        self._steered = to_waypoint_message(waypoint, observation.time_s, heading_rad)
+        self._waypoints.publish(self._steered)
         self._records.note_decision(self._navigator, observation)
         self._crossings.note_decision(observation, action)
         self._reporter.report_decision(self._navigator, observation)
+
+    def _repeat_waypoint(self) -> None:
+        """Publish the waypoint again with the newest stamp, so that silence means an end."""
+        if self.driving and self._steered is not None and self.observation is not None:
+            self._steered.header.stamp = to_stamp(self.observation.time_s)
+            self._waypoints.publish(self._steered)
 
     def give_up_reason(self) -> str:
         """The reason of the navigator."""
@@ -111,6 +122,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def episode_begun(self) -> None:
         """Discard what was noted of an episode that was discarded."""
+        self._steered = None
         self._crossings.begin()
 
     def episode_observed(self, observation: Observation) -> None:

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial, wraps
+from inspect import signature
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
@@ -274,7 +275,7 @@ class SerdNode(Node, Generic[Config]):
             found = self.get_publishers_info_by_topic(topic)
             offered = [each.qos_profile for each in found]
             *_, newest = matching_subscriptions(
-                self, subscription, offered, make, _without_info(subscription.callback)
+                self, subscription, offered, make, _with_info(subscription.callback)
             )
             if newest is not subscription:
                 self._subscribed.pop(subscription, None)
@@ -308,8 +309,10 @@ def _require_values(kind: str, given: Mapping[str, Parameter]) -> None:
         )
 
 
-def _without_info(callback: Callable[[Any], None]) -> Callable[[Any, object], None]:
-    return lambda message, _: callback(message)
+def _with_info(callback: Callable[..., None]) -> Callable[..., None]:
+    """The callback of a subscription, to be called with a message and its info."""
+    takes_info = len(signature(callback).parameters) == 2
+    return callback if takes_info else lambda message, _: callback(message)
 
 
 def _of_times(callback: Callable[[ClockMessage], None]) -> Callable[[ClockMessage], None]:

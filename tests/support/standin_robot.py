@@ -7,7 +7,9 @@ All stamps are of the wall clock, and no two topics share one. `odom` and `scan`
 AMCL does. Odometry begins at zero, and the lidar is turned by a quarter. The robot follows
 `cmd_vel`, or goals of navigate_to_pose including their heading, as Nav2's goal checker requires.
 It prints `goal N` for each goal, with how far it had to turn in place at its end. With --people it
-is in the built-in hallway, among the `walkers`.
+is in the built-in hallway, among the `walkers`. The topic `disturb` (std_msgs/String) makes its /tf
+wrong: "jump" moves map -> odom by 1.5 m, "second parent" publishes another one of base_footprint,
+and an empty text ends both.
 """
 
 import argparse
@@ -27,6 +29,7 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import String
 
 from bags.formats.rosbag2.message_types import message_type
 from serd_ros.endpoints.raw_type import raw_message_class
@@ -83,11 +86,16 @@ class StandIn(Node):
             )  # fmt: skip
         else:
             self.create_subscription(Twist, "cmd_vel", self.follow, 10)
+        self.disturbance = ""
+        self.create_subscription(String, "disturb", self.disturb, 10)
         self.create_timer(STEP_S, self.move)
         self.create_timer(options.period, self.publish)
 
     def now_s(self):
         return self.get_clock().now().nanoseconds * 1e-9
+
+    def disturb(self, message):
+        self.disturbance = message.data
 
     def follow(self, message):
         self.command, self.commanded_s = (message.linear.x, message.angular.z), self.now_s()
@@ -167,7 +175,11 @@ class StandIn(Node):
         self.odom.publish(message)
         base = self.in_odom(now_s + 0.003)
         self.publish_tf(self.tf, ("odom", "base_footprint", base, now_s + 0.003))
-        self.publish_tf(self.tf, ("map", "odom", self.start, now_s + 0.9))
+        x_m, y_m, yaw_rad = self.start
+        x_m += 1.5 * (self.disturbance == "jump")
+        self.publish_tf(self.tf, ("map", "odom", (x_m, y_m, yaw_rad), now_s + 0.9))
+        if self.disturbance == "second parent":
+            self.publish_tf(self.tf, ("visual_odom", "base_footprint", base, now_s + 0.003))
         self.publish_scan(now_s - 0.013)
         moved_m = math.inf if self.amcl_at is None else math.dist(self.amcl_at, self.pose)
         if moved_m > 0.2:

@@ -10,8 +10,11 @@ from itertools import cycle, islice
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from std_msgs.msg import String
 
+from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from support.goals import Goals
 from support.waiting import wait_until
@@ -57,6 +60,41 @@ def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
         assert len(turns_rad) >= 1
         # By a heading of 0 it would turn by a quarter at each waypoint to the north.
         assert sum(turns_rad) < 0.1 * len(turns_rad)
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "fault"),
+    [("jump", "robot_pose: jump"), ("second parent", "robot_pose: stamp too old")],
+)
+def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
+    disturbance, fault, nodes, probe, start_robot, save_model_of
+):
+    goals, guard, speeds = Goals(probe), {}, []
+    start_robot()
+    nodes.start_stack("robot", model=str(save_model_of()))
+    wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
+
+    def take(message):
+        guard.update(values_of(message, "guard") or {})
+
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    probe.node.create_subscription(Twist, "cmd_vel", lambda m: speeds.append(m.linear.x), qos.STATE)
+    disturb = probe.node.create_publisher(String, "disturb", qos.COMMAND)
+
+    def until(condition, text):
+        probe.spin_until(
+            lambda: disturb.publish(String(data=text)) or condition(),
+            seen=lambda: f"{guard} {speeds[-5:]} {nodes.log_of('strategy')}",
+        )
+
+    goals.send((3.5, 6.5))
+    until(lambda: speeds and speeds[-1] > 0.3, "")
+    until(lambda: speeds[-1] == 0.0 and fault in guard["reasons"], disturbance)
+    if disturbance == "second parent":
+        until(lambda: "must have one parent" in guard["localisation"], disturbance)
+        until(lambda: speeds[-1] > 0.1, "")
+    else:
+        until(lambda: speeds[-1] > 0.1 and not guard["reasons"], disturbance)
 
 
 def test_what_is_missing_is_named_in_the_log_and_on_diagnostics(

@@ -18,6 +18,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.command_topic import follow_commands
 from serd_ros.endpoints.world.simulated_robot import SimulatedRobot
 from serd_ros.endpoints.world.world_publisher import ClockPublisher
 from serd_ros.graph.configs import HallwaySimConfig
@@ -197,11 +198,11 @@ class LiveLoop(WorldLoop):
     def _follow(self, robot: SimulatedRobot, guard: CommandGuard) -> None:
         """Let the commands of a robot reach its guard."""
 
-        def take(message: Twist | TwistStamped) -> None:
-            guard.receive(from_any_twist(message), self.world.time_s)
+        def take(message: Twist | TwistStamped, age_s: float) -> None:
+            guard.receive(from_any_twist(message), self.world.time_s - max(age_s, 0.0))
 
         kind = TwistStamped if robot.node.config.stamped_cmd_vel else Twist
-        robot.node.create_subscription(kind, topics.CMD_VEL, take, qos.COMMAND)
+        follow_commands(robot.node, kind, topics.CMD_VEL, take)
 
     def _step(self) -> None:
         if self.paused or not self._running:

@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool
 from serd_ros.convert.command import from_any_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.command_topic import follow_commands
 from serd_ros.graph.configs import TeleopMuxConfig
 from serd_ros.process.serd_node import SerdNode
 from teleop.mux_settings import load_mux
@@ -34,8 +35,8 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self._reported: MuxOutput | None = None
         self._reported_s = self.wall_s()
         for name, source in settings.topics.items():
-            kind = TwistStamped if source.stamped else Twist
-            self.create_subscription(kind, source.topic, partial(self._take, name), qos.COMMAND)
+            twist = TwistStamped if source.stamped else Twist
+            follow_commands(self, twist, source.topic, partial(self._take, name))
         for name, lock in settings.locks.items():
             self.create_subscription(Bool, lock.topic, partial(self._lock, name), qos.COMMAND)
         self.create_subscription(Bool, topics.E_STOP, self._take_e_stop, qos.COMMAND)
@@ -45,8 +46,8 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
         self.create_timer(1.0 / config.rate_hz, self._step)
 
-    def _take(self, name: str, message: Twist | TwistStamped) -> None:
-        self._mux.receive(name, from_any_twist(message), self.wall_s())
+    def _take(self, name: str, message: Twist | TwistStamped, age_s: float) -> None:
+        self._mux.receive(name, from_any_twist(message), self.wall_s() - max(age_s, 0.0))
 
     def _lock(self, name: str, message: Bool) -> None:
         self._mux.receive_lock(name, bool(message.data), self.wall_s())

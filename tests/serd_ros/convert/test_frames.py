@@ -75,6 +75,36 @@ def test_for_a_frame_that_is_upside_down_the_driver_is_to_reverse_the_angles(fra
         frames.place("laser", "base_link")
 
 
+@pytest.mark.parametrize("is_static", [False, True])
+def test_a_frame_with_two_parents_is_refused_until_it_has_had_one_for_a_while(frames, is_static):
+    def at(seconds):
+        return {"stamp_ns": SECOND + round(seconds * SECOND)}
+
+    def odom(seconds):
+        frames.take(transform("map", "odom", 2.0, 1.0, 0.0, **at(seconds)), static=False)
+        moved = transform("odom", "base_footprint", 3.0, 0.5, 0.2, **at(seconds))
+        frames.take(moved, static=False)
+
+    other = transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(0.1))
+    frames.take(other, static=is_static)
+    odom(0.2)
+    sentence = "must have one parent, got 'base_footprint' in 'visual_odom' and in 'odom'; end what"
+    with pytest.raises(MessageError, match=sentence):
+        frames.place("base_link", "map")
+    odom(3.1)
+    with pytest.raises(MessageError, match="must have one parent"):
+        frames.place("base_link", "map")
+    odom(3.3)
+    assert frames.place("base_link", "map").stamp_ns == at(3.3)["stamp_ns"]
+
+
+def test_a_frame_may_move_to_another_parent_after_the_first_has_stopped(frames):
+    later = {"stamp_ns": 9 * SECOND}
+    frames.take(transform("map", "odom", 2.0, 1.0, 0.0, **later), static=False)
+    frames.take(transform("map", "base_footprint", 3.0, 0.5, 0.2, **later), static=False)
+    assert frames.place("base_link", "map").pose == pytest.approx((3.1, 0.5, 0.2), abs=0.03)
+
+
 def test_a_transform_that_has_stopped_is_named(frames):
     later = transform("odom", "base_footprint", 3.0, 0.5, 0.2, stamp_ns=9 * SECOND)
     frames.take(later, static=False)

@@ -112,9 +112,9 @@ def driving(kind, **parameters):
 def test_a_driver_decides_on_what_it_sees_after_a_jump_forward_and_after_a_pause(
     kind, save_model_of
 ):
-    parameters = {"model": str(save_model_of())} if kind == "strategy" else {}
+    given = {"model": str(save_model_of()), "lockstep": True} if kind == "strategy" else {}
     topic = "waypoint" if kind == "strategy" else "intent"
-    with driving(kind, **parameters) as running:
+    with driving(kind, **given) as running:
         assert stamp_s(running.sent[topic].header.stamp) == START
         feed(running, START + 20.0)
         assert stamp_s(running.sent[topic].header.stamp) == START + 20.0
@@ -398,14 +398,14 @@ def test_a_key_that_is_held_all_the_time_drives_again_only_when_it_is_pressed_an
             act("release")
             running.receive("e_stop_engaged", Bool(data=False))
         elif event == "planner restarts":
-            act("hold", planner="")
+            act("hold", 15, planner="")
         else:
             act(event)
         driven = running.published["intent"]
         for _ in range(2 * period):
             assert act("hold") == 0.0
         assert running.sent["driver_gone"].data
-        assert running.published["intent"] <= driven + 2
+        assert running.published["intent"] <= driven + 3  # to wait, once a decision period
         act("let go", 16)
         assert act("hold", period) == 1.0
         assert not running.sent["driver_gone"].data

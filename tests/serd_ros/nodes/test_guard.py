@@ -1,0 +1,94 @@
+"""The node guard: whose commands it takes, and how old they are."""
+
+import math
+import time
+
+import pytest
+from geometry_msgs.msg import Twist
+
+from serd_ros.errors import NodeError
+from serd_ros.nodes import guard
+from support.nodes_in_process import node_in_process
+from support.valid_messages import valid_message
+
+INPUTS = "odom", "robot_pose", "pedestrians", "scan"
+START = 100.0
+
+
+@pytest.fixture
+def running(monkeypatch):
+    """A guard whose clock stands at START, with a fresh message of each input."""
+    monkeypatch.setattr(guard.GuardNode, "_now_s", lambda _: START)
+    with node_in_process("guard") as node:
+        node.node._guard.advance(START)
+        for topic in INPUTS:
+            node.receive(topic, valid_message(topic, START))
+        yield node
+
+
+def command(linear_mps):
+    message = Twist()
+    message.linear.x = linear_mps
+    return message
+
+
+def receive_command(running, age_s, linear_mps=0.3):
+    """Deliver a command as an executor does that was sent some time ago."""
+    (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
+    sent_ns = time.time_ns() - round(age_s * 1e9)
+    info = {"received_timestamp": time.time_ns(), "source_timestamp": sent_ns}
+    found.callback(command(linear_mps), info)
+    return running.sent["cmd_vel"].linear.x if "cmd_vel" in running.sent else 0.0
+
+
+@pytest.mark.parametrize(
+    "remappings", [("cmd_vel_raw:=cmd_vel",), ("cmd_vel:=cmd_vel_raw",), ("cmd_vel_raw:=/cmd_vel",)]
+)
+def test_a_guard_that_would_take_its_own_output_as_command_is_refused(remappings):
+    sentence = "cmd_vel_raw and cmd_vel must be two topics, got .* for both; remap one of them only"
+    with pytest.raises(NodeError, match=sentence), node_in_process("guard", remappings=remappings):
+        pass
+
+
+def test_the_remapping_that_the_refusal_names_is_accepted():
+    remappings = ("cmd_vel_raw:=nav_vel", "cmd_vel:=base/cmd_vel")
+    with node_in_process("guard", remappings=remappings) as running:
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("topic", ["cmd_vel_raw", "cmd_vel"])
+def test_a_second_publisher_of_commands_stands_the_robot_until_it_has_ended(running, topic):
+    assert receive_command(running, 0.0) == pytest.approx(0.3)
+    others = [running.node.create_publisher(Twist, topic, 1) for _ in range(2)]
+    running.call_timers()
+    assert receive_command(running, 0.0) == 0.0
+    (status,) = running.sent["diagnostics"].status
+    values = {each.key: each.value for each in status.values}
+    assert values["reasons"] == f"{topic}: several publishers"
+    assert (values["action"], status.name) == ("STOP", "guard")
+    for each in others:
+        running.node.destroy_publisher(each)
+    running.call_timers()
+    assert receive_command(running, 0.0) == pytest.approx(0.3)
+    running.assert_alive()
+
+
+@pytest.mark.parametrize(("age_s", "speed_mps"), [(0.1, 0.3), (0.3, 0.0), (10.0, 0.0)])
+def test_a_command_is_as_old_as_its_publisher_says(running, age_s, speed_mps):
+    assert receive_command(running, age_s) == pytest.approx(speed_mps)
+
+
+def test_a_command_that_waited_behind_newer_ones_does_not_count(running):
+    (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
+    assert found.qos_profile.depth == 1
+
+
+def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
+    scan = valid_message("scan", START + 0.1)
+    scan.ranges = type(scan.ranges)("f", [9.0] * 100 + [0.0] * 160 + [9.0] * 100)
+    running.receive("scan", scan)
+    running.wait(1.0)
+    receive_command(running, 0.0)
+    values = {each.key: each.value for each in running.sent["diagnostics"].status[0].values}
+    assert "which seems to mean no return; set zero_is to free" in values["zero_ranges"]
+    assert not math.isnan(float(values["age_s.scan"]))
