@@ -177,7 +177,13 @@ def from_scan(
 
 
 def scan_geometry_of(message: LaserScan) -> ScanGeometry:
-    """Angles and valid ranges of a scan."""
+    """Angles and valid ranges of a scan; MessageError where no range can be valid."""
+    if not 0.0 <= message.range_min < message.range_max:
+        raise MessageError(
+            "range_max must be above range_min, and both at least 0",
+            f"{message.range_max:g} and {message.range_min:g} m",
+            "set both in the driver of the lidar",
+        )
     return ScanGeometry(
         message.angle_min, message.angle_increment, message.range_min, message.range_max
     )

@@ -108,6 +108,8 @@ class Guard:
         if self._accepts(Source.ODOMETRY, stamp_s, is_finite((*pose[:2], pose[2] + sum(speeds)))):
             # A quaternion does not keep the last bits of an angle.
             self._odometry.take(stamp_s, (*pose[:2], float(np.float32(pose[2]))), speeds)
+            if self._odometry.has_leapt:
+                self._scans.begin_session()
 
     def receive_pose(self, stamp_s: float, pose: Pose) -> None:
         """Take the pose of the robot in the map."""
@@ -127,7 +129,7 @@ class Guard:
 
     def receive_scan(self, scan: Scan) -> None:
         """Take a scan."""
-        valid = scan.geometry.is_finite and len(scan.ranges_m) > 0
+        valid = scan.geometry.is_usable and len(scan.ranges_m) > 0
         if self._accepts(Source.SCAN, scan.stamp_s, valid):
             self._waiting_scans.append(scan)
 
@@ -188,6 +190,7 @@ class Guard:
         elif now_s - last_s > self.settings.clock_jump:
             self._odometry.begin_session()
             self._poses.begin_session()
+            self._scans.begin_session()
             for monitor in self._stamps.values():
                 monitor.begin_session()
 

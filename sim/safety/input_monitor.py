@@ -7,6 +7,7 @@ another pose that follows odometry. It does not end with time.
 
 import math
 from collections import deque
+from functools import partial
 
 import numpy as np
 
@@ -188,6 +189,8 @@ class OdometryMonitor:
         self._settings = settings
         self.track = PoseTrack(2.0 * settings.consistency_window)
         self.speeds = (0.0, 0.0)
+        #: Whether the newest pose is another place than speed can explain.
+        self.has_leapt = False
         self._stamp_s: float | None = None
         self._n_same = 0
         self._jumped_s: float | None = None
@@ -203,10 +206,10 @@ class OdometryMonitor:
 
     def take(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
         """Take a pose by the wheels and the speeds (m/s, rad/s)."""
-        settings = self._settings
+        settings, self.has_leapt = self._settings, False
         if len(self.track) and self._stamp_s is not None:
             if _leaps(self.track.pose, pose, stamp_s - self._stamp_s, settings):
-                self._jumped_s = stamp_s
+                self._jumped_s, self.has_leapt = stamp_s, True
                 self._window.clear()
             same = pose == self.track.pose and abs(speeds[0]) > _WALKS_MPS
             self._n_same = self._n_same + 1 if same else 0
@@ -318,9 +321,14 @@ class ScanMonitor:
     ) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        self._space = KnownSpace(settings, walls_m, reach_m)
-        self.mount_of = self._space.mount_of
+        self._new_space = partial(KnownSpace, settings, walls_m, reach_m)
         self.lost_share, self.seen = 0.0, SeenSpace()
+        self.begin_session()
+
+    def begin_session(self) -> None:
+        """Discard what was known, which lies elsewhere by odometry now."""
+        self._space = self._new_space()
+        self.mount_of = self._space.mount_of
 
     def take(
         self, raw: Scan, odometry: Pose, people_m: FloatArray = NO_POINTS, pose: Pose | None = None

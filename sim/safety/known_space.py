@@ -24,6 +24,7 @@ from functools import lru_cache
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from sim.planning.nearby_people import distance_to_nearest
 from sim.robot.sensors.lidar import range_to_lines
 from sim.safety.motion import STANDING, Pose, compose, in_frame, motion_between, out_of_frame
 from sim.safety.scan import Scan, ScanGeometry
@@ -38,6 +39,8 @@ _LOST_WIDTH_M = 0.2
 _LOST_RAYS = 3
 #: Rays beside a blind one whose earlier ends count for it too, since the robot has moved.
 _BESIDE = 2
+#: The lidar looks in a direction where it has a ray within this angle (rad).
+_ABOUT_RAD = 0.1
 #: Scan points nearer than this (m) to the body of a person belong to that person.
 BODY_MARGIN_M = 0.15
 NO_POINTS: FloatArray = np.zeros((0, 2))
@@ -191,9 +194,9 @@ class KnownSpace:
         return out_of_frame(end_m[near, None] * scan.directions[near], mount)
 
     def _looks(self, scan: Scan, mount: Pose, bearing_rad: float) -> bool:
-        """Whether there is a ray in a direction of the robot."""
-        towards = np.array([bearing_rad - mount[2]])
-        return bool(scan.geometry.rays_towards(towards, len(scan.ranges_m))[0] >= 0)
+        """Whether there is a ray about a direction of the robot."""
+        towards = bearing_rad - mount[2] + np.array([-_ABOUT_RAD, 0.0, _ABOUT_RAD])
+        return bool((scan.geometry.rays_towards(towards, len(scan.ranges_m)) >= 0).any())
 
     def _remember(
         self,
@@ -208,8 +211,8 @@ class KnownSpace:
         end = end_m[rays, None] * scan.directions[rays]
         is_solid = np.isfinite(scan.ranges_m[rays])
         if len(people_m):
-            of_robot = out_of_frame(end, mount)
-            away_m = np.hypot(*(of_robot[:, None] - people_m).transpose(2, 0, 1)).min(axis=1)
+            x_m, y_m = out_of_frame(end, mount).T
+            away_m = distance_to_nearest(x_m, y_m, people_m[:, :1], people_m[:, 1:])
             is_solid &= away_m > self._settings.person_radius + BODY_MARGIN_M
         stamp_s = np.full(len(end), scan.stamp_s)
         self._newest = _Ends(out_of_frame(end, lidar), stamp_s, is_solid)

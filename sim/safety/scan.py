@@ -14,6 +14,8 @@ from sim.safety.motion import Pose
 #: What a range of 0 states: nothing, no return, or a return nearer than `range_min`.
 ZeroIs = Literal["unknown", "free", "obstacle"]
 _RANGE_OF_ZERO = {"unknown": np.nan, "free": np.inf, "obstacle": -np.inf}
+#: Ranges up to this share of range_max are range_max with noise.
+_CLIPPED = 1.01
 #: Error (m) allowed between the place of a person and the points that show it.
 _PLACE_ERROR_M = 0.3
 #: People beyond this distance (m) are not looked for in a scan.
@@ -37,9 +39,11 @@ class ScanGeometry:
             object.__setattr__(self, name, float(np.float32(value)))
 
     @property
-    def is_finite(self) -> bool:
-        """Whether all values are numbers, and rays differ in direction."""
-        return all(map(math.isfinite, vars(self).values())) and self.angle_increment_rad != 0.0
+    def is_usable(self) -> bool:
+        """Whether all values are numbers, rays differ in direction, and there is a range."""
+        has_range = 0.0 <= self.range_min_m < self.range_max_m
+        is_finite = all(map(math.isfinite, vars(self).values()))
+        return is_finite and has_range and self.angle_increment_rad != 0.0
 
     def angles_rad(self, n_rays: int) -> FloatArray:
         """(n_rays,) directions of the rays in the lidar's frame."""
@@ -97,7 +101,8 @@ class Scan:
         (n_rays,) which rays are too near.
 
         By REP 117 -inf is nearer than range_min, as every range below it; it becomes range_min.
-        +inf is free up to range_max, as are ranges from range_max on. zero_is: what 0 states, which
+        +inf is free up to range_max, as is range_max itself, to which simulators clip. A number
+        beyond states nothing: it is of another unit, or a code. zero_is: what 0 states, which
         differs between drivers.
 
         >>> ranges = np.array([-np.inf, 0.0, 0.05, 2.0, np.inf, np.nan], dtype=np.float32)
@@ -108,7 +113,9 @@ class Scan:
         ranges_m = np.where(self.ranges_m == 0.0, _RANGE_OF_ZERO[zero_is], self.ranges_m)
         near = ranges_m < self.geometry.range_min_m
         far = ranges_m >= self.geometry.range_max_m
+        beyond = np.isfinite(ranges_m) & (ranges_m > _CLIPPED * self.geometry.range_max_m)
         ranges_m = np.where(far, np.inf, np.where(near, self.geometry.range_min_m, ranges_m))
+        ranges_m[beyond] = np.nan
         return replace(self, ranges_m=ranges_m.astype(np.float32)), near
 
 

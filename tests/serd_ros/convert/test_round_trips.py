@@ -55,6 +55,7 @@ from serd_ros.convert.pose import (
 from serd_ros.convert.sensors import (
     from_people_message,
     from_scan,
+    scan_geometry_of,
     to_bumper_message,
     to_imu_message,
     to_occupancy_grid,
@@ -279,6 +280,15 @@ def test_a_scan_whose_valid_ranges_are_unknown_is_rejected(limits):
         setattr(message, name, value)
     with pytest.raises(MessageError, match="range_min and range_max must be finite"):
         from_scan(message)
+
+
+@pytest.mark.parametrize("limits", [{"range_max": 0.0}, {"range_min": 20.0}, {"range_min": -1.0}])
+def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits):
+    message = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
+    for name, value in limits.items():
+        setattr(message, name, value)
+    with pytest.raises(MessageError, match=r"range_max must be above range_min.*set both in the"):
+        scan_geometry_of(message)
 
 
 def test_a_map_keeps_its_cells_row_by_row_from_the_south():
