@@ -1,6 +1,7 @@
 """The guard in the live stack: faults of its inputs, injected between the world and the guard."""
 
 import math
+import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -115,9 +116,13 @@ def inputs(nodes, probe, ros_env):
     stack = find_stack("live").model_copy(
         update={"nodes": ("hallway_sim", "guard"), "remappings": {"guard": faulty}}
     )
-    for process in stack_processes(stack, {"seed": 2, "people": 0}, ros_env):
-        nodes.start(list(process.command), process.name)
-    return FaultyInputs(probe)
+    started = {
+        process.name: nodes.start(list(process.command), process.name)
+        for process in stack_processes(stack, {"seed": 2, "people": 0}, ros_env)
+    }
+    faulty_inputs = FaultyInputs(probe)
+    faulty_inputs.guard = started["guard"]
+    return faulty_inputs
 
 
 FAULTS = {
@@ -148,6 +153,30 @@ def test_a_held_override_drives_without_a_scan_and_is_reported(inputs):
     assert "scan: stamp too old" in inputs.values["reasons"]
     inputs.drive_until(lambda: inputs.linear_mps == 0.0)
     inputs.drive_until(lambda: inputs.values["overridden"] == "False")
+
+
+def test_commands_that_waited_while_the_guard_was_stopped_do_not_drive(inputs):
+    inputs.until_it_moves()
+    inputs.guard.send_signal(signal.SIGSTOP)
+    stopped_s = inputs.time_s
+    inputs.drive_until(lambda: inputs.time_s > stopped_s + 3.0)
+    assert abs(inputs.speed_mps) < STOPPED_MPS
+    silent_s, speeds = inputs.time_s, []
+    inputs.probe.spin_until(lambda: inputs.time_s > silent_s + 0.5)
+    inputs.linear_mps, inputs.values = 0.0, {}
+    inputs.guard.send_signal(signal.SIGCONT)
+    inputs.probe.spin_until(
+        lambda: speeds.append((inputs.linear_mps, inputs.speed_mps)) or inputs.values
+    )
+    resumed_s = inputs.time_s
+    inputs.probe.spin_until(
+        lambda: (
+            speeds.append((inputs.linear_mps, inputs.speed_mps)) or inputs.time_s > resumed_s + 1.0
+        )
+    )
+    assert max(linear_mps for linear_mps, _ in speeds) == 0.0
+    assert max(abs(speed_mps) for _, speed_mps in speeds) < STOPPED_MPS
+    inputs.until_it_moves()
 
 
 def test_a_guard_without_a_command_publishes_nothing(inputs):
