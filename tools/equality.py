@@ -231,9 +231,8 @@ def wire(folder: Path) -> Found:
     ]
     done = run([SERD, *words], folder)
     topics: dict[str, list[str]] = {}
-    with BagReader(folder / "bag") as reader:
-        for message in reader.raw_messages():
-            topics.setdefault(message.topic, []).append(digest(message.data))
+    for message in BagReader(folder / "bag").messages():
+        topics.setdefault(message.topic, []).append(digest(message.data))
     counted = {
         topic: [len(each), digest("".join(sorted(set(each))))]
         for topic, each in topics.items()
