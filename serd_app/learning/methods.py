@@ -349,16 +349,18 @@ def _fit_relative_entropy(
     """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
     problem, estimate = data.problem, data.estimate(decisions)
     policy = clone_behaviour(problem, decisions, smoothing)
+    seen = trajectories_of(decisions)
+    longest = int(seen.length.max())
+    longest_cut_off = seen.length[~problem.mdp.final[seen.end]].max(initial=0)
     samples = sample_decisions(
         problem.mdp,
         policy,
         estimate,
         start_distribution(decisions, problem.mdp.n_states),
         n_episodes=data.settings.reirl_samples,
-        n_steps=data.settings.reirl_sample_decisions,
+        n_steps=max(data.settings.reirl_sample_decisions, int(longest_cut_off)),
         rng=data.rng,
     )
-    longest = int(trajectories_of(decisions).length.max())
     thresholds = hoeffding_thresholds(problem, len(decisions.episodes), horizon=longest)
     return fit_relative_entropy_irl(
         problem,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown, rows_by_trajectory
 from serd_core.mdp.problem import Problem
 
@@ -63,6 +63,14 @@ def absorption_features(problem: Problem) -> FloatArray:
     only_action = mdp.available.argmax(axis=1)
     forever = problem.features[np.arange(mdp.n_states), only_action] / (1.0 - mdp.discount)
     return np.asarray(forever * mdp.final[:, None])
+
+
+def cut_off_ends(problem: Problem, decisions: Decisions) -> FloatArray:
+    """(S,) mean over trajectories of gamma^T at the state after their T decisions, where it is no
+    final state: where trajectories were cut off."""
+    mdp, episodes = problem.mdp, trajectories_of(decisions)
+    weight = mdp.discount ** episodes.length.astype(np.float64) / len(episodes)
+    return np.where(mdp.final, 0.0, weighted_counts(episodes.end, weight, mdp.n_states))
 
 
 def feature_counts(problem: Problem, decisions: Decisions) -> FloatArray:

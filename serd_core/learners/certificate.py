@@ -6,15 +6,29 @@ decision informs. The Newton step in standard errors distinguishes these
 (`serd_core.ascent.newton_ascent`).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import AT_A_KINK, AT_MAXIMUM, AscentResult, Step, StepCallback
+from serd_core.ascent.ascent import (
+    AT_A_KINK,
+    AT_MAXIMUM,
+    AscentResult,
+    Objective,
+    Step,
+    StepCallback,
+)
 from serd_core.ascent.newton_ascent import STILL, Curvature, NewtonAscent, NewtonStep
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, free_in_use
+from serd_core.posterior.coordinates import (
+    Coordinates,
+    LogPosterior,
+    coordinates,
+    described,
+    free_in_use,
+)
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 
@@ -25,6 +39,10 @@ FINAL_STEPS = 20
 #: Length of a Newton step, relative to the one before, from which steps have no end.
 LASTING = 0.5
 _NO_EFFECT = 1e-8
+#: Relative error of second derivatives by differences of gradients.
+_DIFFERENCES = 1e-6
+#: Weights beyond, over the range of their feature, decide every choice.
+_FAR = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,24 +96,67 @@ def certificate(
         return Certificate(
             space.parameters(found.vector), replace(counted, n_steps=number, objective_trace=trace)
         )
-    flat: tuple[str, ...] = ()
-    if len(step.rising):
-        bent = space.describe(step.rising[0])
-        reason = f"the log posterior bends up along {bent} (a saddle point); start elsewhere"
-    elif _grows_without_end(objective, found.vector, step):
-        reason = (
-            f"the log posterior grows on and on along {space.describe(step.move)} (separable"
-            " decisions); give these numbers a prior"
-        )
-    elif flat := tuple(space.describe(direction) for direction in step.flat):
-        reason = f"nothing determines {flat[0]}; give these numbers a prior"
-    else:
+    reason = _reason(objective, found.vector, step, space.describe, "the log posterior")
+    if not reason:
         reason = f"Newton step of {step.standard_errors:.2g} standard errors"
+    flat = tuple(space.describe(each) for each in step.flat) if reason.startswith(_FLAT) else ()
     failed = replace(counted, converged=False, message=f"not converged: {reason}")
     return Certificate(parameters, failed, flat)
 
 
-def _grows_without_end(objective: LogPosterior, at: FloatArray, step: NewtonStep) -> bool:
+def weights_certificate(
+    objective: Objective, names: Sequence[str], ascended: AscentResult
+) -> tuple[AscentResult, tuple[str, ...]]:
+    """The end of an ascent over weights alone, and the directions that nothing determines.
+
+    objective: of weights (F,) in units of one over the ranges of their features. An ascent that
+    ended where weights grow without end, or may be anything, did not converge. The second
+    derivatives are differences of gradients.
+    """
+
+    def describe(direction: FloatArray) -> str:
+        return described(direction, [f"reward {name}" for name in names])
+
+    if not ascended.converged:
+        if not np.max(np.abs(ascended.vector), initial=0.0) > _FAR:
+            return ascended, ()
+        reason = f"the objective grows on and on along {describe(ascended.vector)}"
+        return replace(ascended, message=f"not converged: {reason}; give these numbers a prior"), ()
+    values, vectors = np.linalg.eigh(-objective.hessian(ascended.vector))
+    values[np.abs(values) <= _DIFFERENCES * np.max(np.abs(values), initial=0.0)] = 0.0
+    step = Curvature(values, vectors).newton(objective.evaluate(ascended.vector)[1])
+    reason = _reason(objective, ascended.vector, step, describe, "the objective")
+    if not reason:
+        return ascended, ()
+    flat = tuple(map(describe, step.flat)) if reason.startswith(_FLAT) else ()
+    return replace(ascended, converged=False, message=f"not converged: {reason}"), flat
+
+
+_FLAT = "nothing determines"
+
+
+def _reason(
+    objective: Objective,
+    at: FloatArray,
+    step: NewtonStep,
+    describe: Callable[[FloatArray], str],
+    subject: str,
+) -> str:
+    """Why a point with a Newton step is no maximum; empty where the step does not show it."""
+    if len(step.rising):
+        bent = describe(step.rising[0])
+        return f"{subject} bends up along {bent} (a saddle point); start elsewhere"
+    if _grows_without_end(objective, at, step):
+        return (
+            f"{subject} grows on and on along {describe(step.move)} (separable decisions); give"
+            " these numbers a prior"
+        )
+    if len(step.flat):
+        return f"{_FLAT} {describe(step.flat[0])}; give these numbers a prior"
+    return ""
+
+
+def _grows_without_end(objective: Objective, at: FloatArray, step: NewtonStep) -> bool:
     """Whether a long Newton step leads to one as long and in the same direction.
 
     Near a maximum it would lead to a much shorter one.

@@ -1,7 +1,7 @@
 """What learners of rewards alone have in common: dynamics they take as known, and their result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.transition_model import Transitions, transitions_of
+from serd_core.learners.certificate import weights_certificate
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
     dynamics_or_estimate,
@@ -68,12 +69,19 @@ class RewardSearch:
     ) -> FitResult:
         """The fit at the maximum of a function of the (F,) weights with its gradient."""
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
-        found = Scaled(FunctionObjective(objective), self.scale).maximum(
-            ascent, self.start.reward, on_step
-        )
-        return self.result(found)
+        scaled = Scaled(FunctionObjective(objective), self.scale)
+        found = scaled.maximum(ascent, self.start.reward, on_step)
+        return self.result(*self._judged(scaled, found))
 
-    def result(self, ascended: AscentResult) -> FitResult:
+    def _judged(self, scaled: Scaled, found: AscentResult) -> tuple[AscentResult, tuple[str, ...]]:
+        """The end of the ascent in own units, as far as it is a maximum."""
+        in_ranges = replace(found, vector=found.vector / self.scale)
+        # Differences in these units, too.
+        objective = FunctionObjective(scaled.evaluate)
+        judged, flat = weights_certificate(objective, self.problem.feature_names, in_ranges)
+        return replace(judged, vector=found.vector), flat
+
+    def result(self, ascended: AscentResult, undetermined: tuple[str, ...] = ()) -> FitResult:
         """The fit of an ascent over the weights, with the likelihood of its policy."""
         assumptions = Assumptions(
             self.policy_model, FixedBelief(), UniformPrior(), by_likelihood=False
@@ -81,7 +89,7 @@ class RewardSearch:
         posterior = Posterior(self.problem, self.observations, self.policy_model, assumptions.prior)
         parameters = self.start.with_block(Block.REWARD, ascended.vector)
         final, tables = posterior.evaluate(parameters), (self.table, self.table, self.table)
-        return fit_result(posterior, assumptions, parameters, final, ascended, tables)
+        return fit_result(posterior, assumptions, parameters, final, ascended, tables, undetermined)
 
 
 def reward_search(

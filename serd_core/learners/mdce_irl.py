@@ -2,10 +2,16 @@
 
 By likelihood (3.33): maximise sum log pi_theta(a | s) of the observed choices.
 
-By entropy (3.24 to 3.27, 3.34): match discounted feature expectations. The dual of the causal
-entropy problem is concave,
+By entropy (3.24 to 3.27, 3.34): match discounted feature expectations,
 
-    J(theta) = theta . phi~ - E_{s0}[V_theta(s0)],   dJ/dtheta = phi~ - phi(pi_theta)      (3.34)
+    J(theta) = theta . phi~ + E[gamma^T V_theta(s_T)] - E_{s0}[V_theta(s0)]
+    dJ/dtheta = phi~ + E[gamma^T phi(pi_theta | s_T)] - phi(pi_theta)                      (3.34)
+
+s_T is the state after the T decisions of an episode that was cut off: what it would have collected
+from there is expected under the policy. (3.34) has infinite episodes and lacks that term; without
+it the features of a cut-off episode are matched as if nothing followed. Since V is the log sum of
+exp Q, J is sum_t gamma^t log pi_theta(a_t | s_t) where the dynamics are those of the episodes: its
+mean has its maximum at the expert's weights. The dual is concave where no episode is cut off.
 
 Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
 *discounted*, as in the constraint; matching them undiscounted converges to a wrong reward.
@@ -16,19 +22,19 @@ Both agree for many demonstrations under true dynamics, and differ for few. Feat
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, float_array
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import LBFGS
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.trajectories import feature_counts
+from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
-from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
+from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
@@ -80,9 +86,8 @@ def fit_mdce_irl_by_entropy(
     """Reward weights whose policy matches the discounted features of the demonstrations.
 
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate.
-    Episodes that end in an absorbing state with one action count as staying there forever; other
-    episodes are taken as they were recorded, so they should be long against the horizon
-    1 / (1 - discount).
+    Episodes that end in an absorbing state with one action count as staying there forever; others
+    were cut off, and go on by the policy from their last state.
     slack: lets feature averages differ by slack times the weights. Without it the weights of few
     demonstrations may grow without bound, as no policy has their features.
     """
@@ -90,6 +95,7 @@ def fit_mdce_irl_by_entropy(
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     wanted = feature_counts(problem, decisions).mean(axis=0)
     starts = start_distribution(decisions, problem.mdp.n_states)
+    starts = starts - cut_off_ends(problem, decisions)
     average = 1.0 - problem.mdp.discount
     # Near a discount of 1 averages hide what absorbed episodes count: tolerances are of the counts.
     scale = 1.0 / max(1.0, float(np.max(np.abs(search.scale * wanted))))
@@ -109,7 +115,7 @@ def fit_mdce_irl_by_entropy(
 def feature_expectation(
     problem: Problem, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
-    """(F,) expected discounted features phi(pi) from the (S,) start distribution."""
+    """(F,) expected discounted features phi(pi) from (S,) starts, a difference of distributions."""
     visits = state_action_occupancy(problem.mdp, transitions, policy, starts)
     return weights_gradient(problem.features, visits)
 
@@ -117,9 +123,9 @@ def feature_expectation(
 def state_action_occupancy(
     mdp: Mdp, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
-    """(S, A) expected discounted visits of an (S, A) policy from the (S,) start distribution."""
+    """(S, A) expected discounted visits of an (S, A) policy, linear in its (S,) starts."""
     choice = checked_policy("policy", policy, mdp)
-    begin = checked_distribution("starts", starts, mdp.n_states)
+    begin = float_array("starts", starts, (mdp.n_states,))
     data = transitions.system_data(mdp.policy_pattern, choice, mdp.discount)
     system = Automatic().prepare(mdp.policy_pattern, data)
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)

@@ -6,7 +6,8 @@ thresholds is P(tau) proportional to Q(tau) exp(theta . phi(tau)) (3.43). Its du
     g(theta) = theta . phi~ - log Z(theta) - sum_i epsilon_i |theta_i|
 
 is estimated from trajectories sampled by a known policy pi_a, weighted by U_Q / U_a (3.45, 3.46),
-U_pi(tau) = prod_t pi(a_t | s_t): dynamics under both policies are the same and drop out.
+U_pi(tau) = prod_t pi(a_t | s_t): dynamics under both policies are the same and drop out. A
+demonstration that was cut off after T decisions is compared with the first T of each sample.
 It is concave but has kinks at 0, so theta is split into positive and negative parts, which makes
 the subgradient (3.44) an ordinary gradient under bounds.
 
@@ -22,6 +23,7 @@ demonstrations they may allow every weight to be 0. Smaller ones fit more closel
     )
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,11 +42,11 @@ from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
-from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
+from serd_core.learners.start import dynamics_or_estimate
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 
@@ -68,7 +70,8 @@ def fit_relative_entropy_irl(
 ) -> FitResult:
     """Reward weights from demonstrations and samples of the real dynamics; maximises g.
 
-    samples: episodes made by `sampling_policy` (S, A); baseline_policy: (S, A), uniform if None.
+    samples: episodes made by `sampling_policy` (S, A), at least as long as demonstrations that were
+    cut off; baseline_policy: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
     dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
@@ -84,8 +87,14 @@ def fit_relative_entropy_irl(
     scale = search.scale
     dual = SampledDual(
         wanted=scale * feature_counts(problem, decisions).mean(axis=0),
-        sampled=scale * feature_counts(problem, samples),
-        log_weights=importance_log_weights(problem, samples, sampling_policy, baseline_policy),
+        groups=tuple(
+            SampleGroup(
+                share,
+                scale * feature_counts(problem, each),
+                importance_log_weights(problem, each, sampling_policy, baseline_policy),
+            )
+            for share, each in _as_long_as(problem, decisions, samples)
+        ),
         thresholds=scale * _thresholds(problem, decisions, thresholds, confidence),
         scale=scale,
     )
@@ -107,27 +116,60 @@ def fit_relative_entropy_irl(
 
 
 @dataclass(frozen=True, eq=False)
+class SampleGroup:
+    """Samples for a share of the demonstrations: (N, F) features and (N,) log U_Q / U_a."""
+
+    share: float
+    sampled: FloatArray
+    log_weights: FloatArray
+
+    def log_z(self, weights: FloatArray) -> tuple[float, FloatArray]:
+        """log Z and its (F,) gradient, both times the share."""
+        log_terms = self.log_weights + self.sampled @ weights
+        highest = float(log_terms.max())
+        term = np.exp(log_terms - highest)
+        log_z = highest + float(np.log(term.mean()))
+        return self.share * log_z, self.share * (term @ self.sampled / term.sum())
+
+
+def _as_long_as(
+    problem: Problem, decisions: Decisions, samples: Decisions
+) -> Iterator[tuple[float, Decisions]]:
+    """Share of the demonstrations that are complete, or were cut off at one time, with the samples
+    to compare them with."""
+    demonstrated, drawn = trajectories_of(decisions), trajectories_of(samples)
+    is_cut = ~problem.mdp.final[demonstrated.end]
+    whole = drawn.length[~problem.mdp.final[drawn.end]]
+    if not is_cut.all():
+        yield float(np.mean(~is_cut)), samples
+    for length in np.unique(demonstrated.length[is_cut]).tolist():
+        if len(whole) and whole.min() < length:
+            raise SerdError(
+                f"samples must be at least as long as demonstrations that were cut off after"
+                f" {length} decisions, got {whole.min()}; sample {length} decisions"
+            )
+        share = float(np.mean(is_cut & (demonstrated.length == length)))
+        yield share, samples.select(drawn.step < length)
+
+
+@dataclass(frozen=True, eq=False)
 class SampledDual:
     """g(theta) on samples, by the positive and negative parts of theta / scale, (2 F,) in a row.
 
-    wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a; thresholds: (F,) epsilon;
-    all but log_weights times scale (F,).
+    wanted: (F,) phi~; thresholds: (F,) epsilon; both, and the features of the groups, times scale
+    (F,).
     """
 
     wanted: FloatArray
-    sampled: FloatArray
-    log_weights: FloatArray
+    groups: tuple[SampleGroup, ...]
     thresholds: FloatArray
     scale: FloatArray
 
     def evaluate(self, halves: FloatArray) -> tuple[float, FloatArray]:
         """g and its (2 F,) gradient."""
         weights = self._weights(halves)
-        log_terms = self.log_weights + self.sampled @ weights
-        highest = float(log_terms.max())
-        share = np.exp(log_terms - highest)
-        log_z = highest + float(np.log(share.mean()))
-        gradient = self.wanted - share @ self.sampled / share.sum()
+        sums, expected = zip(*(group.log_z(weights) for group in self.groups), strict=True)
+        log_z, gradient = sum(sums), self.wanted - np.sum(expected, axis=0)
         slack = float(np.tile(self.thresholds, 2) @ halves)
         both = np.concatenate([gradient - self.thresholds, -gradient - self.thresholds])
         return float(weights @ self.wanted) - log_z - slack, both
@@ -183,7 +225,7 @@ def sample_from_estimates(
     samples = sample_decisions(
         problem.mdp,
         policy,
-        estimate_dynamics(problem, decisions),
+        problem.mdp.transitions.known_probabilities(dynamics_or_estimate(problem, decisions, None)),
         start_distribution(decisions, problem.mdp.n_states),
         n_episodes=n_episodes,
         n_steps=n_steps,

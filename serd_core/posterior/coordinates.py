@@ -10,6 +10,7 @@ The range of a feature is its largest minus its smallest value over the availabl
 constant added to a feature changes no policy. So u_f counts nats of reward between the two.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,11 +68,15 @@ class Coordinates:
 
     def describe(self, direction: FloatArray, share: float = 0.25) -> str:
         """A direction (d,) by what moves along it, as shares of the largest, largest first."""
-        parts = (self.table @ direction) / self.units()
-        parts = parts / np.max(np.abs(parts))
-        order = np.argsort(-np.abs(parts), kind="stable")
-        order = order[np.abs(parts[order]) >= share]
-        return ", ".join(f"{parts[i]:+.2f} {self.names[i]}" for i in order[:6])
+        return described((self.table @ direction) / self.units(), self.names, share)
+
+
+def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> str:
+    """Parts (m,) of a direction by name, as shares of the largest, largest first."""
+    parts = parts / np.max(np.abs(parts))
+    order = np.argsort(-np.abs(parts), kind="stable")
+    order = order[np.abs(parts[order]) >= share]
+    return ", ".join(f"{parts[i]:+.2f} {names[i]}" for i in order[:6])
 
 
 def coordinates(problem: Problem, belief: Belief, like: Parameters) -> Coordinates:

@@ -1,10 +1,12 @@
 """`converged` holds at a maximum only, and its message names what is missing."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import serd_core as sc
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners import certificate
@@ -144,3 +146,61 @@ def test_a_converged_fit_is_a_maximum(gridworld, seed):
         prior=prior,
     )
     np.testing.assert_allclose(again.reward_weights, fit.reward_weights, rtol=1e-3)
+
+
+def of_rewards_alone(problem, decisions):
+    """The fits of learners whose dynamics are known, from weights of 0."""
+    start = np.zeros(len(problem.feature_names))
+    learners = sc.fit_policy_matching, sc.fit_maxent_irl, sc.fit_mdce_irl_by_entropy
+    return [each(problem, decisions, initial_weights=start) for each in learners]
+
+
+def six_states(extra=None):
+    """Random moves and features of six states, with another feature in a third column."""
+    rng = np.random.default_rng(0)
+    moves = rng.dirichlet(np.full(6, 0.3), size=(6, 2))
+    features = rng.normal(size=(6, 2, 2))
+    if extra is not None:
+        features = np.concatenate([features, extra[:, :, None]], axis=2)
+    return sc.from_transitions(moves, features, discount=0.9)
+
+
+def sampled(problem, policy, n_episodes):
+    rng = np.random.default_rng(1)
+    return sc.sample_decisions(problem.mdp, policy, n_episodes=n_episodes, n_steps=30, rng=rng)
+
+
+SIX_WEIGHTS = np.array([1.0, -2.0])
+
+
+def test_policy_matching_names_the_direction_of_separable_decisions():
+    problem = six_states()
+    certain = np.eye(2)[sc.optimal_policy(problem, SIX_WEIGHTS).greedy]
+    decisions = sampled(problem, certain, 60)
+    fit = sc.fit_policy_matching(problem, decisions, initial_weights=np.zeros(2))
+    assert not fit.converged
+    assert "grows on and on along +1.00 reward feature 0" in fit.message
+    assert fit.message.endswith("(separable decisions); give these numbers a prior")
+
+
+def test_learners_of_rewards_alone_converge_where_decisions_determine_the_weights():
+    problem = six_states()
+    decisions = sampled(problem, sc.soft_policy(problem, SIX_WEIGHTS).probabilities, 200)
+    for fit in of_rewards_alone(problem, decisions):
+        assert fit.converged
+        assert fit.undetermined == ()
+
+
+@pytest.mark.parametrize("kind", ["constant", "never chosen"])
+def test_learners_of_rewards_alone_name_a_feature_that_nothing_determines(kind):
+    """An offset of every reward, or a reward of an action that nobody takes."""
+    extra = np.ones((6, 2)) if kind == "constant" else np.zeros((6, 2))
+    policy = sc.soft_policy(six_states(), SIX_WEIGHTS).probabilities.copy()
+    if kind == "never chosen":
+        extra[5, 1], policy[5] = 1.0, (1.0, 0.0)
+    problem = six_states(extra)
+    for fit in of_rewards_alone(problem, sampled(problem, policy, 200)):
+        assert not fit.converged
+        assert re.search(
+            r"(nothing determines|on and on along) [+-]1.00 reward feature 2", fit.message
+        )
