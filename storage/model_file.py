@@ -19,7 +19,7 @@ from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from storage.errors import FileError
-from storage.grid_picture import flow_of_picture, flow_picture
+from storage.grid_picture import BLOCKED, WALKABLE, flow_of_picture, flow_picture
 from storage.yaml_config import StrictModel, load_yaml_model
 
 _SUM_TOLERANCE = 1e-6
@@ -269,6 +269,37 @@ class ModelFile(StrictModel):
             }
         )
 
+    def with_features(self, names: Sequence[str]) -> "ModelFile":
+        """The model without the weights of all features but the named ones."""
+        kept = [row for row, name in enumerate(self.feature_names) if name in names]
+        if len(kept) == len(self.feature_names):
+            return self
+
+        def chosen(weights: dict[str, float]) -> dict[str, float]:
+            return {name: weights[name] for name in self.feature_names if name in names}
+
+        def columns(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+            return tuple(tuple(row[column] for column in kept) for row in rows)
+
+        types = tuple(
+            each.model_copy(
+                update={
+                    "reward_weights": chosen(each.reward_weights),
+                    "reward_deviations": chosen(each.reward_deviations),
+                    "drawn_weights": columns(each.drawn_weights),
+                }
+            )
+            for each in self.types
+        )
+        draws = {"reward_weights": columns(self.draws.reward_weights)}
+        return self.model_copy(
+            update={
+                "reward_weights": chosen(self.reward_weights),
+                "draws": self.draws.model_copy(update=draws),
+                "types": types,
+            }
+        )
+
     def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
         """The crossing times of a look-ahead; None where none are known."""
         found = (each for each in self.crossing_times if each.lookahead_cells == lookahead_cells)
@@ -285,6 +316,11 @@ class ModelFile(StrictModel):
                 f" {self.flow[0]!r} as the northernmost row; learn the model again"
             )
         return flow
+
+    @property
+    def without_flow(self) -> bool:
+        """Whether it was learned in a place without flow, as far as the file has the flow."""
+        return bool(self.flow) and set("".join(self.flow)) <= {WALKABLE, BLOCKED}
 
     @property
     def with_density(self) -> bool:

@@ -4,6 +4,7 @@ The folder holds `decisions.csv`, every decision learned from or still to learn 
 `checkpoint.yaml`, where the newest fit stood.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -17,9 +18,9 @@ from serd_app.learning.fit_data import FitProgress
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
-from serd_core.grid.navigation import FEATURE_NAMES
+from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
-from sim.scenario.grid import grid_of
+from sim.scenario.grid import flow_of, grid_of
 from sim.scenario.scenario import Scenario
 from storage.errors import FileError
 from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
@@ -87,11 +88,19 @@ class CheckpointFolder:
 class LearnerMemory:
     """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
 
-    hidden: see `LiveDrive`.
+    hidden: see `LiveDrive`. feature_names: of the weights, by default those of the scenario.
     """
 
-    def __init__(self, scenario: Scenario, folder: Path, *, hidden: bool = False) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: Path,
+        *,
+        hidden: bool = False,
+        feature_names: Sequence[str] | None = None,
+    ) -> None:
         grid = grid_of(scenario)
+        self._feature_names = feature_names or features_of_flow(flow_of(scenario, grid))
         self.folder = CheckpointFolder(folder, scenario.name, grid)
         loaded = self.folder.load()
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
@@ -120,11 +129,11 @@ class LearnerMemory:
     def start_remark(self) -> str:
         """Why the next fit cannot begin at the weights that were kept; empty where it can."""
         weights = self._checkpoint.reward_weights
-        if not weights or set(weights) == set(FEATURE_NAMES):
+        if not weights or set(weights) == set(self._feature_names):
             return ""
         return (
             f"{self.folder.path}: reward_weights of its checkpoint must be those of"
-            f" {', '.join(FEATURE_NAMES)}, got {', '.join(weights)}; the next fit"
+            f" {', '.join(self._feature_names)}, got {', '.join(weights)}; the next fit"
             " begins without them"
         )
 
@@ -132,9 +141,9 @@ class LearnerMemory:
     def warm_weights(self) -> FloatArray | None:
         """(F,) where the newest fit stood, None before the first."""
         weights = self._checkpoint.reward_weights
-        if set(weights) != set(FEATURE_NAMES):
+        if set(weights) != set(self._feature_names):
             return None
-        return np.array([weights[name] for name in FEATURE_NAMES])
+        return np.array([weights[name] for name in self._feature_names])
 
     def gather(self, *, unfinished: bool) -> Demonstrations:
         """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
@@ -145,18 +154,17 @@ class LearnerMemory:
 
     def save_progress(self, progress: FitProgress) -> None:
         """Write where an unfinished fit stands; the weights only of the fit to all episodes."""
-        weights = {"reward_weights": _named(progress.weights)} if progress.is_last else {}
+        weights = {"reward_weights": self._named(progress.weights)} if progress.is_last else {}
         self._save(step=progress.step.number, **weights)
 
     def save_learned(self, fit: FitResult) -> None:
         """Write what a finished fit found; the next starts cold where this did not converge."""
-        weights = _named(fit.reward_weights) if fit.converged else {}
+        weights = self._named(fit.reward_weights) if fit.converged else {}
         self._save(reward_weights=weights, step=0, n_learned=fit.n_decisions)
 
     def _save(self, **changes: object) -> None:
         self._checkpoint = LearnerCheckpoint(**(self._checkpoint.model_dump() | changes))
         self.folder.save(self._checkpoint)
 
-
-def _named(weights: FloatArray) -> dict[str, float]:
-    return dict(zip(FEATURE_NAMES, weights.tolist(), strict=True))
+    def _named(self, weights: FloatArray) -> dict[str, float]:
+        return dict(zip(self._feature_names, weights.tolist(), strict=True))

@@ -24,17 +24,19 @@ class FitProgress:
     """A step of fit `number` of `total`; prior_weight: the one it uses, None for methods without.
 
     The last fit is the one to all episodes, those before compare weights on validation.
+    n_features: F, of a place with flow by default.
     """
 
     number: int
     total: int
     prior_weight: float | None
     step: Step
+    n_features: int = len(FEATURE_NAMES)
 
     @property
     def weights(self) -> FloatArray:
         """(F,) reward weights, with which the vector of every method begins."""
-        return self.step.vector[: len(FEATURE_NAMES)]
+        return self.step.vector[: self.n_features]
 
     @property
     def is_last(self) -> bool:
@@ -102,7 +104,10 @@ class FitData:
         self, number: int = 1, total: int = 1, prior_weight: float | None = None
     ) -> OnStep:
         """What one fit calls after each step."""
-        return lambda step: self.on_progress(FitProgress(number, total, prior_weight, step))
+        n_features = len(self.problem.feature_names)
+        return lambda step: self.on_progress(
+            FitProgress(number, total, prior_weight, step, n_features)
+        )
 
 
 def fit_data(

@@ -28,12 +28,12 @@ from serd_core.arrival.crossing_chain import crossing_moves
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds, steps_within
 from serd_core.arrival.trap_states import Traps, find_traps
 from serd_core.bayes.draws import averaged_policy
-from serd_core.errors import SerdError
 from serd_core.grid.density import full_table, in_random_crowds, with_density
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
-from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
+from sim.scenario.grid import grid_of, start_states_of
+from sim.scenario.model_problem import problem_of_model
 from sim.scenario.scenario import Scenario
 from storage.errors import FileError
 from storage.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
@@ -203,11 +203,7 @@ def load_strategy(
         require_grid(path, file, grid)
     here = scenario.cell_size_m, scenario.decision_period_s
     require_same_scale(path, file, scenario.name, *here)
-    flow = None if transferred else file.flow_on(path, grid)
-    try:
-        problem = navigation_problem_of(scenario, file.discount, file.feature_names, flow)
-    except SerdError as error:
-        raise FileError(f"{path}: {error}; learn the model again") from None
+    problem, own = problem_of_model(path, own, scenario, grid, transferred=transferred)
     if file.with_density:
         problem = with_density(problem, predicted_density(scenario, grid))
     rows = tuple(each.learned for each in file.outcome_models)

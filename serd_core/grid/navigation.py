@@ -6,6 +6,10 @@ the human flow of the cell: with it, against it, across it, or waiting. Moves in
 count as across it. Outcomes of waiting are relative to the flow of
 the cell, so that they can learn being carried along by the crowd (north where there is no flow).
 A blocked outcome leaves the robot in its cell. Goal states absorb: their one action is WAIT.
+
+The social norm is that of walking with the people (section 5.1.3): 1 for a move with the flow and
+for waiting in it, -1 for a move against it, 0 for the other moves. In a cell without flow there is
+nothing to keep to, so it is 0 for every action, and a place without any flow has no such feature.
 """
 
 from collections.abc import Sequence
@@ -29,7 +33,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import unique_names
 
 MODEL_NAMES = ("with_flow", "against_flow", "across_flow", "waiting")
-FEATURE_NAMES = ("goal", "social_norm", "inverse_wall_distance")
+SOCIAL_NORM = "social_norm"
+FEATURE_NAMES = ("goal", SOCIAL_NORM, "inverse_wall_distance")
 
 WITH_FLOW, AGAINST_FLOW, ACROSS_FLOW, WAITING = range(4)
 NO_FLOW = -1
@@ -71,14 +76,15 @@ def build_navigation_problem(
     wall_distance_m: FloatArray,
     discount: float,
     beta: float = 1.0,
-    features: Sequence[str] = FEATURE_NAMES,
+    features: Sequence[str] | None = None,
 ) -> NavigationProblem:
     """Assemble the problem of section 5.1 on a grid.
 
     flow: (S,); wall_distance_m: (S,) distance of each cell's centre to the nearest wall;
-    features: names out of `FEATURE_NAMES`, in the wanted order.
+    features: names out of `FEATURE_NAMES`, in the wanted order, by default all that the place has.
     """
     flow = _checked_flow(flow, grid.n_states)
+    features = features_of_flow(flow) if features is None else features
     goals = _checked_goals(goal_states, grid.n_states)
     distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
     outcome_models = _outcome_models(grid, flow, goals, beta)
@@ -92,6 +98,16 @@ def build_navigation_problem(
         features=_selected_features(available_features, features),
         feature_names=unique_names(tuple(features)),
     )
+
+
+def features_of_flow(flow: IntArray, names: Sequence[str] = FEATURE_NAMES) -> tuple[str, ...]:
+    """Those of the features that a place with the flow (S,) has: without any, no social norm.
+
+    >>> features_of_flow(np.array([-1, -1]))
+    ('goal', 'inverse_wall_distance')
+    """
+    has_flow = bool((np.asarray(flow) != NO_FLOW).any())
+    return tuple(name for name in names if has_flow or name != SOCIAL_NORM)
 
 
 def absolute_direction(action: IntArray, flow: IntArray) -> IntArray:
@@ -140,14 +156,16 @@ def model_of_action(action: IntArray, flow: IntArray) -> IntArray:
 def _feature_table(
     n_states: int, flow: IntArray, goals: IntArray, distance_m: FloatArray
 ) -> dict[str, FloatArray]:
-    """(S, A) of each feature of section 5.1.3."""
+    """(S, A) of each feature of section 5.1.3 that the place has."""
     shape = (n_states, len(Action))
     goal = np.zeros(shape)
     goal[goals] = 1.0
     norm_of_model = np.array([1.0, -1.0, 0.0, 1.0])
     model = model_of_action(np.arange(len(Action))[None, :], flow[:, None])
+    norm = np.where(flow[:, None] == NO_FLOW, 0.0, norm_of_model[model])
     inverse = np.broadcast_to(normalised_inverse_distance(distance_m)[:, None], shape)
-    return {"goal": goal, "social_norm": norm_of_model[model], "inverse_wall_distance": inverse}
+    table = dict(zip(FEATURE_NAMES, (goal, norm, inverse), strict=True))
+    return {name: table[name] for name in features_of_flow(flow)}
 
 
 def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:
@@ -160,7 +178,8 @@ def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:
 def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> FloatArray:
     for name in names:
         if name not in table:
-            raise SerdError(f"features must be among {', '.join(table)}, got {name!r}")
+            no_flow = "; without a flow of people there is none" if name == SOCIAL_NORM else ""
+            raise SerdError(f"features must be among {', '.join(table)}, got {name!r}{no_flow}")
     if not names:
         raise SerdError(f"features must name at least one of {', '.join(table)}, got none")
     return float_array("features", np.stack([table[name] for name in names], axis=2))

@@ -89,7 +89,12 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         output = Path(self.config.output)
         beside = output.with_name(f"{output.stem}_learner")
         folder = Path(self.config.state) if self.config.state else beside
-        memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
+        memory = LearnerMemory(
+            self._scenario,
+            folder,
+            hidden=self._hidden,
+            feature_names=self._task.problem.feature_names,
+        )
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         if remark := memory.start_remark:
             self.get_logger().warning(remark)

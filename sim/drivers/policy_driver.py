@@ -7,7 +7,8 @@ from serd_core.arrays import FloatArray, float_array
 from serd_core.grid.grid import Action, Grid
 from serd_core.policies.solved_policy import optimal_policy
 from sim.errors import SimError
-from sim.scenario.grid import grid_of, navigation_problem_of
+from sim.scenario.grid import grid_of
+from sim.scenario.model_problem import problem_of_model
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.seeds import POLICY, episode_rng
@@ -60,9 +61,7 @@ class PolicyDriver:
 def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
     """Drives by the optimal policy of a model; FileError where it is for another grid."""
     grid = grid_of(scenario)
-    model = load_model(path, expected_grid=grid)
-    flow = model.flow_on(path, grid)
-    problem = navigation_problem_of(scenario, model.discount, model.feature_names, flow)
+    problem, model = problem_of_model(path, load_model(path, expected_grid=grid), scenario, grid)
     names = tuple(each.name for each in model.outcome_models)
     if names != tuple(problem.model_names):
         raise SimError(

@@ -6,7 +6,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
-from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem, build_navigation_problem
+from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
 from sim.errors import SimError
 from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
 from sim.scenario.rules import has_room
@@ -14,7 +14,6 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings import Loop
 from storage.nearest import choice_rule
 
-NO_FLOW = -1
 _WEAKEST_FLOW = 0.05
 
 
@@ -78,12 +77,13 @@ def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
 def navigation_problem_of(
     scenario: Scenario,
     discount: float,
-    features: Sequence[str] = FEATURE_NAMES,
+    features: Sequence[str] | None = None,
     flow: IntArray | None = None,
 ) -> NavigationProblem:
     """The decision problem of section 5.1 on this scenario's grid.
 
-    flow: (S,) as recorded, in place of the one that the scenario's loops make.
+    features: by default all that the place has. flow: (S,) as recorded, in place of the one that
+    the scenario's loops make.
     """
     grid = grid_of(scenario)
     return build_navigation_problem(

@@ -13,6 +13,7 @@ from storage.model_file import (
     GridSummary,
     ModelDraws,
     ModelFile,
+    ModelType,
     OutcomeModel,
     load_model,
 )
@@ -61,6 +62,34 @@ def test_draws_survive_a_round_trip(tmp_path):
     draws = ModelDraws(reward_weights=((1 / 3, 2.0), (0.1, -1e-7)), learned=((ROW,), (ROW[::-1],)))
     save_yaml_model(tmp_path / "model.yaml", model(draws=draws))
     assert load_model(tmp_path / "model.yaml").draws == draws
+
+
+def test_a_feature_that_does_not_count_leaves_weights_draws_and_types_together():
+    kind = ModelType(
+        share=1.0,
+        reward_weights={"goal": 3.0, "social_norm": 4.0},
+        reward_deviations={"goal": 0.1, "social_norm": 0.2},
+        episodes=(0,),
+        drawn_weights=((5.0, 6.0),),
+    )
+    draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW,),))
+    whole = model(draws=draws, types=(kind,))
+    left = whole.with_features(("goal", "inverse_wall_distance"))
+    assert left.reward_weights == {"goal": 1 / 3}
+    assert left.draws.reward_weights == ((1.0,),)
+    assert left.draws.learned == draws.learned
+    assert left.types[0].reward_weights == {"goal": 3.0}
+    assert left.types[0].reward_deviations == {"goal": 0.1}
+    assert left.types[0].drawn_weights == ((5.0,),)
+    assert ModelFile(**left.model_dump()) == left
+    assert whole.with_features(("social_norm", "goal")) is whole
+
+
+@pytest.mark.parametrize(
+    ("flow", "without"), [((), False), (("#..", "..."), True), (("#..", ".>."), False)]
+)
+def test_a_model_was_learned_without_flow_where_its_picture_has_no_direction(flow, without):
+    assert model(flow=flow).without_flow == without
 
 
 @pytest.mark.parametrize(

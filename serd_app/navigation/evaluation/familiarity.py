@@ -36,8 +36,8 @@ from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from sim.scenario.model_problem import model_in_flow
 from sim.scenario.scenario import load_scenario
-from storage.errors import FileError
 from storage.files import require_beside
 from storage.model_file import ModelFile, load_model
 
@@ -118,14 +118,13 @@ def familiarity_of(
 def _policy(
     model: Path, file: ModelFile, problem: NavigationProblem
 ) -> tuple[FloatArray, FloatArray]:
-    """(S, A) policy and (M, K) true outcome probabilities of a model on a problem."""
-    missing = [name for name in problem.feature_names if name not in file.reward_weights]
-    if missing:
-        raise FileError(
-            f"{model}: reward_weights must have {missing[0]!r}, got {', '.join(file.feature_names)}"
-            "; learn the model again"
-        )
-    weights = np.array([file.reward_weights[name] for name in problem.feature_names])
+    """(S, A) policy and (M, K) true outcome probabilities of a model on a problem.
+
+    A feature of the problem that the model does not have, as the social norm of one that was
+    learned without flow, has no weight.
+    """
+    weights_of = model_in_flow(file, problem.flow).reward_weights
+    weights = np.array([weights_of.get(name, 0.0) for name in problem.feature_names])
     believed, learned = (
         outcome_probabilities_of(model, file, problem, rows)
         for rows in (

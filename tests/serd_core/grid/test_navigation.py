@@ -1,9 +1,18 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
-from serd_core.grid.navigation import MODEL_NAMES, build_navigation_problem
+from serd_core.grid.navigation import (
+    FEATURE_NAMES,
+    MODEL_NAMES,
+    NO_FLOW,
+    SOCIAL_NORM,
+    build_navigation_problem,
+    features_of_flow,
+)
 
 N, E, S, W = Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST
 
@@ -57,8 +66,33 @@ def test_features_follow_section_5_1_3():
     assert np.all(goal[6] == 1)
     np.testing.assert_array_equal(norm[3], [1, 1, 0, -1, 0])
     np.testing.assert_array_equal(norm[2], [1, -1, 0, 1, 0])
-    np.testing.assert_array_equal(norm[4], [1, 0, 0, 0, 0])
+    np.testing.assert_array_equal(norm[4], [0, 0, 0, 0, 0])
     np.testing.assert_allclose(inverse[:, 0], [1.0, 0.5] * 4)
+
+
+def test_where_no_people_walk_there_is_no_social_norm_to_keep():
+    problem = corridor(flow=np.full(8, NO_FLOW))
+    assert problem.feature_names == ("goal", "inverse_wall_distance")
+    assert features_of_flow(problem.flow) == problem.feature_names
+    assert (problem.features == problem.features[:, :1]).all()  # waiting is worth what moving is
+    with pytest.raises(
+        SerdError,
+        match="features must be among goal, inverse_wall_distance, got 'social_norm'; without a"
+        " flow of people there is none",
+    ):
+        corridor(flow=np.full(8, NO_FLOW), features=FEATURE_NAMES)
+
+
+@given(st.lists(st.sampled_from([-1, 1, 2, 3, 4]), min_size=8, max_size=8))
+def test_a_wait_has_the_social_norm_where_a_move_can_keep_it_and_nowhere_else(flow):
+    problem = corridor(flow=np.array(flow))
+    has_flow = np.array(flow) != NO_FLOW
+    assert (SOCIAL_NORM in problem.feature_names) == has_flow.any()
+    if has_flow.any():
+        norm = problem.features[:, :, problem.feature_names.index(SOCIAL_NORM)]
+        assert norm[:, Action.WAIT].tolist() == has_flow.tolist()
+        assert norm[:, 1:].max(axis=1).tolist() == has_flow.tolist()
+        assert norm.sum(axis=1).tolist() == has_flow.tolist()
 
 
 def test_features_are_chosen_by_name_and_in_the_order_asked_for():

@@ -30,7 +30,7 @@ from tests.conftest import OUTCOMES
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
-WEIGHTS = np.array([5.0, 1.0, 0.2])
+WEIGHTS = {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.2}
 TRUTH = np.array(list(OUTCOMES.values()))
 
 
@@ -59,11 +59,12 @@ def demonstrations(tmp_path):
 
     def make(scenario: str = "hallway", flow=None, n_episodes: int = 30, **changes) -> Path:
         problem = navigation_problem_of(HALLWAY, 0.99, flow=flow)
+        weights = np.array([WEIGHTS[name] for name in problem.feature_names])
         start = np.zeros(GRID.n_states)
         start[start_states_of(HALLWAY, GRID, "train")] = 1.0
         decisions = sample_decisions(
             problem.mdp,
-            soft_policy(problem, WEIGHTS, TRUTH).probabilities,
+            soft_policy(problem, weights, TRUTH).probabilities,
             TRUTH,
             start / start.sum(),
             n_episodes=n_episodes,
@@ -175,10 +176,10 @@ def test_density_is_learned_from_where_people_were_recorded_alone(serd, demonstr
 def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrations):
     found = learned(serd("learn", demonstrations(), "--json"))
     assert found["converged"]
-    weights = [found[f"weight.{name}"] for name in ("goal", "social_norm", "inverse_wall_distance")]
+    weights = [found[f"weight.{name}"] for name in WEIGHTS]
     errors = np.array(found["standard_errors"])
     assert (errors < 1.0).all()
-    assert (np.abs(weights - WEIGHTS) < 3 * errors).all()
+    assert (np.abs(np.subtract(weights, list(WEIGHTS.values()))) < 3 * errors).all()
     assert (found["scenario"], found["flow"], found["n_episodes"]) == ("hallway", "scenario", 30)
     model = load_model(found["model"], expected_grid=GRID)
     assert (model.goal_entry_s, model.flow, model.decision_period_s) == ((0.5, 1.5), (), 2.0)
