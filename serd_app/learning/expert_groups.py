@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.errors import AppError
+from serd_app.learning.learned_traps import learned_traps
 from serd_app.learning.outcome import ExpertGroups, FitOutcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough
 from serd_app.learning.settings import LearningSettings
@@ -138,6 +139,7 @@ def _outcome(
     return FitOutcome(
         fit,
         model,
+        learned_traps(task.problem, demonstrations.decisions, fit),
         scenario_yaml=task.scenario_yaml,
         groups=replace(groups, kept=kept),
         belief=belief,

@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.learning.knowledge import Knowledge, save_knowledge
+from serd_app.learning.learned_traps import LearnedTraps
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_core.arrays import FloatArray
 from serd_core.grid.density import full_table
@@ -61,11 +62,13 @@ class FitOutcome:
     validation decision of each candidate weight, empty where none was chosen. knowledge: None where
     the fit has no posterior. scenario_yaml: see `LearningTask`. groups: None where types of experts
     were not asked for; with several types, fit and weights are those of the most frequent. belief:
-    the evidence about the expert's belief, empty where relations were not compared.
+    the evidence about the expert's belief, empty where relations were not compared. traps: from
+    where the learned policy never arrives.
     """
 
     fit: FitResult
     model: ModelFile
+    traps: LearnedTraps
     prior_weight: float | None = None
     validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None
@@ -108,6 +111,7 @@ class FitOutcome:
             found |= {f"next_{name}": each for name, each in asdict(known.next_start).items()}
         if self.groups is not None:
             found |= self.groups.values()
+        found |= asdict(self.traps)
         return found | ({"belief": self.belief} if self.belief else {})
 
 

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from serd_app.navigation.strategy import TRAP_PROBABILITY
+from serd_app.navigation.strategy import Strategy
+from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.trap_states import Traps
 from serd_core.grid.grid import Action
@@ -16,7 +17,8 @@ HALF, MOST = 0.5, 0.9
 class ArrivalForecast:
     """Made at a decision. law: remaining seconds; state: -1 off the grid.
 
-    probability: of arriving before the time-out. trapped: whether the state is a trap.
+    probability: of arriving before the time-out. trapped: whether the state is a trap; by_time:
+    whether the way of least expected time is taken there, as the learned policy does not arrive.
     """
 
     time_s: float
@@ -27,19 +29,20 @@ class ArrivalForecast:
     probability: float
     trapped: bool
     periods_without_progress: int
+    by_time: bool = False
 
     @property
     def summary(self) -> str:
         """One line for a picture."""
         median_s = self.law.quantile_s(HALF)
         arrives = "no arrival expected" if median_s is None else f"arrives in {median_s:.0f} s"
-        trapped = ", TRAPPED" if self.trapped else ""
-        return f"{arrives}, before the time-out with {self.probability:.0%}{trapped}"
+        way = ", TRAPPED" if self.trapped else ", by the way of least expected time" * self.by_time
+        return f"{arrives}, before the time-out with {self.probability:.0%}{way}"
 
     @property
     def needs_attention(self) -> bool:
-        """Whether the robot is off the grid or in a trap."""
-        return self.state < 0 or self.trapped
+        """Whether the robot is off the grid, in a trap, or where the learned policy is in one."""
+        return self.state < 0 or self.trapped or self.by_time
 
     @property
     def situation(self) -> str:
@@ -48,6 +51,11 @@ class ArrivalForecast:
             return "waiting: off the grid"
         if self.trapped:
             return "in a trap"
+        if self.by_time:
+            return (
+                "driving the way of least expected time, as the learned policy does not arrive from"
+                " here"
+            )
         return "waiting: action of the policy" if self.action == Action.WAIT else "driving"
 
     def values(self) -> dict[str, object]:
@@ -61,6 +69,7 @@ class ArrivalForecast:
             "most_remaining_s": quantile_or_nan_s(self.law, MOST),
             "periods_without_progress": self.periods_without_progress,
             "trapped": self.trapped,
+            "least_time": self.by_time,
         }
 
 
@@ -71,12 +80,41 @@ def quantile_or_nan_s(law: ArrivalLaw, share: float) -> float:
 
 
 def traps_text(traps: Traps) -> str:
-    """How many states are traps, and of which kind; empty when none is."""
+    """From how many states no policy arrives, and why; empty when none is a trap."""
     if not len(traps.states):
         return ""
     looping, unlikely = int(traps.looping.sum()), int(traps.unlikely.sum())
     return (
-        f"{len(traps.states)} of {len(traps.looping)} cells are traps: from {looping} the greedy "
-        f"actions never lead to the goal, from {unlikely} it is reached before the time-out with "
-        f"less than {TRAP_PROBABILITY:.0%}"
+        f"{len(traps.states)} of {len(traps.looping)} cells are traps: from {looping} no policy"
+        f" leads to the goal, from {unlikely} it is reached before the time-out with less than"
+        f" {TRAP_PROBABILITY:.0%}"
     )
+
+
+def least_time_text(strategy: Strategy) -> str:
+    """Where and why the learned policy is not followed; empty where it is followed everywhere."""
+    if not strategy.by_time.any():
+        return ""
+    learned = strategy.driven.learned_traps
+    return (
+        f"the learned policy does not arrive from {len(learned.states)} of {len(learned.looping)}"
+        f" cells: from {int(learned.looping.sum())} its actions never lead to the goal, from"
+        f" {int(learned.unlikely.sum())} it is reached before the time-out with less than"
+        f" {TRAP_PROBABILITY:.0%}; in {int(strategy.by_time.sum())} cells the way of least expected"
+        " time is taken instead"
+    )
+
+
+def unused_features_text(strategy: Strategy) -> str:
+    """Which weights of the model do not count in this place; empty where all do."""
+    used = strategy.problem.feature_names
+    unused = [name for name in strategy.file.feature_names if name not in used]
+    if not unused:
+        return ""
+    return f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
+
+
+def plan_remarks(strategy: Strategy) -> list[str]:
+    """What somebody who lets the strategy drive must know of its plan, one sentence each."""
+    texts = unused_features_text(strategy), least_time_text(strategy), traps_text(strategy.traps)
+    return [text for text in texts if text]

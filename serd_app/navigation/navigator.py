@@ -130,6 +130,7 @@ class Navigator:
             probability=float(self.strategy.arrival.within(left)[state]) if state >= 0 else 0.0,
             trapped=state >= 0 and state in self.strategy.traps,
             periods_without_progress=self._monitor.periods_without_progress,
+            by_time=state >= 0 and bool(self.strategy.by_time[state]),
         )
         return action
 

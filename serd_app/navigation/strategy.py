@@ -1,5 +1,8 @@
 """The plan of a learned model in a scenario: policy, traps, predicted arrival and the way to go.
 
+The policy is the learned one, but for the states in which that is trapped: there it is the way of
+least expected time (`serd_core.arrival.arriving_policy`). All that is predicted is of this policy.
+
 A model that was learned on another grid transfers its reward weights by feature name and its
 outcome probabilities by model name; they mean the same only for cells and decision periods of the
 same size. Grid, flow, walls and goal are the scenario's own, and so is the density of people, which
@@ -7,7 +10,7 @@ is predicted where outcome probabilities depend on it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -16,7 +19,8 @@ import numpy as np
 from serd_app.learning.crossing_times import leaving_outcomes
 from serd_app.navigation.crossing_forecast import STEP_S, CrossingForecast
 from serd_app.navigation.predicted_density import predicted_density
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
 from serd_core.arrival.chain import (
     ArrivalByState,
     ArrivalTimes,
@@ -26,7 +30,7 @@ from serd_core.arrival.chain import (
 )
 from serd_core.arrival.crossing_chain import crossing_moves
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds, steps_within
-from serd_core.arrival.trap_states import Traps, find_traps
+from serd_core.arrival.trap_states import Traps
 from serd_core.bayes.draws import averaged_policy
 from serd_core.grid.density import full_table, in_random_crowds, with_density
 from serd_core.grid.grid import Action, Outcome
@@ -39,8 +43,6 @@ from storage.errors import FileError
 from storage.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
-#: A state that arrives before the time-out with less than this probability is called a trap.
-TRAP_PROBABILITY = 0.5
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 
 
@@ -48,16 +50,17 @@ _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 class Strategy:
     """A solved model on the grid of a scenario.
 
-    scenario: its goal area is the one planned for. outcome_probabilities: (M, K) in the problem's
-    order; outcome_draws: (n, M, K) draws of their posterior, over which predictions are averaged,
-    of one table without a posterior. entry_times_s: see `serd_core.arrival.law`. times: of drives
-    with the look-ahead of this one, None to predict by decision periods. transferred: whether the
-    model was learned on another grid.
+    scenario: its goal area is the one planned for. learned: the policy of the learned rewards and
+    dynamics in all states. outcome_probabilities: (M, K) in the problem's order; outcome_draws: (n,
+    M, K) draws of their posterior, over which predictions are averaged, of one table without a
+    posterior. entry_times_s: see `serd_core.arrival.law`. times: of drives with the look-ahead of
+    this one, None to predict by decision periods. transferred: whether the model was learned on
+    another grid.
     """
 
     scenario: Scenario
     problem: NavigationProblem
-    policy: Policy
+    learned: Policy
     file: ModelFile
     outcome_probabilities: FloatArray
     outcome_draws: FloatArray
@@ -65,6 +68,39 @@ class Strategy:
     timeout_s: float
     transferred: bool = False
     times: CrossingTimes | None = None
+    # The policy to drive is chosen by forecasts of several policies, each of which takes seconds.
+    _forecasts: dict[Policy, CrossingForecast] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def driven(self) -> ArrivingPolicy:
+        """The policy to drive, with its arrival, and what is trapped."""
+        return arriving_policy(
+            self.problem,
+            self.learned,
+            self.outcome_probabilities,
+            self._arrival_of,
+            self.n_steps,
+        )
+
+    @property
+    def policy(self) -> Policy:
+        """The learned policy, and where it is trapped the way of least expected time."""
+        return self.driven.policy
+
+    @property
+    def by_time(self) -> BoolArray:
+        """(S,) states in which the policy takes the way of least expected time."""
+        return self.driven.by_time
+
+    @property
+    def traps(self) -> Traps:
+        """The states from which neither the learned policy nor the way of least time arrives."""
+        return self.driven.traps
+
+    @property
+    def arrival(self) -> ArrivalByState:
+        """The remaining time from every state, up to the time-out, in steps of `step_s`."""
+        return self.driven.arrival
 
     @property
     def n_periods(self) -> int:
@@ -92,29 +128,35 @@ class Strategy:
             return self.crossings.from_start(start_distribution)
         return self.law_s(self.predicted_arrival(start_distribution, self.n_periods))
 
-    @cached_property
+    @property
     def crossings(self) -> CrossingForecast | None:
         """The prediction by crossing times; None where there are none."""
+        return self._crossings_of(self.policy)
+
+    def _crossings_of(self, policy: Policy) -> CrossingForecast | None:
         times = self.times
         if times is None:
             return None
-        moves, *draws = (
-            crossing_moves(
-                self.problem, self.policy.probabilities, leaving_outcomes(times, outcomes)
+        if policy not in self._forecasts:
+            moves, *draws = (
+                crossing_moves(
+                    self.problem, policy.probabilities, leaving_outcomes(times, outcomes)
+                )
+                for outcomes in (self.outcome_draws.mean(axis=0), *self.outcome_draws)
             )
-            for outcomes in (self.outcome_draws.mean(axis=0), *self.outcome_draws)
-        )
-        n_people = self.scenario.pedestrians.count
-        return CrossingForecast(self.problem, moves, tuple(draws), times, n_people, self.timeout_s)
+            n_people = self.scenario.pedestrians.count
+            self._forecasts[policy] = CrossingForecast(
+                self.problem, moves, tuple(draws), times, n_people, self.timeout_s
+            )
+        return self._forecasts[policy]
 
-    @cached_property
-    def arrival(self) -> ArrivalByState:
-        """The remaining time from every state, up to the time-out, in steps of `step_s`."""
-        if self.crossings is not None:
-            return self.crossings.by_cell(self.policy.greedy)
-        problem, policy = self.problem, self.policy.probabilities
+    def _arrival_of(self, policy: Policy) -> ArrivalByState:
+        crossings = self._crossings_of(policy)
+        if crossings is not None:
+            return crossings.by_cell(policy.greedy)
         return ArrivalByState.average(
-            arrival_by_state(problem, policy, table, self.n_periods) for table in self.outcome_draws
+            arrival_by_state(self.problem, policy.probabilities, table, self.n_periods)
+            for table in self.outcome_draws
         )
 
     @property
@@ -126,17 +168,6 @@ class Strategy:
     def n_steps(self) -> int:
         """Those steps until the time-out."""
         return steps_within(self.timeout_s, self.step_s)
-
-    @cached_property
-    def traps(self) -> Traps:
-        """The states from which the policy does not lead to the goal."""
-        return find_traps(
-            self.problem.grid.neighbours,
-            self.policy.greedy,
-            self.problem.goal_states,
-            self.arrival.within(self.n_steps),
-            TRAP_PROBABILITY,
-        )
 
     @cached_property
     def likeliest_next(self) -> IntArray:
@@ -219,7 +250,7 @@ def load_strategy(
     return Strategy(
         scenario=scenario,
         problem=problem,
-        policy=policy,
+        learned=policy,
         file=file,
         outcome_probabilities=probabilities,
         outcome_draws=draws,

@@ -59,6 +59,8 @@ def print_learned(
         console.print(times_sentence(each), soft_wrap=True)
         if warning := unseen_sentence(each):
             console.print(warning, style="yellow", soft_wrap=True)
+    style = "yellow" if outcome.traps.n_looping_cells else None
+    console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)
     console.print(f"model: {output.resolve()}", soft_wrap=True)
 

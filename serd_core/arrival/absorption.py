@@ -25,8 +25,8 @@ def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray)
     chain: (S, S) transition probabilities; goal: (S,) states that count, which absorb.
     """
     onward = _ways_onward(chain, goal)
-    lost = ~_can_reach(onward, goal)
-    open_states = np.flatnonzero(_can_reach(onward, lost) & ~lost)
+    lost = ~can_reach(onward, goal)
+    open_states = np.flatnonzero(can_reach(onward, lost) & ~lost)
     arriving = np.where(lost, 0.0, 1.0)
     if open_states.size:
         arriving[open_states] = _arriving_of_open_states(onward, open_states, ~lost)
@@ -42,7 +42,8 @@ def _ways_onward(chain: scipy.sparse.csr_array, goal: BoolArray) -> scipy.sparse
     return scipy.sparse.csr_array((steps.data[kept], (row, successor)), shape=steps.shape)
 
 
-def _can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
+def can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
+    """(S,) whether a target (S,) can be reached by the steps of a graph (S, S), or is there."""
     # One extra node in front of all targets makes this a single search on the reversed graph.
     reversed_graph = scipy.sparse.csr_array(onward.T)
     source = scipy.sparse.csr_array(target[None, :].astype(np.float64))

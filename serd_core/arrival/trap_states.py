@@ -2,9 +2,10 @@
 
 There are two kinds of trap states:
 
-- *looping*: each greedy action is followed as if it always had its intended outcome; the chain of
-  cells either reaches a goal or runs into a cycle. Outcomes of low probability may free a robot
-  from such a cycle by chance, which is why the transition probabilities are left out here.
+- *looping*: each action is followed as if it always had its intended outcome; the chain of cells of
+  greedy actions either reaches a goal or runs into a cycle, and actions that are drawn reach a goal
+  by some chain or by none. Outcomes of low probability may free a robot from such a cycle by
+  chance, which is why the transition probabilities are left out here.
 - *unlikely*: under the learned dynamics, chance included, the policy arrives within the horizon
   with less than a threshold probability.
 """
@@ -12,8 +13,10 @@ There are two kinds of trap states:
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.arrival.absorption import can_reach
 from serd_core.errors import SerdError
 
 
@@ -36,30 +39,37 @@ class Traps:
 
 def find_traps(
     neighbours: IntArray,
-    greedy: IntArray,
+    policy: IntArray | FloatArray,
     goal_states: IntArray,
     arrival_probability: FloatArray,
     threshold: float,
 ) -> Traps:
-    """Both kinds of trap states. arrival_probability: (S,) within the horizon that matters."""
+    """Both kinds of trap states. policy: see `trap_states`; arrival_probability: (S,) within the
+    horizon that matters."""
     if not 0.0 <= threshold <= 1.0:
         raise SerdError(f"threshold must be a probability, got {threshold}; use for example 0.5")
-    likely = float_array("arrival_probability", arrival_probability, (len(greedy),))
+    likely = float_array("arrival_probability", arrival_probability, (len(policy),))
     return Traps(
-        looping=trap_states(neighbours, greedy, goal_states),
+        looping=trap_states(neighbours, policy, goal_states),
         unlikely=np.asarray(likely < threshold),
         threshold=threshold,
     )
 
 
-def trap_states(neighbours: IntArray, greedy: IntArray, goal_states: IntArray) -> BoolArray:
+def trap_states(
+    neighbours: IntArray, policy: IntArray | FloatArray, goal_states: IntArray
+) -> BoolArray:
     """(S,) mask of the looping states.
 
-    neighbours: (S, A) next cell of each intended move; greedy: (S,); goal_states: (G,).
+    neighbours: (S, A) next cell of each intended move; policy: (S,) the action of each state, or
+    (S, A) probabilities of actions; goal_states: (G,).
+
+    >>> trap_states(np.array([[0, 1], [0, 2], [1, 2]]), np.array([1, 1, 1]), np.array([2]))
+    array([False, False, False])
     """
-    n_states = len(greedy)
-    successor = neighbours[np.arange(n_states), greedy].copy()
-    successor[goal_states] = goal_states
-    for _ in range(int(n_states).bit_length()):
-        successor = successor[successor]
-    return ~np.isin(successor, goal_states)
+    n_states, n_actions = neighbours.shape
+    taken = policy > 0 if policy.ndim == 2 else policy[:, None] == np.arange(n_actions)
+    state, action = np.nonzero(taken)
+    steps = np.ones(len(state)), (state, neighbours[state, action])
+    goal = np.isin(np.arange(n_states), goal_states)
+    return ~can_reach(scipy.sparse.csr_array(steps, shape=(n_states, n_states)), goal)

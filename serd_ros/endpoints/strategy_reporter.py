@@ -5,7 +5,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
-from serd_app.navigation.forecast import traps_text
+from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.strategy import Strategy
 from serd_core.grid.grid import Action
@@ -41,7 +41,7 @@ class StrategyReporter:
         self._text = node.create_publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
-        """Publish a new plan and log its traps; began_s: wall time when planning began."""
+        """Publish a new plan and log its remarks; began_s: wall time when planning began."""
         grid, policy = strategy.problem.grid, strategy.policy
         centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
         self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
@@ -52,8 +52,8 @@ class StrategyReporter:
         self._traps.publish(to_trap_markers(trapped_m, size_m, time_s))
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
-        if traps := traps_text(strategy.traps):
-            self._node.get_logger().warning(traps)
+        for remark in plan_remarks(strategy):
+            self._node.get_logger().warning(remark)
 
     def report_decision(self, navigator: Navigator, observation: Observation) -> None:
         """Publish the forecast of the decision just made."""
@@ -76,6 +76,7 @@ class StrategyReporter:
         values = {
             **forecast.values(),
             "n_trap_states": len(navigator.strategy.traps.states),
+            "n_least_time_states": int(navigator.strategy.by_time.sum()),
             "transferred": navigator.strategy.transferred,
         }
         level = WARN if forecast.needs_attention else OK

@@ -261,6 +261,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
         self.get_logger().info(" ".join(filter(None, [outcome.summary(), outcome.belief])))
+        if outcome.traps.n_looping_cells:
+            self.get_logger().warning(outcome.traps.sentence())
         values = {**outcome.values(), "model": self.config.output}
         level = OK if outcome.fit.converged else WARN
         self.report(0.0, values, level=level, message=outcome.fit.message)

@@ -4,8 +4,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, float_array
+from serd_core.arrival.arriving_policy import arriving_policy
+from serd_core.arrival.chain import ArrivalByState, arrival_by_state
+from serd_core.arrival.law import steps_within
 from serd_core.grid.grid import Action, Grid
-from serd_core.policies.solved_policy import optimal_policy
+from serd_core.policies.solved_policy import Policy, optimal_policy
 from sim.errors import SimError
 from sim.scenario.grid import grid_of
 from sim.scenario.model_problem import problem_of_model
@@ -59,7 +62,10 @@ class PolicyDriver:
 
 
 def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
-    """Drives by the optimal policy of a model; FileError where it is for another grid."""
+    """Drives by the optimal policy of a model, and where it is trapped by the way of least time.
+
+    FileError where the model is for another grid.
+    """
     grid = grid_of(scenario)
     problem, model = problem_of_model(path, load_model(path, expected_grid=grid), scenario, grid)
     names = tuple(each.name for each in model.outcome_models)
@@ -68,5 +74,15 @@ def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
             f"{path}: outcome_models must be {', '.join(problem.model_names)}, "
             f"got {', '.join(names)}; learn the model again"
         )
-    policy = optimal_policy(problem, model.weights, model.outcome_probabilities)
-    return PolicyDriver(problem.grid, policy.probabilities, seed=seed, name=path)
+    outcomes = model.outcome_probabilities
+    draws = [np.array(table) for table in model.draws.learned] or [outcomes]
+    n_periods = steps_within(scenario.episode_timeout_s, scenario.decision_period_s)
+
+    def arrival_of(policy: Policy) -> ArrivalByState:
+        return ArrivalByState.average(
+            arrival_by_state(problem, policy.probabilities, table, n_periods) for table in draws
+        )
+
+    learned = optimal_policy(problem, model.weights, outcomes)
+    driven = arriving_policy(problem, learned, outcomes, arrival_of, n_periods)
+    return PolicyDriver(grid, driven.policy.probabilities, seed=seed, name=path)

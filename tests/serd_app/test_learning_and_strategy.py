@@ -11,15 +11,21 @@ from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.learned_traps import learned_traps
 from serd_app.learning.outcome import fit_of_file, outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
+from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_beside
+from serd_core.arrival.arriving_policy import least_time_policy
+from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.grid.grid import Action
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_ros.graph.configs import LearnerConfig
-from sim.scenario.grid import grid_of, navigation_problem_of
+from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
 from storage.model_file import load_model
@@ -186,3 +192,74 @@ def test_a_model_is_not_saved_beside_an_edited_scenario_that_is_another(outcome,
 def test_files_beside_two_models_in_one_folder_are_apart():
     first, second = (set(outcome_files(Path(name)).values()) for name in ("a.yaml", "b.yaml"))
     assert not first & second
+
+
+def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
+    """Each lap begins with waits, then goes to the goal as a person does who knows the way."""
+    rng, rows = np.random.default_rng(2), []
+    fastest = least_time_policy(problem, TRUTH).greedy
+    for episode in range(n_laps):
+        state = int(rng.choice(starts))
+        lap = [(state, int(Action.WAIT), state)] * n_waits
+        while state not in problem.goal_states:
+            action = int(fastest[state])
+            outcome = rng.choice(5, p=TRUTH[2])
+            following = int(problem.outcome_models.successors[state, action, outcome])
+            lap.append((state, action, following))
+            state = following
+        rows += [(episode, 2.0 * step, *row) for step, row in enumerate(lap)]
+    episode, time_s, state, action, following = map(np.array, zip(*rows, strict=True))
+    return Demonstrations(Decisions(episode, time_s, state, action, following))
+
+
+def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_trap(tmp_path):
+    quiet = HALLWAY.with_pedestrian_count(0)
+    task = task_in(quiet, CONFIG.discount)
+    starts = start_states_of(quiet, task.problem.grid, "train")
+    found = learn(task, laps_with_waits(task.problem, starts), LearningSettings())
+    assert found.fit.feature_names == ("goal", "inverse_wall_distance")
+    assert tuple(found.model.reward_weights) == found.fit.feature_names
+    path = tmp_path / "model.yaml"
+    save_outcome(path, found, task.problem.grid)
+    strategy = load_strategy(str(path), quiet, "optimal")
+    learned = strategy.driven.learned_traps
+    assert learned.looping.sum() == found.traps.n_looping_cells < 20
+    assert not len(strategy.traps.states)
+    assert (strategy.policy.greedy[starts] != Action.WAIT).all()
+    assert (strategy.arrival.within(strategy.n_steps) > 0.9).all()
+    memory = LearnerMemory(quiet, tmp_path / "state", feature_names=task.problem.feature_names)
+    memory.save_learned(found.fit)
+    assert memory.warm_weights.tolist() == found.fit.reward_weights.tolist()
+    assert LearnerMemory(quiet, tmp_path / "other").start_remark == ""
+
+
+def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):
+    found, _ = outcome
+    problem, starts = task_in(HALLWAY, CONFIG.discount).problem, np.array([0, 0, 3])
+    decisions = Decisions(np.array([0, 0, 1]), np.arange(3.0), starts, starts, starts)
+    parameters = replace(found.fit.parameters, reward=np.array([0.1, 0.0, -5.0]))
+    shuns_walls = replace(found.fit, parameters=parameters)
+    counted = learned_traps(problem, decisions, shuns_walls)
+    greedy = optimal_policy(problem, shuns_walls.reward_weights, found.fit.outcome_probabilities)
+    looping = trap_states(problem.grid.neighbours, greedy.greedy, problem.goal_states)
+    assert counted.n_looping_cells == looping.sum() > 100
+    assert (counted.n_starts, counted.n_looping_starts) == (2, looping[[0, 3]].sum())
+    share = f"{counted.n_looping_cells} of 176 cells ({counted.n_looping_cells / 176:.0%}), 2 of"
+    assert share in counted.sentence()
+    assert "the way of least expected time" in counted.sentence()
+    assert found.values()["n_looping_cells"] == found.traps.n_looping_cells == 0
+
+
+def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
+    """A model of a robot that never moves against the flow."""
+    rows = outcome[0].fit.outcome_probabilities.copy()
+    rows[:3] = [1.0, 0.0, 0.0, 0.0, 0.0]
+    problem, start = task_in(HALLWAY, CONFIG.discount).problem, np.zeros(1, dtype=int)
+    decisions = Decisions(start, np.zeros(1), start, start, start)
+    stuck = learned_traps(problem, decisions, replace(outcome[0].fit, outcome_probabilities=rows))
+    n_goals = len(problem.goal_states)
+    assert (stuck.n_looping_cells, stuck.n_reaching_cells) == (0, n_goals)
+    assert stuck.sentence() == (
+        f"the learned policy reaches the goal from all {n_goals} cells; from {176 - n_goals}"
+        " further cells no policy does"
+    )

@@ -15,15 +15,21 @@ from serd_app.drives.episode_mark import END
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings
+from serd_core.grid.navigation import MODEL_NAMES
 from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
 from storage.episode_table import load_episodes
+from storage.model_file import OutcomeModel
 from support.arrival_messages import from_arrival_message
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 EAST_END = (12.0, 18.0)
+_STAYS = (1.0, 0.0, 0.0, 0.0, 0.0)
+UNMOVED = tuple(
+    OutcomeModel(name=name, learned=_STAYS, believed=_STAYS, initial=_STAYS) for name in MODEL_NAMES
+)
 
 
 class Watch:
@@ -149,12 +155,20 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
 
     # The model file is overwritten with a model whose policy avoids the goal.
     save_model_of(reward_weights={"goal": -5.0, "social_norm": 1.0})
+    spin_until(lambda: watch.reported("driving the way of least expected time"))
+    n_rows = len(arrivals(tmp_path))
+    spin_until(lambda: len(arrivals(tmp_path)) > n_rows + 1)
+    assert arrivals(tmp_path)[-1].outcome == "arrived"
+    assert "cells the way of least expected time is taken instead" in nodes.log_of("strategy")
+    assert "read again: planned" in nodes.log_of("strategy")
+
+    # Nothing leads to the goal where robots are learned never to move.
+    save_model_of(outcome_models=UNMOVED)
     spin_until(lambda: watch.reported("in a trap"))
     watch.subscribe_late()
     spin_until(lambda: watch.traps and watch.laws)
     assert len(watch.traps[-1].markers[0].points) > 100
     assert "cells are traps" in nodes.log_of("strategy")
-    assert "read again: planned" in nodes.log_of("strategy")
 
     # A learner in the same graph publishes a model whose policy arrives.
     better = save_model_of(name="better.yaml")
@@ -185,7 +199,7 @@ def test_the_predicted_arrival_is_latched_and_decreases_during_a_drive(
 
 
 def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_of, tmp_path):
-    model = save_model_of(reward_weights={"goal": -5.0, "social_norm": 1.0})
+    model = save_model_of(outcome_models=UNMOVED)
     stack = nodes.start_stack(
         "navigate",
         composed=True,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_app.navigation.forecast import HALF, MOST, traps_text
+from serd_app.navigation.forecast import HALF, MOST, plan_remarks
 from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
@@ -47,7 +47,8 @@ class Comparison:
     person_on_robot: int
     robot_on_wall: int
     n_trap_states: int
-    traps: str
+    n_least_time_states: int
+    plan_remarks: tuple[str, ...]
     transferred: bool
     n_people: int
 
@@ -81,7 +82,8 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         person_on_robot=sum(row.person_on_robot for row in episodes),
         robot_on_wall=sum(row.robot_on_wall for row in episodes),
         n_trap_states=len(strategy.traps.states),
-        traps=traps_text(strategy.traps),
+        n_least_time_states=int(strategy.by_time.sum()),
+        plan_remarks=tuple(plan_remarks(strategy)),
         transferred=strategy.transferred,
         n_people=strategy.scenario.pedestrians.count,
     )

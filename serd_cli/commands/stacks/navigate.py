@@ -192,7 +192,7 @@ def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> l
             f"--lookahead {settings.lookahead_cells} the robot is faster: give crossings.csv of"
             " such drives to 'serd learn --times'"
         )
-    return [*lines, *filter(None, [strategy.scenario.period_remark, found.traps])]
+    return [*lines, *filter(None, [strategy.scenario.period_remark]), *found.plan_remarks]
 
 
 def _of_times(times: CrossingTimes, forecast: CrossingForecast | None) -> str:

@@ -79,7 +79,7 @@ def test_another_model_changes_the_policy_and_a_broken_one_nothing(save_model_of
     assert navigator.decide(observation_at(4.5, 9.5)) == Action.NORTH
     navigator.set_model(str(lazy))
     assert navigator.model == str(lazy)
-    assert len(navigator.strategy.traps.states) > 100
+    assert len(navigator.strategy.driven.learned_traps.states) > 100
     before = navigator.strategy
     (tmp_path / "broken.yaml").write_text("format: serd-model\n")
     with pytest.raises(FileError, match=r"broken\.yaml"):

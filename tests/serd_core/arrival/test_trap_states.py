@@ -22,6 +22,13 @@ def test_waiting_and_walking_to_and_fro_are_traps() -> None:
     assert trapped.tolist() == [True, True, True, True, False, False]
 
 
+def test_actions_that_are_drawn_lead_to_the_goal_by_some_chance_or_by_none() -> None:
+    probabilities = np.tile([0.6, 0.4, 0.0], (6, 1))
+    probabilities[3:, RIGHT] = 1e-9
+    trapped = trap_states(CORRIDOR, probabilities, np.array([5]))
+    assert trapped.tolist() == [True, True, True, False, False, False]
+
+
 def test_a_goal_is_no_trap_even_if_its_arrow_leads_away() -> None:
     assert not trap_states(CORRIDOR, np.full(6, LEFT), np.array([0, 5])).any()
 

@@ -311,6 +311,19 @@ def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
     assert None not in across
 
 
+def test_it_states_from_how_many_cells_the_learned_policy_never_arrives(serd, demonstrations):
+    table = demonstrations()
+    words = " ".join(serd("learn", table).out.split())
+    found = learned(serd("learn", table, "--json"))
+    assert (found["n_looping_cells"], found["n_reaching_cells"]) == (0, 176)
+    assert "the learned policy reaches the goal from all 176 cells" in words
+    elsewhere = learned(serd("learn", table, "--goal", "0.5,23.5", "--json"))
+    assert elsewhere["n_looping_cells"] > 0  # nobody went there
+    share = f"{elsewhere['n_looping_cells']} of 176 cells"
+    words = " ".join(serd("learn", table, "--goal", "0.5,23.5").out.split())
+    assert f"the learned policy never reaches the goal from {share}" in words
+
+
 def test_outcome_models_that_apply_nowhere_are_left_out(serd, demonstrations):
     table = demonstrations(flow=np.full(GRID.n_states, -1))
     ended = serd("learn", table, "--flow", "none")

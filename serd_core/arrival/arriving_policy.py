@@ -1,0 +1,117 @@
+"""The policy that is driven: the learned one where it arrives, the way of least time elsewhere.
+
+Learned rewards may make it best to wait or to walk in circles in some states (`trap_states`). There
+the policy of the fewest expected decision periods is taken instead, which solves the stochastic
+shortest path problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
+
+    V(s) = min_a 1 + sum_s' P(s'|s,a) V(s'),    V(goal) = 0
+
+over the actions that are meant to lead to another cell: waiting is no way, even where the learned
+dynamics expect that a robot which waits is carried along. Each period ends the drive with the
+probability 1 / `NEVER_PERIODS`, so the equation is that of a discounted problem and V is finite: a
+drive that never arrives counts as `NEVER_PERIODS`. Hence the probability of arriving comes first,
+and then the time.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrival.chain import ArrivalByState, goal_mask
+from serd_core.arrival.trap_states import Traps, find_traps
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.solved_policy import Policy, optimal_policy
+
+#: Expected periods of a drive that never arrives.
+NEVER_PERIODS = 1e9
+#: A state that arrives before the time-out with less than this probability is called a trap.
+TRAP_PROBABILITY = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivingPolicy:
+    """A policy that leaves the traps of a learned one by the way of least expected time.
+
+    policy: the one to drive; its value and q are those of the learned policy. arrival: of that
+    policy. by_time: (S,) states in which the way of least expected time is taken. learned_traps: of
+    the learned policy. traps: states from which neither arrives.
+    """
+
+    policy: Policy
+    arrival: ArrivalByState
+    by_time: BoolArray
+    learned_traps: Traps
+    traps: Traps
+
+
+def arriving_policy(
+    problem: NavigationProblem,
+    learned: Policy,
+    outcome_probabilities: FloatArray,
+    arrival_of: Callable[[Policy], ArrivalByState],
+    n_steps: int,
+) -> ArrivingPolicy:
+    """The learned policy with the way of least expected time in every state that is trapped.
+
+    outcome_probabilities: (M, K) of the expected time; arrival_of: returns the arrival from every
+    state by a policy; n_steps: its steps until the time-out. A state from which the learned policy
+    alone arrives, but not where it meets such a way, takes that way too.
+    """
+
+    def traps_of(policy: Policy, arrival: ArrivalByState) -> Traps:
+        return find_traps(
+            problem.grid.neighbours,
+            policy.probabilities,
+            problem.goal_states,
+            arrival.within(n_steps),
+            TRAP_PROBABILITY,
+        )
+
+    driven, arrival = learned, arrival_of(learned)
+    traps = learned_traps = traps_of(learned, arrival)
+    by_time = np.zeros(len(learned.greedy), dtype=np.bool_)
+    if not len(traps.states):
+        return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
+    fastest = least_time_policy(problem, outcome_probabilities)
+    while (more := (traps.looping | traps.unlikely) & ~by_time).any():
+        by_time |= more
+        driven = _switched(learned, fastest, by_time)
+        arrival = arrival_of(driven)
+        traps = traps_of(driven, arrival)
+    lost = traps.unlikely
+    if lost.any():
+        lost = lost & (arrival_of(fastest).within(n_steps) < TRAP_PROBABILITY)
+    traps = Traps(traps.looping & lost, lost, TRAP_PROBABILITY)
+    return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
+
+
+def least_time_policy(problem: NavigationProblem, outcome_probabilities: FloatArray) -> Policy:
+    """The policy of the fewest expected decision periods to a goal, which are its -value.
+
+    outcome_probabilities: (M, K). Waits only where no action leads to another cell.
+    """
+    models = problem.outcome_models
+    assert models.intended is not None  # of every navigation problem
+    intended = np.asarray(models.intended)[models.model_of][:, :, None]
+    aimed_at = np.take_along_axis(models.successors, intended, axis=2)[:, :, 0]
+    moves = models.available & (aimed_at != np.arange(models.n_states)[:, None])
+    available = np.where(moves.any(axis=1, keepdims=True), moves, models.available)
+    mdp = Mdp(replace(models, available=available), 1.0 - 1.0 / NEVER_PERIODS)
+    periods = np.where(goal_mask(problem), 0.0, -1.0)
+    features = np.broadcast_to(periods[:, None, None], (*available.shape, 1))
+    return optimal_policy(
+        TabularProblem(mdp, features, ("periods",)), np.ones(1), outcome_probabilities
+    )
+
+
+def _switched(learned: Policy, fastest: Policy, by_time: BoolArray) -> Policy:
+    """The learned policy with the actions of the fastest one in some states."""
+    return replace(
+        learned,
+        probabilities=np.where(by_time[:, None], fastest.probabilities, learned.probabilities),
+        greedy=np.where(by_time, fastest.greedy, learned.greedy),
+    )

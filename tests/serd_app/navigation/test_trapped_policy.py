@@ -1,0 +1,132 @@
+"""A learned policy that does not arrive: what is driven instead, forecast and reported."""
+
+import numpy as np
+import pytest
+
+from serd_app.navigation.evaluation.comparison import compare
+from serd_app.navigation.forecast import plan_remarks
+from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.settings import NavigationSettings
+from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_core.arrival.chain import arrival_by_state
+from serd_core.policies.solved_policy import optimal_policy
+from sim.drivers.policy_driver import model_driver
+from sim.episodes.episode import run_episode
+from sim.episodes.result import result_of_record
+from sim.planning.catalogue import make_planner
+from sim.scenario.scenario import load_scenario
+from sim.world.world import HallwayWorld
+from storage.grid_picture import flow_picture
+from storage.model_file import load_model
+from support.observations import observation_at
+
+HALLWAY = load_scenario("hallway")
+QUIET = HALLWAY.with_pedestrian_count(0)
+#: The best is to stay where walls are far.
+SHUNS_WALLS = {"goal": 0.1, "inverse_wall_distance": -5.0}
+#: What laps with long waits before them made of the social norm where no people walk.
+WAITS = {"goal": 1.8, "social_norm": 7.1, "inverse_wall_distance": 0.0}
+
+
+def navigator_of(model, scenario=HALLWAY, **changes):
+    return Navigator(scenario, NavigationSettings(model=str(model), **changes))
+
+
+def first_forecast(navigator, x_m=4.5, y_m=1.5):
+    navigator.begin(0)
+    navigator.decide(observation_at(x_m, y_m))
+    return navigator.forecast
+
+
+def drive(scenario, navigator):
+    with HallwayWorld(scenario, seed=3) as world:
+        return run_episode(
+            world,
+            make_planner("dwa", scenario),
+            navigator,
+            episode=0,
+            waypoint_of=navigator.waypoint_of,
+        )
+
+
+@pytest.mark.parametrize("own_flow", [False, True])
+def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_model_of, own_flow):
+    grid = load_strategy(str(save_model_of()), QUIET, "optimal").problem.grid
+    none = flow_picture(grid, np.full(grid.n_states, -1)) if own_flow else ()
+    navigator = navigator_of(save_model_of(reward_weights=WAITS, flow=none), QUIET)
+    assert not len(navigator.strategy.driven.learned_traps.states)
+    assert plan_remarks(navigator.strategy) == [
+        "the model's weight of social_norm is not used, as no flow of people is known"
+    ]
+    record = drive(QUIET, navigator)
+    assert record.outcome == "arrived"
+    assert record.time_of_arrival_s < 90.0
+
+
+def test_where_it_is_best_to_stay_the_robot_arrives_by_the_way_of_least_time(save_model_of):
+    navigator = navigator_of(save_model_of(reward_weights=SHUNS_WALLS))
+    strategy = navigator.strategy
+    n_trapped = len(strategy.driven.learned_traps.states)
+    assert n_trapped > 100
+    assert int(strategy.by_time.sum()) == n_trapped
+    (remark,) = plan_remarks(strategy)
+    assert remark.startswith(
+        f"the learned policy does not arrive from {n_trapped} of 176 cells: from {n_trapped} its"
+        " actions never lead to the goal"
+    )
+    assert remark.endswith(f"in {n_trapped} cells the way of least expected time is taken instead")
+    record = drive(HALLWAY, navigator)
+    assert record.outcome == "arrived"
+    result = result_of_record(record, reason="", wall_s=0.0)
+    found = compare(strategy, "train", [result])
+    assert (found.n_trap_states, found.n_least_time_states) == (0, n_trapped)
+    assert found.plan_remarks == (remark,)
+
+
+def test_what_is_forecast_is_the_arrival_of_what_is_driven(save_model_of):
+    navigator = navigator_of(save_model_of(reward_weights=SHUNS_WALLS))
+    strategy, forecast = navigator.strategy, first_forecast(navigator)
+    chain = arrival_by_state(
+        strategy.problem,
+        strategy.policy.probabilities,
+        strategy.outcome_probabilities,
+        strategy.n_periods,
+    )
+    assert np.array_equal(strategy.arrival.cdf, chain.cdf)
+    assert forecast.probability == chain.cdf[-1][forecast.state]
+    assert forecast.probability > 0.99
+    assert (forecast.by_time, forecast.trapped) == (True, False)
+    assert forecast.values()["least_time"]
+    assert forecast.needs_attention
+    assert forecast.summary.endswith("with 100%, by the way of least expected time")
+    assert forecast.situation.startswith("driving the way of least expected time, as the learned")
+    starts = start_distribution(HALLWAY, "train")
+    assert strategy.law_from(starts).cdf[-1] == pytest.approx(chain.cdf[-1] @ starts)
+
+
+def test_a_policy_that_arrives_is_driven_as_it_was_learned(save_model_of):
+    navigator = navigator_of(save_model_of())
+    strategy, forecast = navigator.strategy, first_forecast(navigator)
+    assert strategy.policy is strategy.learned
+    assert plan_remarks(strategy) == []
+    assert (forecast.by_time, forecast.trapped) == (False, False)
+    assert forecast.situation == "driving"
+
+
+@pytest.mark.parametrize("weights", [SHUNS_WALLS, {"goal": -5.0, "social_norm": 1.0}, {"goal": 1}])
+@pytest.mark.parametrize("scenario", [HALLWAY, QUIET])
+def test_a_driver_by_model_file_and_the_strategy_take_the_same_actions(
+    save_model_of, weights, scenario
+):
+    path = save_model_of(reward_weights=weights)
+    strategy = load_strategy(str(path), scenario, "optimal")
+    driver = model_driver(str(path), scenario, seed=0)
+    seen = [observation_at(*center) for center in strategy.problem.grid.centers_m]
+    actions = [driver.decide(each) for each in seen]
+    assert actions == strategy.policy.greedy.tolist()
+    model = load_model(path)
+    weights_here = [model.reward_weights[name] for name in strategy.problem.feature_names]
+    alone = optimal_policy(
+        strategy.problem, np.array(weights_here, dtype=float), model.outcome_probabilities
+    )
+    assert (actions != alone.greedy.tolist()) == (weights != {"goal": 1})

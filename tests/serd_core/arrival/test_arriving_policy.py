@@ -1,0 +1,168 @@
+"""The way of least expected time, and the policy that takes it where a learned one is trapped."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from serd_core.arrival.arriving_policy import (
+    NEVER_PERIODS,
+    TRAP_PROBABILITY,
+    arriving_policy,
+    least_time_policy,
+)
+from serd_core.arrival.chain import arrival_by_state, policy_chain
+from serd_core.arrival.trap_states import trap_states
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
+
+N_PERIODS = 200
+#: Of a move (stay, forward, right, back, left), and of waiting.
+SURE, STANDS = [0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def problem_of(walkable, goals, flow=None):
+    grid = Grid((0.0, 0.0), 1.0, np.asarray(walkable, dtype=bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.full(grid.n_states, NO_FLOW) if flow is None else np.asarray(flow),
+        goal_states=goals,
+        wall_distance_m=1.0 + np.arange(grid.n_states, dtype=float),
+        discount=0.95,
+    )
+
+
+def outcomes_of(move, waiting=STANDS):
+    return np.array([move, move, move, waiting])
+
+
+def driven_by(problem, learned, outcomes, n_periods=N_PERIODS):
+    def arrival_of(policy):
+        return arrival_by_state(problem, policy.probabilities, outcomes, n_periods)
+
+    return arriving_policy(problem, learned, outcomes, arrival_of, n_periods)
+
+
+def loves_walls(problem, outcomes):
+    """State 0 is the nearest to a wall: the best is to go there and stay."""
+    return optimal_policy(problem, np.array([0.1, 5.0]), outcomes)
+
+
+def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
+    problem = problem_of(np.ones((1, 6)), [5])
+    found = least_time_policy(problem, outcomes_of([0.75, 0.25, 0.0, 0.0, 0.0]))
+    assert -found.value == pytest.approx(4.0 * np.arange(5, -1, -1), rel=1e-6)
+    assert found.greedy[:5].tolist() == [Action.EAST] * 5
+
+
+def test_the_expected_periods_are_those_of_the_chain_of_its_policy_and_of_no_other_fewer():
+    rng = np.random.default_rng(3)
+    problem = problem_of(np.ones((4, 5)), [19], rng.integers(1, 5, 20))
+    outcomes = rng.dirichlet([1.0, 4.0, 1.0, 1.0, 1.0], 4)
+    found = least_time_policy(problem, outcomes)
+
+    def periods(probabilities):
+        chain = policy_chain(problem.mdp, probabilities, outcomes).toarray()[:19, :19]
+        return np.linalg.solve(np.eye(19) - chain, np.ones(19))
+
+    least = periods(found.probabilities)
+    assert -found.value[:19] == pytest.approx(least, rel=1e-6)
+    moves = problem.grid.neighbours != np.arange(20)[:, None]
+    for _ in range(50):
+        draw = rng.dirichlet(np.ones(5), 20) * moves
+        draw[19] = np.eye(5)[Action.WAIT]
+        assert (periods(draw / draw.sum(axis=1, keepdims=True)) >= least - 1e-6).all()
+
+
+def test_waiting_is_no_way_even_where_it_is_learned_to_carry_the_robot_along():
+    problem = problem_of(np.ones((5, 1)), [4])
+    carried = [0.0, 1.0, 0.0, 0.0, 0.0]  # north, where there is no flow
+    found = least_time_policy(problem, outcomes_of([0.9, 0.1, 0.0, 0.0, 0.0], carried))
+    assert found.greedy[:4].tolist() == [Action.NORTH] * 4
+
+
+def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_they_are():
+    problem = problem_of([[1, 1, 0, 1, 1], [0, 0, 0, 0, 1]], [1])
+    periods = -least_time_policy(problem, outcomes_of(SURE)).value
+    assert periods[:2].tolist() == pytest.approx([1.0, 0.0])
+    assert (periods[2:] > 0.99 * NEVER_PERIODS).all()
+
+
+def test_moves_that_nearly_never_succeed_are_counted_and_not_lost():
+    problem = problem_of(np.ones((1, 3)), [2])
+    periods = -least_time_policy(problem, outcomes_of([1 - 1e-6, 1e-6, 0.0, 0.0, 0.0])).value
+    assert periods == pytest.approx([2e6, 1e6, 0.0], rel=0.01)
+
+
+def test_a_learned_policy_that_arrives_is_driven_as_it_is():
+    problem, outcomes = problem_of(np.ones((3, 4)), [11]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
+    learned = optimal_policy(problem, np.array([1.0, 0.0]), outcomes)
+    found = driven_by(problem, learned, outcomes)
+    assert found.policy is learned
+    assert not found.by_time.any()
+    assert not len(found.traps.states)
+
+
+def test_where_staying_at_a_wall_is_best_the_way_of_least_time_leads_to_the_goal():
+    problem, outcomes = problem_of(np.ones((3, 4)), [11]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
+    learned = loves_walls(problem, outcomes)
+    found = driven_by(problem, learned, outcomes)
+    assert found.learned_traps.looping.sum() > 5
+    assert np.array_equal(found.by_time, found.learned_traps.looping)
+    assert not len(found.traps.states)
+    assert (found.arrival.within(N_PERIODS) > 0.99).all()
+    fastest = least_time_policy(problem, outcomes)
+    assert np.array_equal(found.policy.greedy[found.by_time], fastest.greedy[found.by_time])
+    assert np.array_equal(found.policy.value, learned.value)
+
+
+def test_a_wait_from_which_the_learned_dynamics_drift_to_the_goal_is_a_trap_all_the_same():
+    problem = problem_of(np.ones((4, 1)), [3])
+    outcomes = outcomes_of([0.1, 0.9, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0, 0.0])
+    waits = np.tile(np.eye(5)[Action.WAIT], (4, 1))
+    learned = optimal_policy(problem, np.array([1.0, 0.0]), outcomes)
+    lazy = type(learned)(**{**vars(learned), "probabilities": waits, "greedy": np.zeros(4, int)})
+    found = driven_by(problem, lazy, outcomes)
+    assert found.by_time.tolist() == [True, True, True, False]
+    assert found.policy.greedy[:3].tolist() == [Action.NORTH] * 3
+
+
+def test_a_soft_policy_that_arrives_by_chance_is_left_as_it_is():
+    problem, outcomes = problem_of(np.ones((1, 4)), [3]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
+    learned = soft_policy(problem, np.array([1.6, 0.05]), outcomes)
+    assert trap_states(problem.grid.neighbours, learned.greedy, problem.goal_states).any()
+    assert driven_by(problem, learned, outcomes).policy is learned
+
+
+def test_where_the_goal_cannot_be_reached_in_time_both_kinds_of_policy_are_trapped():
+    problem, outcomes = problem_of(np.ones((1, 8)), [7]), outcomes_of(SURE)
+    found = driven_by(problem, loves_walls(problem, outcomes), outcomes, n_periods=3)
+    assert found.traps.states.tolist() == [0, 1, 2, 3]
+    assert found.by_time[:4].all()
+
+
+@given(st.data())
+def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_time(data):
+    seed = data.draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    flow = rng.integers(0, 5, 12)
+    problem = problem_of(np.ones((3, 4)), [int(rng.integers(12))], np.where(flow == 0, -1, flow))
+    outcomes = rng.dirichlet(np.full(5, 0.5), 4) + 1e-9
+    outcomes /= outcomes.sum(axis=1, keepdims=True)
+    weights = rng.normal(0.0, 3.0, len(problem.feature_names))
+    learned = optimal_policy(problem, weights, outcomes)
+    found = driven_by(problem, learned, outcomes, n_periods=30)
+    fastest = least_time_policy(problem, outcomes)
+    chosen = np.where(found.by_time, fastest.greedy, learned.greedy)
+    assert np.array_equal(found.policy.greedy, chosen)
+    arrives = partial(arrival_by_state, problem, outcome_probabilities=outcomes, n_periods=30)
+    driven = arrives(found.policy.probabilities).within(30)
+    assert np.array_equal(found.arrival.within(30), driven)
+    looping = trap_states(problem.grid.neighbours, found.policy.greedy, problem.goal_states)
+    assert not (~found.by_time & (looping | (driven < TRAP_PROBABILITY))).any()
+    quickest = arrives(fastest.probabilities).within(30)
+    lost = np.maximum(driven, quickest) < TRAP_PROBABILITY
+    assert np.array_equal(found.traps.unlikely, lost)
