@@ -12,7 +12,9 @@ from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
+from serd_app.navigation.evaluation.prediction_support import RecordedTimes
 from serd_core.arrays import BoolArray, FloatArray, float_array, require_index
+from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
@@ -131,15 +133,20 @@ def snapshot_from_history(
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """The predicted arrival from a place; name: of a start area, or the point."""
+    """The computed arrival from a place; name: of a start area, or the point.
+
+    trapped: whether the learned policy does not arrive from a cell of it.
+    """
 
     name: str
     law: ArrivalLaw
+    trapped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class ExpertGroup:
-    """A type of experts; policy: of its rewards; traps: (S,) states from which it never arrives."""
+    """A type of experts; policy: the one to drive by its rewards; traps: (S,) states from which the
+    learned one does not arrive."""
 
     kept: ModelType
     policy: Policy
@@ -152,11 +159,14 @@ class ReportInputs:
 
     demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
-    policy: the one that drove; predicted: its arrival, up to `timeout_s`. episodes: empty where it
-    has not driven. snapshot: None where people were not recorded. knowledge: None where the fit has
-    no posterior. forecasts: from chosen starts. familiarity: how likely demonstrations are for the
-    model; advice: on cells and periods; discretised: what became of the intents.
-    groups: types of experts, none where there is one.
+    policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
+    episodes: empty where it has not driven. snapshot: None where people were not recorded.
+    knowledge: None where the fit has no posterior. forecasts: from chosen starts. familiarity: how
+    likely demonstrations are for the model; advice: on cells and periods; discretised: what became
+    of the intents.
+    groups: types of experts, none where there is one. driven: where the policy is not the learned
+    one, None where it is everywhere; remarks: on that. recorded: times of arrival of the
+    demonstrations, None where they are not known.
     """
 
     title: str
@@ -179,6 +189,9 @@ class ReportInputs:
     discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
     groups: tuple[ExpertGroup, ...] = ()
+    driven: ArrivingPolicy | None = None
+    remarks: tuple[str, ...] = ()
+    recorded: RecordedTimes | None = None
 
     def __post_init__(self) -> None:
         if not self.episodes and not self.forecasts:

@@ -19,10 +19,11 @@ from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.comparison import predicted_law
 from serd_app.navigation.evaluation.familiarity import familiarity_of
+from serd_app.navigation.evaluation.prediction_support import recorded_times, starts_of
+from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_core.arrays import FloatArray
-from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from sim.scenario.goal import goal_cell
 from sim.scenario.scenario import Scenario, load_scenario
@@ -72,14 +73,22 @@ def inputs_of_model(
         snapshot=None,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
-        forecasts=tuple(Forecast(_start(name, file), law) for name, law in areas.items())
+        forecasts=tuple(
+            Forecast(_start(name, file), law, starts_of(strategy, name).n_trapped > 0)
+            for name, law in areas.items()
+        )
         + forecasts_of(strategy, starts_m)
         + _by_lookahead(strategy),
         familiarity=found,
         advice=_advice(demonstrations),
         discretised=None if demonstrations is None else report_of_table(demonstrations),
         n_demonstrations=file.fit.n_episodes,
-        groups=_groups(model, place, kind, file),
+        groups=_groups(model, place, kind, file.with_features(problem.feature_names)),
+        driven=strategy.driven,
+        remarks=tuple(plan_remarks(strategy)),
+        recorded=None
+        if found is None
+        else recorded_times(strategy, found.decisions, found.files.reaching),
     )
 
 
@@ -93,9 +102,8 @@ def _groups(model: Path, place: Scenario, kind: str, file: ModelFile) -> tuple[E
     found = []
     for number, each in enumerate(file.types, start=1):
         strategy = load_strategy(str(model), place, kind, file=file, expert=number)
-        problem, greedy = strategy.problem, strategy.policy.greedy
-        traps = trap_states(problem.grid.neighbours, greedy, problem.goal_states)
-        found.append(ExpertGroup(each, strategy.policy, traps))
+        learned = strategy.driven.learned_traps
+        found.append(ExpertGroup(each, strategy.policy, learned.looping | learned.unlikely))
     return tuple(found)
 
 
@@ -105,9 +113,10 @@ def forecasts_of(
     """The arrival from the cells of points."""
     grid, found = strategy.problem.grid, []
     for x_m, y_m in starts_m:
-        start = np.zeros(grid.n_states)
-        start[goal_cell(grid, x_m, y_m, what="start")] = 1.0
-        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start)))
+        start, cell = np.zeros(grid.n_states), goal_cell(grid, x_m, y_m, what="start")
+        start[cell] = 1.0
+        trapped = cell in strategy.driven.learned_traps
+        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start), trapped))
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from report.figures.charts import OUTCOME_LABELS
 from report.inputs import FileLink, Forecast, ReportInputs
 from report.style import in_words, percent
-from report.summary import Summary, headline_of
+from report.summary import Summary, headline_of, no_prediction_text
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action
 from storage.quantities import counted, seconds_in_words
@@ -36,6 +36,7 @@ def render_page(
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
         headline=headline_of(summary),
+        no_prediction=no_prediction_text(summary),
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
@@ -59,6 +60,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
         *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
+        *(("Plan", _sentence(remark)) for remark in summary.plan_remarks),
         (
             "Fit",
             f"{'converged' if summary.converged else 'did NOT converge'} "
@@ -70,20 +72,28 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
-    """Measured beside predicted arrival, or predicted alone where nothing drove."""
+    """Measured beside predicted arrival, or predicted alone where nothing drove.
+
+    What is predicted is left out where that is not supported.
+    """
     predicted = f"predicted {percent(summary.predicted_arrival_probability)}"
     median = f"predicted {_seconds(summary.predicted_median_s)}"
+    none = []
+    if summary.no_prediction_because:
+        none = [("Predicted arrival", f"none, because {no_prediction_text(summary)}")]
     if summary.measured_arrival_interval_95 is None:
-        return [("Arrives", predicted), ("Median time of arrival", median)]
+        return none or [("Arrives", predicted), ("Median time of arrival", median)]
     low, high = summary.measured_arrival_interval_95
+    beside = ("", "") if none else (f"; {predicted}", f"; {median}")
     return [
+        *none,
         (
             "Arrived",
             f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
             f"({percent(summary.measured_arrival_probability or 0.0)}, 95 % interval "
-            f"{percent(low)} to {percent(high)}); {predicted}",
+            f"{percent(low)} to {percent(high)}){beside[0]}",
         ),
-        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}; {median}"),
+        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}{beside[1]}"),
         ("Largest gap of the two arrival curves", f"{summary.largest_cdf_gap:.2f}"),
         (
             "Contacts",
@@ -98,7 +108,12 @@ def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
     """Start, probability of arriving, and by when half and nine in ten do."""
     law = forecast.law
     half, most = (law.quantile_s(share) for share in (0.5, 0.9))
-    return forecast.name, percent(float(law.cdf[-1])), _by(half), _by(most)
+    trapped = " (the learned policy does not arrive)" if forecast.trapped else ""
+    return f"{forecast.name}{trapped}", percent(float(law.cdf[-1])), _by(half), _by(most)
+
+
+def _sentence(clause: str) -> str:
+    return f"{clause[0].upper()}{clause[1:]}."
 
 
 def _by(time_s: float | None) -> str:

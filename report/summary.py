@@ -7,11 +7,17 @@ import numpy as np
 from report.figures.arrival import ArrivalCurve, measured_curve, time_reaching
 from report.inputs import ReportInputs
 from report.style import percent
+from serd_app.navigation.evaluation.prediction_support import (
+    Starts,
+    reasons_against_prediction,
+    reasons_text,
+)
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import MODEL_NAMES, NavigationProblem
+from sim.scenario.grid import start_states_of
 from storage.quantities import counted, seconds_in_words
 
 
@@ -21,7 +27,10 @@ class Summary:
 
     Without episodes all that is measured is None, and so is the gap. n_decisions: learned from, as
     are decisions_per_model; of a model without a posterior these are of n_compared_decisions, those
-    of the demonstrations that it is compared with.
+    of the demonstrations that it is compared with. n_least_time_states: states in which the policy
+    takes the way of least expected time, as the learned one does not arrive; n_trap_states: those
+    from which no policy does. recorded_times_s: of arrival of the demonstrations, None where they
+    are not known. no_prediction_because: why the predicted arrival is not stated, none where it is.
     """
 
     n_demonstrations: int
@@ -41,6 +50,10 @@ class Summary:
     person_on_robot_contacts: int
     wall_contacts: int
     n_trap_states: int
+    n_least_time_states: int
+    plan_remarks: tuple[str, ...]
+    recorded_times_s: tuple[float, ...] | None
+    no_prediction_because: tuple[str, ...]
     fault_share: float | None
     faults: str
     converged: bool
@@ -89,7 +102,11 @@ def summary_of(inputs: ReportInputs) -> Summary:
         wall_contacts=sum(row.robot_on_wall for row in episodes),
         fault_share=None if inputs.discretised is None else inputs.discretised.fault_share,
         faults="" if inputs.discretised is None else inputs.discretised.faults,
-        n_trap_states=int(trapped_states(inputs).sum()),
+        n_trap_states=_n_trap_states(inputs),
+        n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
+        plan_remarks=inputs.remarks,
+        recorded_times_s=_recorded_times_s(inputs),
+        no_prediction_because=_reasons_against_prediction(inputs),
         converged=bool(fit.converged),
         n_steps=int(fit.n_steps),
         objective=float(fit.objective),
@@ -117,18 +134,64 @@ def _last_interval(measured: ArrivalCurve | None) -> tuple[float, float] | None:
     return None if measured is None else (float(measured.lower[-1]), float(measured.upper[-1]))
 
 
+def _n_trap_states(inputs: ReportInputs) -> int:
+    if inputs.driven is not None:
+        return len(inputs.driven.traps.states)
+    return int(trapped_states(inputs).sum())
+
+
+def _recorded_times_s(inputs: ReportInputs) -> tuple[float, ...] | None:
+    return None if inputs.recorded is None else tuple(inputs.recorded.times_s.tolist())
+
+
+def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
+    cells = start_states_of(inputs.scenario, inputs.problem.grid, "train")
+    return reasons_against_prediction(
+        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
+        starts=Starts(len(cells), int(trapped_states(inputs)[cells].sum())),
+        recorded=inputs.recorded,
+        measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
+    )
+
+
+def no_prediction_text(summary: Summary) -> str:
+    """Why the predicted arrival is not stated; empty where it is."""
+    return reasons_text(summary.no_prediction_because)
+
+
 def headline_of(summary: Summary) -> str:
     """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
     if summary.measured_arrival_probability is None:
-        return _predicted_headline(summary)
+        supported = not summary.no_prediction_because
+        return _predicted_headline(summary) if supported else _recorded_headline(summary)
+    predicted = (
+        f"no prediction, because {no_prediction_text(summary)}"
+        if summary.no_prediction_because
+        else f"predicted {percent(summary.predicted_arrival_probability)}"
+    )
     learned = (
         f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
         f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
         f"within {seconds_in_words(summary.timeout_s)} "
-        f"({percent(summary.measured_arrival_probability)}; predicted "
-        f"{percent(summary.predicted_arrival_probability)})"
+        f"({percent(summary.measured_arrival_probability)}; {predicted})"
     )
     return f"{learned}{_speed(summary)}."
+
+
+def _recorded_headline(summary: Summary) -> str:
+    """What is known without a prediction, and why there is none."""
+    times_s = summary.recorded_times_s or ()
+    arrived = ""
+    if times_s:
+        span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
+        all_of_them = len(times_s) == summary.n_demonstrations
+        who = "which" if all_of_them else f"of which {len(times_s)}"
+        arrived = f", {who} arrived after {span},"
+    return (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
+        f" {counted(summary.n_decisions, 'decision')}{arrived} the arrival of the robot is not"
+        f" predicted, because {no_prediction_text(summary)}."
+    )
 
 
 def _predicted_headline(summary: Summary) -> str:
@@ -146,13 +209,16 @@ def _speed(summary: Summary) -> str:
     if summary.measured_median_s is None:
         return ", fewer than half of them in time"
     measured = f", half of them within {seconds_in_words(summary.measured_median_s)}"
-    if summary.predicted_median_s is None:
+    if summary.predicted_median_s is None or summary.no_prediction_because:
         return measured
     return f"{measured} (predicted {seconds_in_words(summary.predicted_median_s)})"
 
 
 def trapped_states(inputs: ReportInputs) -> BoolArray:
-    """(S,) states from which the greedy policy never arrives."""
+    """(S,) states from which the learned policy does not arrive."""
+    if inputs.driven is not None:
+        traps = inputs.driven.learned_traps
+        return np.asarray(traps.looping | traps.unlikely)
     problem = inputs.problem
     return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
 

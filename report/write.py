@@ -174,9 +174,10 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
         found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
     policies = {f"expert_{i}": (each.policy, each.traps) for i, each in enumerate(inputs.groups, 1)}
     policies["policy"] = inputs.policy, trapped_states(inputs)
+    whose = "" if inputs.driven is None else " of the learned policy"
     for name, (policy, traps) in policies.items():
         found[name] = draw_policy_map(
-            layout, grid, policy.value, policy.greedy, problem.goal_states, traps
+            layout, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
         )
     found["features"] = draw_features(
         layout, grid, problem.features, problem.feature_names, problem.mdp.available
@@ -187,12 +188,13 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
 def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
     found: dict[str, Figure] = {}
+    recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
     if inputs.episodes:
         times_s = inputs.arrival_times_s
-        found["arrival"] = draw_comparison(inputs.predicted, times_s, inputs.timeout_s)
+        found["arrival"] = draw_comparison(inputs.predicted, times_s, inputs.timeout_s, recorded_s)
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
-        found["forecast"] = draw_forecasts(laws, inputs.timeout_s)
+        found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
     if inputs.advice is not None:
         found["resolution"] = draw_resolution(inputs.advice)
     if len(fit.objective_trace):

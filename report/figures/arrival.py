@@ -15,6 +15,7 @@ from report.style import Look, new_figure
 from serd_core.arrays import FloatArray, float_array
 from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.law import ArrivalLaw
+from storage.quantities import counted
 
 #: Share at which a curve visibly differs from zero.
 _LEFT_ZERO = 0.005
@@ -79,6 +80,22 @@ def time_reaching(curve: ArrivalCurve, share: float) -> float | None:
     return float(curve.time_s[reached[0]]) if reached.size else None
 
 
+def draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
+    """The share of recorded drives that had arrived by each time: steps with a dot at each time.
+
+    recorded_s: (N,) times of arrival, nothing is drawn of none.
+    """
+    times_s = np.sort(np.asarray(recorded_s, dtype=np.float64))
+    if not len(times_s):
+        return
+    share = np.arange(1, len(times_s) + 1) / len(times_s)
+    label = f"recorded: {counted(len(times_s), 'drive')}"
+    look: Look = {"color": style.INK, "linewidth": 1.0}
+    ends_s, steps = np.append(times_s, axes.get_xlim()[1]), np.append(share, 1.0)
+    axes.step(np.append(times_s[0], ends_s), np.append(0.0, steps), where="post", **look)
+    axes.plot(times_s, share, "o", markersize=4, label=label, **look)
+
+
 def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> float:
     """End of the time axis: where both curves have settled, the timeout if one robot was late.
 
@@ -95,19 +112,35 @@ def shown_from_s(*curves: ArrivalCurve) -> float:
     return 0.9 * min((start_s for start_s in starts_s if start_s is not None), default=0.0)
 
 
-def draw_comparison(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> Figure:
-    """`draw_arrival` of a prediction and of the (N,) times of episodes, inf without an arrival."""
+def draw_comparison(
+    predicted: ArrivalLaw,
+    arrival_times_s: ArrayLike,
+    timeout_s: float,
+    recorded_s: ArrayLike = (),
+) -> Figure:
+    """`draw_arrival` of a prediction and of the (N,) times of episodes, inf without an arrival.
+
+    recorded_s: times of arrival of the demonstrations.
+    """
     n_episodes = len(np.asarray(arrival_times_s))
     return draw_arrival(
         predicted_curve(predicted, n_episodes),
         measured_curve(arrival_times_s, timeout_s),
         n_episodes=n_episodes,
-        shown_until_s=shown_until_s(predicted, arrival_times_s, timeout_s),
+        shown_until_s=max(
+            [shown_until_s(predicted, arrival_times_s, timeout_s), *(1.05 * np.asarray(recorded_s))]
+        ),
+        recorded_s=recorded_s,
     )
 
 
 def draw_arrival(
-    predicted: ArrivalCurve, measured: ArrivalCurve, *, n_episodes: int, shown_until_s: float
+    predicted: ArrivalCurve,
+    measured: ArrivalCurve,
+    *,
+    n_episodes: int,
+    shown_until_s: float,
+    recorded_s: ArrayLike = (),
 ) -> Figure:
     """Both curves as steps with their 95 % bands; what stays below 1 never arrived in time."""
     with style.report_style():
@@ -115,8 +148,9 @@ def draw_arrival(
         axes = figure.subplots()
         draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
         draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
-        begin_s = shown_from_s(predicted, measured)
+        begin_s = min([shown_from_s(predicted, measured), *(0.9 * np.asarray(recorded_s))])
         _frame(axes, min(begin_s, 0.9 * shown_until_s), shown_until_s)
+        draw_recorded(axes, recorded_s)
         handles, labels = axes.get_legend_handles_labels()
         order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
         axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")
@@ -126,8 +160,13 @@ def draw_arrival(
 _FORECAST_LOOKS = ((style.BLUE, "-"), (style.RED, "--"), (style.GREEN, "-."), (style.PURPLE, ":"))
 
 
-def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:
-    """The predicted arrival from each start, by name; a dot where half have arrived."""
+def draw_forecasts(
+    laws: Mapping[str, ArrivalLaw], timeout_s: float, recorded_s: ArrayLike = ()
+) -> Figure:
+    """The computed arrival from each start, by name; a dot where half have arrived.
+
+    recorded_s: (N,) times of arrival of recorded drives, which are drawn beside it.
+    """
     with style.report_style():
         figure = new_figure(7.2, 3.9)
         axes = figure.subplots()
@@ -138,9 +177,12 @@ def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:
             if half_s is not None:
                 axes.plot(half_s, 0.5, "o", color=colour, markersize=5)
         until_s = max(shown_until_s(law, [0.0], timeout_s) for law in laws.values())
+        until_s = max([until_s, *(1.05 * np.asarray(recorded_s))])
         starts_s = [law.times_s[law.cdf >= _LEFT_ZERO][:1] for law in laws.values()]
+        starts_s.append(np.asarray(recorded_s, dtype=np.float64))
         from_s = 0.9 * float(np.concatenate(starts_s).min(initial=until_s))
         _frame(axes, from_s, max(until_s, from_s + 1e-3))
+        draw_recorded(axes, recorded_s)
         axes.legend(loc="lower right", title="from")
     return figure
 

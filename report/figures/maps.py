@@ -111,7 +111,7 @@ def draw_features(
         panel
         for i, name in enumerate(feature_names)
         for panel in _panels(name, table[:, :, i], np.asarray(available))
-        if np.nan_to_num(panel[1]).any()  # without a flow the social norm is that of waiting alone
+        if np.nan_to_num(panel[1]).any()
     ]
     with style.report_style():
         figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
@@ -136,8 +136,12 @@ def draw_policy_map(
     greedy: IntArray,
     goal_states: IntArray,
     trapped: BoolArray,
+    whose: str = "",
 ) -> Figure:
-    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined."""
+    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined.
+
+    whose: policy that is trapped, for the title, where the arrows are not its own.
+    """
     values = float_array("value", value, (grid.n_states,))
     with style.report_style():
         elsewhere = np.delete(values, goal_states)
@@ -150,7 +154,7 @@ def draw_policy_map(
         )
         n_traps = counted(int(trapped.sum()), "trap state")
         axes.set_title(
-            f"{n_traps} (dashed red)" if trapped.any() else "every arrow leads to the goal"
+            f"{n_traps}{whose} (dashed red)" if trapped.any() else "every arrow leads to the goal"
         )
     return figure
 

@@ -59,14 +59,19 @@ def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:
     return decisions.select(kept)
 
 
-def n_reaching(decisions: Decisions, goal_states: IntArray) -> int:
-    """Episodes that begin elsewhere and come to the goal.
+def episodes_reaching(decisions: Decisions, goal_states: IntArray) -> IntArray:
+    """(E,) numbers of the episodes that begin elsewhere and come to the goal.
 
     One that decides in it has come to it, also where its move there counts as one to a neighbour.
     """
     there = np.isin(decisions.state, goal_states) | np.isin(decisions.next_state, goal_states)
     began_elsewhere = until_goal(decisions, goal_states).episodes
-    return int(np.isin(began_elsewhere, decisions.episode[there]).sum())
+    return np.asarray(began_elsewhere[np.isin(began_elsewhere, decisions.episode[there])])
+
+
+def n_reaching(decisions: Decisions, goal_states: IntArray) -> int:
+    """Number of the episodes of `episodes_reaching`."""
+    return len(episodes_reaching(decisions, goal_states))
 
 
 def goal_entries_s(

@@ -9,7 +9,12 @@ import numpy as np
 
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.goal import ending_in, n_reaching, until_goal, usual_goal_states
+from serd_app.demonstrations.goal import (
+    ending_in,
+    episodes_reaching,
+    until_goal,
+    usual_goal_states,
+)
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
@@ -38,7 +43,7 @@ class LearningFiles:
     n_elsewhere: those of episodes that end in other places than the goal, also left out;
     n_left_out: episodes of which nothing is left;
     elsewhere_m: centres of these places.
-    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one. scenario:
+    goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted. cells: the decisions on the cells of the grid; with density the
     demonstrations have them in states of their own, see `serd_core.grid.density.at_decisions`.
     """
@@ -51,9 +56,14 @@ class LearningFiles:
     n_elsewhere: int
     n_left_out: int
     elsewhere_m: tuple[tuple[float, float], ...]
-    n_reaching_goal: int
+    reaching: IntArray
     cells: Decisions
     scenario: Scenario | None = None
+
+    @property
+    def n_reaching_goal(self) -> int:
+        """Number of the episodes that come to the goal."""
+        return len(self.reaching)
 
     def left_out(self) -> str:
         """How many decisions, and why; empty where there are none."""
@@ -136,7 +146,7 @@ def read_learning_files(
         n_elsewhere=len(all_decisions) - len(decisions),
         n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
-        n_reaching_goal=n_reaching(decisions, goals),
+        reaching=episodes_reaching(decisions, goals),
         cells=cells,
         scenario=known,
     )

@@ -146,7 +146,11 @@ def outcome_files(output: Path) -> dict[str, Path]:
 
 
 def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> FitResult:
-    """The fit a model file keeps, with its objective after each step."""
+    """The fit a model file keeps, with its objective after each step.
+
+    Weights are those of the features that the problem has.
+    """
+    model = model.with_features(problem.feature_names)
     models, extended = problem.outcome_models, full_table if model.with_density else np.asarray
     truth = models.parameters_of(extended(model.outcome_probabilities))
     belief = models.parameters_of(extended(model.believed_outcome_probabilities))

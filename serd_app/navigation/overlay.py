@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serd_app.navigation.evaluation.prediction_support import reasons_against_prediction, starts_of
 from serd_app.navigation.forecast import HALF, quantile_or_nan_s
 from serd_app.navigation.strategy import Strategy
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.law import law_in_seconds
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Outcome
 from serd_core.grid.navigation import INTENDED_OUTCOMES
 
@@ -18,13 +18,17 @@ class ModelOverlay:
 
     median_s: (S,) by which half of all drives from the cell have arrived, NaN where fewer do before
     the time-out. forward: (S,) probability that the greedy action goes forward, NaN where it waits.
-    forward_by_model: that of each outcome model of moves that applies somewhere.
+    forward_by_model: that of each outcome model of moves that applies somewhere. n_least_time:
+    cells in which the way of least expected time is driven, as the learned policy does not arrive.
+    no_prediction_because: why the times are computed and no prediction, none where they are one.
     """
 
     directions: IntArray
     median_s: FloatArray
     forward: FloatArray
     forward_by_model: dict[str, float]
+    n_least_time: int = 0
+    no_prediction_because: tuple[str, ...] = ()
 
 
 def overlay_of(strategy: Strategy) -> ModelOverlay:
@@ -35,17 +39,16 @@ def overlay_of(strategy: Strategy) -> ModelOverlay:
     forward = strategy.outcome_probabilities[model, Outcome.FORWARD]
     return ModelOverlay(
         directions=DIRECTION_VECTORS[greedy],
-        median_s=np.array([_median_s(strategy, state) for state in states.tolist()]),
+        median_s=np.array(
+            [quantile_or_nan_s(strategy.law_of_cell(state), HALF) for state in states.tolist()]
+        ),
         forward=np.where(greedy == Action.WAIT, np.nan, forward),
         forward_by_model=_forward_by_model(strategy),
+        n_least_time=int(strategy.by_time.sum()),
+        no_prediction_because=reasons_against_prediction(
+            n_demonstrations=strategy.file.fit.n_episodes, starts=starts_of(strategy, "train")
+        ),
     )
-
-
-def _median_s(strategy: Strategy, state: int) -> float:
-    entry_s = () if strategy.crossings is not None else strategy.entry_times_s
-    arrival = strategy.arrival.from_state(state)
-    law = law_in_seconds(arrival, period_s=strategy.step_s, entry_times_s=entry_s)
-    return quantile_or_nan_s(law, HALF)
 
 
 def _forward_by_model(strategy: Strategy) -> dict[str, float]:

@@ -159,6 +159,12 @@ class Strategy:
             for table in self.outcome_draws
         )
 
+    def law_of_cell(self, state: int) -> ArrivalLaw:
+        """The remaining time (s) of a robot in a cell, up to the time-out."""
+        entry_s = () if self.crossings is not None else self.entry_times_s
+        arrival = self.arrival.from_state(state)
+        return law_in_seconds(arrival, period_s=self.step_s, entry_times_s=entry_s)
+
     @property
     def step_s(self) -> float:
         """Of `arrival`: the decision period, or that of crossing times."""

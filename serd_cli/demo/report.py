@@ -14,9 +14,12 @@ from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.goal import episodes_reaching, until_goal
 from serd_app.demonstrations.recorded import report_of_table
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
+from serd_app.navigation.evaluation.prediction_support import recorded_times
+from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.recorded import busy_moment, read_recording
@@ -67,12 +70,13 @@ def report_inputs(
     strategy = load_strategy(str(folder.model), scenario, settings.policy)
     model = load_model(folder.model)
     n_periods = steps_within(settings.timeout_s, scenario.decision_period_s)
-    recording = read_recording(folder.bag)
+    recording, decisions = read_recording(folder.bag), load_decisions(folder.decisions)
+    goals = strategy.problem.goal_states
     return ReportInputs(
         title=f"Learning to navigate: {scenario.name}",
         scenario=scenario,
         problem=strategy.problem,
-        demonstrations=load_decisions(folder.decisions),
+        demonstrations=decisions,
         demonstration_tracks_m=tuple(poses[:, :2] for poses in recording.poses),
         fit=fit_of_file(model, strategy.problem, load_trace(folder.learning)),
         policy=strategy.policy,
@@ -86,6 +90,11 @@ def report_inputs(
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         discretised=report_of_table(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
+        driven=strategy.driven,
+        remarks=tuple(plan_remarks(strategy)),
+        recorded=recorded_times(
+            strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)
+        ),
     )
 
 

@@ -100,6 +100,17 @@ def clopper_pearson(
     return np.where(count > 0, lower, 0.0), np.where(count < n_trials, upper, 1.0)
 
 
+def binomial_tail(successes: int, n_trials: int, probability: float) -> float:
+    """P(K >= successes) of a binomial K.
+
+    >>> round(binomial_tail(2, 3, 0.1), 3)
+    0.028
+    """
+    if successes <= 0:
+        return 1.0
+    return float(scipy.special.bdtrc(successes - 1, n_trials, probability))
+
+
 def sampling_band(
     cdf: FloatArray, n_episodes: int, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serd_app.navigation.evaluation.prediction_support import (
+    BAND,
+    outside_band,
+    reasons_against_prediction,
+    starts_of,
+)
 from serd_app.navigation.forecast import HALF, MOST, plan_remarks
 from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
 from storage.episode_table import EpisodeResult
-
-#: Shares between which nine in ten arrive.
-_BAND = 0.05, 0.95
-_ROUNDING_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,9 @@ class Comparison:
     median_s, most_s: by which half and nine in ten of all episodes have arrived. predicted_band_s:
     from the 5 % to the 95 % quantile; covered: share of episodes that arrived within. largest_gap:
     Kolmogorov-Smirnov distance of the predicted law and the measured times; largest_gap_thesis: of
-    the thesis's law, which dates arrivals to the ends of decision periods.
+    the thesis's law, which dates arrivals to the ends of decision periods. n_least_time_states:
+    those in which the way of least expected time is driven, as the learned policy does not arrive.
+    no_prediction_because: reasons why what is predicted is not supported.
     """
 
     n_episodes: int
@@ -49,6 +53,7 @@ class Comparison:
     n_trap_states: int
     n_least_time_states: int
     plan_remarks: tuple[str, ...]
+    no_prediction_because: tuple[str, ...]
     transferred: bool
     n_people: int
 
@@ -61,7 +66,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())
-    band_s = law.quantile_s(_BAND[0]), law.quantile_s(_BAND[1])
+    band_s = law.quantile_s(BAND[0]), law.quantile_s(BAND[1])
     low, high = clopper_pearson([n_arrived], len(episodes))
     return Comparison(
         n_episodes=len(episodes),
@@ -75,7 +80,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         predicted_most_s=law.quantile_s(MOST),
         measured_most_s=_quantile_s(times_s, MOST),
         predicted_band_s=band_s,
-        covered=_covered(band_s, times_s),
+        covered=float(np.mean(~outside_band(law, times_s))),
         largest_gap=largest_gap(law, times_s),
         largest_gap_thesis=largest_gap(thesis, times_s),
         robot_on_person=sum(row.robot_on_person for row in episodes),
@@ -84,6 +89,11 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         n_trap_states=len(strategy.traps.states),
         n_least_time_states=int(strategy.by_time.sum()),
         plan_remarks=tuple(plan_remarks(strategy)),
+        no_prediction_because=reasons_against_prediction(
+            n_demonstrations=strategy.file.fit.n_episodes,
+            starts=starts_of(strategy, start_area),
+            measured=(law, times_s),
+        ),
         transferred=strategy.transferred,
         n_people=strategy.scenario.pedestrians.count,
     )
@@ -92,12 +102,6 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
 def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
     """Time of arrival from anywhere in a start area, up to the time-out."""
     return strategy.law_from(start_distribution(strategy.scenario, start_area))
-
-
-def _covered(band_s: tuple[float | None, float | None], times_s: FloatArray) -> float:
-    """Share of times within a band; an end that is never reached is at infinity."""
-    low_s, high_s = (math.inf if end_s is None else end_s for end_s in band_s)
-    return float(np.mean((times_s >= low_s - _ROUNDING_S) & (times_s <= high_s + _ROUNDING_S)))
 
 
 def _ending(row: EpisodeResult) -> str:

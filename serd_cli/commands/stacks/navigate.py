@@ -19,6 +19,7 @@ from serd_app.learning.crossing_times import unseen_sentence
 from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings, claim_folder, drive, finished_episodes
 from serd_app.navigation.evaluation.comparison import Comparison, compare, predicted_law
+from serd_app.navigation.evaluation.prediction_support import reasons_text
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model
@@ -192,6 +193,9 @@ def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> l
             f"--lookahead {settings.lookahead_cells} the robot is faster: give crossings.csv of"
             " such drives to 'serd learn --times'"
         )
+    if found.no_prediction_because:
+        reasons = reasons_text(found.no_prediction_because)
+        lines.append(f"what is predicted is not supported, because {reasons}")
     return [*lines, *filter(None, [strategy.scenario.period_remark]), *found.plan_remarks]
 
 

@@ -1,6 +1,7 @@
 """The data of the page: the layers of a learned model."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,3 +41,17 @@ def test_the_cross_is_explained_where_a_cell_has_one():
     arrival = overlay_message(overlay([40.0, NAN, 0.0], [0.9, 0.5, NAN]))["arrival"]
     assert "×" in arrival["note"]
     assert overlay_message(overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN]))["arrival"]["note"] == ""
+
+
+def test_the_layers_state_what_is_driven_and_predicted_only_as_far_as_it_is_supported():
+    trusted = overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN])
+    layers = overlay_message(trusted)
+    assert layers["arrival"]["title"].startswith("Predicted seconds")
+    assert layers["policy"]["note"] == "dot: waits"
+    doubted = replace(trusted, n_least_time=2, no_prediction_because=("one is few", "it is late"))
+    layers = overlay_message(doubted)
+    assert layers["arrival"]["title"].startswith("Computed seconds")
+    assert layers["arrival"]["note"] == (
+        "no prediction, because one is few, and because it is late"
+    )
+    assert layers["policy"]["note"].startswith("dot: waits; in 2 cells the way of least expected")

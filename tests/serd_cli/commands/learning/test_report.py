@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_cli.main import main
 from sim.scenario.grid import flow_of, grid_of
 from sim.scenario.scenario import load_scenario
-from storage.yaml_config import model_yaml
+from storage.model_file import ModelDraws, load_model
+from storage.yaml_config import model_yaml, save_yaml_model
 from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
 from tests.serd_cli.test_map_journey import SPEED_MPS, laps
@@ -86,6 +88,55 @@ def test_a_model_is_reported_with_its_drives_and_chosen_starts(learned):
     without = {"visitation", "resolution", "surprises"}
     assert shown(found["report"]) == (FIGURES - without) | {"arrival"}
     assert ">3.4, 2.2</th>" in Path(found["report"]).read_text(encoding="utf-8")
+
+
+def test_one_demonstration_predicts_nothing_and_its_own_time_is_drawn(learned):
+    every = load_decisions("decisions.csv")
+    save_decisions("decisions.csv", every.select_episodes(every.episodes[:1]))
+    words = ("--minimum-decisions", 5, "--report", "one")
+    assert learned("learn", "decisions.csv", *words).code == 0
+    found = json.loads(Path("one/summary.json").read_text(encoding="utf-8"))
+    (time_s,) = found["recorded_times_s"]
+    (reason,) = found["no_prediction_because"]
+    assert reason.startswith("a prediction takes at least 3 demonstrations")
+    printed = learned("report", "model.yaml", "--demonstrations", "decisions.csv").out
+    assert "After 1 demonstration with" in printed
+    assert f", which arrived after {time_s:.0f} s, the arrival of the robot is not" in printed
+    assert "is predicted to reach" not in printed
+    page = Path("report/report.html").read_text(encoding="utf-8")
+    assert "Black: when the recorded drives arrived" in page
+    assert "This is no prediction, because a prediction takes" in page
+
+
+def test_a_model_that_shuns_the_goal_predicts_nothing_and_is_reported_with_what_drives(learned):
+    model = load_model("model.yaml")
+    weights = {**dict.fromkeys(model.feature_names, 0.0), "goal": -1.0}
+    save_yaml_model(Path("model.yaml"), model.model_copy(update={"reward_weights": weights}))
+    ended = learned("report", "model.yaml", "--demonstrations", "decisions.csv", "--json")
+    found = json.loads(ended.out)
+    assert found["n_least_time_states"] > 20
+    assert found["n_trap_states"] == 0
+    assert found["no_prediction_because"][0].startswith("the learned policy does not arrive from")
+    assert "the way of least expected time is taken instead" in found["plan_remarks"][-1]
+
+
+def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_without_people(
+    learned,
+):
+    model = load_model("model.yaml")
+    old = model.model_copy(
+        update={
+            "reward_weights": {**model.reward_weights, "social_norm": 7.1},
+            "draws": ModelDraws(
+                reward_weights=tuple((*row, 7.1) for row in model.draws.reward_weights),
+                learned=model.draws.learned,
+            ),
+        }
+    )
+    save_yaml_model(Path("model.yaml"), old)
+    found = json.loads(learned("report", "model.yaml", "--json").out)
+    assert set(found["reward_weights"]) == {"goal", "inverse_wall_distance"}
+    assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
 
 
 def test_a_grid_that_is_too_fine_is_warned_of_on_the_page(serd, tmp_path):

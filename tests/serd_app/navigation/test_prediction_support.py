@@ -1,0 +1,202 @@
+"""When a predicted arrival may be stated: enough demonstrations, a start, and times that agree."""
+
+import numpy as np
+import pytest
+
+from serd_app.navigation.evaluation.comparison import compare
+from serd_app.navigation.evaluation.prediction_support import (
+    RecordedTimes,
+    Starts,
+    outside_band,
+    reasons_against_prediction,
+    recorded_times,
+    starts_of,
+)
+from serd_app.navigation.overlay import overlay_of
+from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_core.arrival.bands import binomial_tail
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from sim.scenario.scenario import load_scenario
+from storage.model_file import load_model
+from support.episodes import episode_result
+
+HALLWAY = load_scenario("hallway")
+SHUNS_WALLS = {"goal": 0.1, "inverse_wall_distance": -5.0}
+GOOD = Starts(9, 0)
+#: Even between 10 s and 30 s, and of 84 in 100 drives.
+EVEN = ArrivalLaw(np.linspace(10.0, 30.0, 201), np.linspace(0.0, 1.0, 201), 1.0)
+PARTLY = ArrivalLaw(EVEN.times_s, 0.84 * EVEN.cdf, 0.84)
+
+
+@pytest.fixture
+def strategy(save_model_of):
+    return load_strategy(str(save_model_of()), HALLWAY, "optimal")
+
+
+def drives_of(strategy, n_drives, seed=0):
+    """Drives by the policy under the dynamics of the model."""
+    return sample_decisions(
+        strategy.problem.mdp,
+        strategy.policy.probabilities,
+        strategy.outcome_probabilities,
+        start_distribution(HALLWAY, "train"),
+        n_episodes=n_drives,
+        n_steps=strategy.n_periods,
+        rng=np.random.default_rng(seed),
+    )
+
+
+def slower(decisions, factor):
+    return Decisions(
+        decisions.episode,
+        factor * decisions.time_s,
+        decisions.state,
+        decisions.action,
+        decisions.next_state,
+    )
+
+
+def timed(decisions):
+    """The same with a time of each decision, in periods of the hallway."""
+    first = np.unique(decisions.episode, return_index=True)[1]
+    number = (
+        np.arange(len(decisions)) - first[np.searchsorted(decisions.episodes, decisions.episode)]
+    )
+    return Decisions(
+        decisions.episode, 2.0 * number, decisions.state, decisions.action, decisions.next_state
+    )
+
+
+def reasons(n_demonstrations=20, starts=GOOD, **given):
+    return reasons_against_prediction(n_demonstrations=n_demonstrations, starts=starts, **given)
+
+
+def test_a_prediction_from_enough_demonstrations_and_a_start_that_arrives_is_supported():
+    assert reasons(3) == ()
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_fewer_than_three_demonstrations_are_too_few(number):
+    (reason,) = reasons(number)
+    assert reason.startswith("a prediction takes at least 3 demonstrations")
+    assert reason.endswith(f"learned from {number}")
+
+
+def test_a_start_in_a_trap_of_the_learned_policy_supports_no_prediction(save_model_of):
+    trapped = load_strategy(str(save_model_of(reward_weights=SHUNS_WALLS)), HALLWAY, "optimal")
+    starts = starts_of(trapped, "train")
+    assert starts.n_trapped == starts.n_cells > 1
+    assert reasons(starts=starts) == (
+        f"the learned policy does not arrive from {starts.n_cells} of the {starts.n_cells} cells in"
+        " which drives begin",
+    )
+    assert reasons(starts=Starts(1, 1)) == (
+        "the learned policy does not arrive from the cell in which drives begin",
+    )
+
+
+def test_recorded_drives_that_follow_the_model_support_its_prediction(strategy):
+    decisions = timed(drives_of(strategy, 40))
+    assert starts_of(strategy, "train").n_trapped == 0
+    recorded = recorded_times(strategy, decisions, decisions.episodes)
+    assert len(recorded.times_s) == 40
+    assert recorded.outside.mean() <= 0.1
+    assert reasons(recorded=recorded) == ()
+    law = strategy.law_from(start_distribution(HALLWAY, "train"))
+    assert np.median(recorded.times_s) == pytest.approx(law.quantile_s(0.5), abs=4.0)
+
+
+def test_recorded_drives_that_take_twice_as_long_speak_against_it(strategy):
+    decisions = slower(timed(drives_of(strategy, 5)), 2.0)
+    recorded = recorded_times(strategy, decisions, decisions.episodes)
+    assert recorded.outside.all()
+    assert reasons(recorded=recorded) == (
+        "5 of 5 recorded drives arrived outside the predicted 90 % band",
+    )
+
+
+def test_episodes_that_do_not_reach_the_goal_have_no_time_of_arrival(strategy):
+    decisions = timed(drives_of(strategy, 6))
+    recorded = recorded_times(strategy, decisions, decisions.episodes[[1, 4]])
+    assert len(recorded.times_s) == 2
+
+
+def test_a_recorded_drive_arrives_at_the_usual_entry_within_its_last_period(
+    strategy, save_model_of
+):
+    decisions = timed(drives_of(strategy, 1))
+    at_the_end = recorded_times(strategy, decisions, decisions.episodes)
+    entered = load_strategy(str(save_model_of(goal_entry_s=(0.5, 0.7, 0.6))), HALLWAY, "optimal")
+    within = recorded_times(entered, decisions, decisions.episodes)
+    assert at_the_end.times_s - within.times_s == pytest.approx([1.4])
+
+
+def test_times_are_outside_below_and_above_the_band_and_late_ones_only_where_it_ends():
+    times_s = np.array([10.9, 11.0, 20.0, 29.0, 29.2, np.inf])
+    assert outside_band(EVEN, times_s).tolist() == [True, False, False, False, True, True]
+    assert outside_band(EVEN, times_s, 0.15).tolist() == [False] * 4 + [True, True]
+    assert not outside_band(PARTLY, np.inf)
+    assert outside_band(ArrivalLaw(EVEN.times_s, 0.01 * EVEN.cdf, 0.01), 20.0)
+
+
+@pytest.mark.parametrize(
+    ("n_outside", "n_drives", "supported"),
+    [(0, 1, True), (1, 3, True), (2, 3, False), (2, 4, False), (4, 20, True), (5, 20, False)],
+)
+def test_as_many_times_are_outside_as_chance_explains(n_outside, n_drives, supported):
+    outside = np.arange(n_drives) < n_outside
+    recorded = RecordedTimes(np.full(n_drives, 20.0), outside)
+    assert (reasons(recorded=recorded) == ()) == supported
+    assert (binomial_tail(n_outside, n_drives, 0.1) > 0.1) == supported
+
+
+def test_times_that_follow_the_prediction_are_called_wrong_in_at_most_the_stated_share():
+    rng, n_sets = np.random.default_rng(4), 400
+    called_wrong = 0
+    for _ in range(n_sets):
+        times_s = rng.uniform(10.0, 30.0, 12)
+        called_wrong += bool(reasons(measured=(EVEN, times_s)))
+    assert 0.0 < called_wrong / n_sets <= 0.13
+
+
+def test_drives_that_do_not_arrive_speak_against_a_prediction_that_most_do():
+    assert reasons(measured=(PARTLY, np.full(3, np.inf))) == (
+        "0 of 3 measured drives arrived, where the model computes 84%",
+    )
+    assert reasons(measured=(PARTLY, np.array([15.0, 20.0, np.inf]))) == ()
+
+
+def test_measured_drives_later_than_predicted_speak_against_it():
+    assert reasons(measured=(EVEN, np.array([50.0, 60.0, 40.0]))) == (
+        "3 of 3 measured drives arrived outside the predicted 90 % band",
+    )
+
+
+def test_all_that_speaks_against_a_prediction_is_stated():
+    recorded = RecordedTimes(np.full(3, 20.0), np.ones(3, dtype=bool))
+    found = reasons(1, Starts(4, 1), recorded=recorded)
+    assert [reason.split()[1] for reason in found] == ["prediction", "learned", "of"]
+
+
+def test_drives_by_the_policy_count_in_place_of_those_of_persons():
+    recorded = RecordedTimes(np.full(3, 20.0), np.ones(3, dtype=bool))
+    assert reasons(recorded=recorded, measured=(EVEN, np.array([15.0, 20.0, 25.0]))) == ()
+
+
+def test_a_comparison_and_the_layers_of_a_page_state_the_same_reasons(save_model_of, strategy):
+    assert strategy.file.fit.n_episodes == 1
+    few = reasons(1, starts_of(strategy, "train"))
+    law = strategy.law_from(start_distribution(HALLWAY, "train"))
+    quantiles_s = [law.quantile_s(share) for share in (0.2, 0.5, 0.8)]
+    times = [episode_result(number, "arrived", each) for number, each in enumerate(quantiles_s)]
+    assert compare(strategy, "train", times).no_prediction_because == few
+    assert overlay_of(strategy).no_prediction_because == few
+    fit = load_model(save_model_of()).fit.model_copy(update={"n_episodes": 20})
+    many = load_strategy(str(save_model_of(fit=fit)), HALLWAY, "optimal")
+    assert overlay_of(many).no_prediction_because == ()
+    late = [episode_result(number, "timeout") for number in range(3)]
+    assert compare(many, "train", late).no_prediction_because == (
+        "3 of 3 measured drives arrived outside the predicted 90 % band or not at all",
+    )
