@@ -84,7 +84,7 @@ def test_a_supported_prediction_is_the_headline(undriven: ReportInputs) -> None:
         ),
         (
             {"recorded": recorded(90.0, 100.0, 110.0, n_outside=3)},
-            "3 of 3 recorded drives arrived outside the predicted 90 % band",
+            "3 of 3 recorded drives arrived outside the 90 % band that the model computes",
             "After 6 demonstrations with 69 decisions, of which 3 arrived after 90 s to 110 s, the",
         ),
     ],
@@ -120,7 +120,9 @@ def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs: Rep
     summary = summary_of(replace(inputs, episodes=missed))
     headline = headline_of(summary)
     assert "in 0 of 3 new episodes within 2 min (0 %; no prediction, because " in headline
-    assert "3 of 3 measured drives arrived outside the predicted 90 % band" in headline
+    assert (
+        "3 of 3 measured drives arrived outside the 90 % band that the model computes" in headline
+    )
     assert "; predicted" not in headline + " ".join(dict(summary_rows(summary)).values())
 
 

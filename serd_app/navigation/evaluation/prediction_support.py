@@ -141,7 +141,5 @@ def _too_many(outside: BoolArray) -> bool:
 
 
 def _outside_text(outside: BoolArray, kind: str) -> str:
-    return (
-        f"{int(outside.sum())} of {len(outside)} {kind} drives arrived outside the predicted 90 %"
-        " band"
-    )
+    share = f"{int(outside.sum())} of {len(outside)}"
+    return f"{share} {kind} drives arrived outside the 90 % band that the model computes"

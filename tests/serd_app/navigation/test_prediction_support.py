@@ -113,7 +113,7 @@ def test_recorded_drives_that_take_twice_as_long_speak_against_it(strategy):
     recorded = recorded_times(strategy, decisions, decisions.episodes)
     assert recorded.outside.all()
     assert reasons(recorded=recorded) == (
-        "5 of 5 recorded drives arrived outside the predicted 90 % band",
+        "5 of 5 recorded drives arrived outside the 90 % band that the model computes",
     )
 
 
@@ -170,7 +170,7 @@ def test_drives_that_do_not_arrive_speak_against_a_prediction_that_most_do():
 
 def test_measured_drives_later_than_predicted_speak_against_it():
     assert reasons(measured=(EVEN, np.array([50.0, 60.0, 40.0]))) == (
-        "3 of 3 measured drives arrived outside the predicted 90 % band",
+        "3 of 3 measured drives arrived outside the 90 % band that the model computes",
     )
 
 
@@ -198,5 +198,6 @@ def test_a_comparison_and_the_layers_of_a_page_state_the_same_reasons(save_model
     assert overlay_of(many).no_prediction_because == ()
     late = [episode_result(number, "timeout") for number in range(3)]
     assert compare(many, "train", late).no_prediction_because == (
-        "3 of 3 measured drives arrived outside the predicted 90 % band or not at all",
+        "3 of 3 measured drives arrived outside the 90 % band that the model computes or not at"
+        " all",
     )
