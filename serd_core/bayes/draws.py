@@ -71,7 +71,7 @@ def draws_of(
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """n draws of Laplace's approximation, outcome models by Dirichlet distributions."""
+    """n draws of the posterior that start at Laplace's approximation (`Laplace.sample`)."""
     require_count("n", n, 2, f"{N_DRAWS}")
     require_generator(rng)
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))

@@ -31,14 +31,13 @@ from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.prior import Prior, SumOfPriors
+from serd_core.priors.dirichlet import pseudo_count_of
 
 #: Information below this is called none.
 LEAST_NATS = 0.05
 PRIOR_ONLY = "prior only"
-#: Draws of Laplace's approximation from which intervals are taken.
-N_DRAWS = 1000
+#: Draws of the posterior from which intervals are taken.
+N_DRAWS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,9 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
     models = _learned_models(problem, space.belief.groups)
-    counted, precision, worth, pseudo = _counted(posterior, models)
+    (group,) = (blocks for blocks in space.belief.groups if Block.TRUTH in blocks)
+    pseudo_count = pseudo_count_of(posterior.prior, group)
+    counted, precision, worth, pseudo = _counted(posterior, models, pseudo_count)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
     by_choices, shared, partner = [], [], []
@@ -114,13 +115,12 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
 
 
 def _counted(
-    posterior: Posterior, models: OutcomeModels
+    posterior: Posterior, models: OutcomeModels, count: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """What transitions alone leave: energies, (M, K - 1, K - 1) precisions, counts with prior.
 
     Then (M,) counts with the prior's, and (M,) those of the prior for one outcome.
     """
-    count = _pseudo_count(posterior.prior)
     estimate = most_likely_dynamics(models, posterior.observations, count)
     energies = models.parameters_of(estimate.probabilities)
     counts = posterior.observations.counts(models)
@@ -132,15 +132,6 @@ def _counted(
     basis = _contrasts(models)
     worth = count * models.n_outcomes + _observations(posterior, models)
     return energies, basis @ blocks @ basis.T, worth, np.full(models.n_models, count)
-
-
-def _pseudo_count(prior: Prior) -> float:
-    """That of the Dirichlet prior on the true dynamics."""
-    if isinstance(prior, SumOfPriors):
-        return sum(_pseudo_count(term) for term in prior.terms)
-    if isinstance(prior, DirichletPrior) and prior.block is Block.TRUTH:
-        return prior.pseudo_count
-    return 0.0
 
 
 def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:

@@ -28,6 +28,7 @@ import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
 from serd_core.arrays import FloatArray
+from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.covariate_models import CovariateModels
@@ -43,6 +44,8 @@ from serd_core.priors.prior import Prior
 
 #: Longest Newton step, in standard errors, of a point around which the approximation holds.
 LONGEST_STEP = 0.1
+#: Most independent draws that are swept; each costs some solutions of Bellman's equation.
+N_CHAINS = 64
 #: Least number whose logarithm an energy may be.
 LEAST = 1e-300
 
@@ -67,7 +70,21 @@ class Laplace:
         return self.posterior.problem
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """(n, d) draws, whose outcome models have Dirichlet distributions.
+        """(n, d) draws of the posterior.
+
+        Where outcomes share a successor, draws of the approximation are swept to the posterior
+        (`serd_core.bayes.sweeps`): up to `N_CHAINS` draws are independent, further ones are later
+        states of the same chains. Elsewhere they are draws of the approximation.
+        """
+        if not needs_sweeps(self.posterior, self.coordinates):
+            return self._approximate(n, rng)
+        n_chains = min(n, N_CHAINS)
+        # The second half would mirror the first.
+        start = self._approximate(2 * n_chains, rng)[:n_chains]
+        return swept(self.posterior, self.coordinates, self.mode, self.root, start, n, rng)
+
+    def _approximate(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """(n, d) draws of the approximation, whose outcome models have Dirichlet distributions.
 
         Normal energies make outcomes that were never seen likelier on average than they are at the
         mode, the more so the lower the pseudo-count. So normal draws of outcome models are mapped

@@ -20,7 +20,7 @@ from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
-from serd_core.priors.prior import Prior, SumOfPriors
+from serd_core.priors.prior import Prior, terms_of
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,8 @@ class Strengths:
 def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
     """The strengths by name that a prior by evidence has."""
     found: dict[str, float] = {}
-    for term in prior.terms if isinstance(prior, SumOfPriors) else (prior,):
-        if isinstance(term, SumOfPriors):
-            found |= strengths_of(term, problem)
-        elif isinstance(term, GaussianPrior):
+    for term in terms_of(prior):
+        if isinstance(term, GaussianPrior):
             widths = np.atleast_1d(term.standard_deviation) * feature_ranges(problem)
             found["deviation"] = float(widths[0])
         elif isinstance(term, DirichletPrior):

@@ -51,15 +51,34 @@ def expected_counts(
     share = np.exp(log_joint - largest[hidden.move])
     total = weighted_counts(hidden.move, share, len(hidden.count))
     share /= total[hidden.move]
-    expected = hidden.count[hidden.move] * share
-    by_pair = weighted_counts(row, expected, seen.state_action.size)
-    completed = replace(
-        seen,
-        state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
-        group_count=seen.group_count + weighted_counts(hidden.place, expected, len(seen.key)),
-    )
+    completed = _completed(seen, hidden.count[hidden.move] * share)
     log_moves = largest + np.log(total)
     return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
+
+
+def drawn_actions(
+    seen: Observations, log_policy: FloatArray, true: Transitions, rng: np.random.Generator
+) -> Observations:
+    """Observations with a draw of the hidden actions, for an (S, A) log policy and P."""
+    share, hidden = expected_counts(seen, log_policy, true).share, seen.hidden
+    drawn = np.zeros(len(share))
+    for move, count in enumerate(hidden.count):
+        mine = hidden.move == move
+        drawn[mine] = rng.multinomial(int(count), share[mine])
+    return _completed(seen, drawn)
+
+
+def _completed(seen: Observations, counts: FloatArray) -> Observations:
+    """Observations with (H,) counts of the transitions that explain hidden actions."""
+    place = seen.hidden.place
+    by_pair = weighted_counts(
+        seen.key[place] // len(seen.state_action), counts, seen.state_action.size
+    )
+    return replace(
+        seen,
+        state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
+        group_count=seen.group_count + weighted_counts(place, counts, len(seen.key)),
+    )
 
 
 def move_scores(found: ExpectedCounts, scores: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, terms_of
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,12 @@ class DirichletPrior(Prior):
 
     def _of_transitions(self, model: SparseModel) -> LogLikelihood:
         return LogLikelihood(model, np.full(len(model.groups), self.pseudo_count / model.n_copies))
+
+
+def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:
+    """c of the Dirichlet prior on one of some blocks, 0 where they have none."""
+    factors = [each for each in terms_of(prior) if isinstance(each, DirichletPrior)]
+    return sum(each.pseudo_count for each in factors if each.block in blocks)
 
 
 def log_volume(models: OutcomeModels) -> float:

@@ -111,6 +111,13 @@ class SumOfPriors(Prior):
         return self if all(map(is_, terms, self.terms)) else SumOfPriors(terms)
 
 
+def terms_of(prior: Prior) -> tuple[Prior, ...]:
+    """The factors of a prior that are no products themselves."""
+    if isinstance(prior, SumOfPriors):
+        return tuple(factor for term in prior.terms for factor in terms_of(term))
+    return (prior,)
+
+
 @dataclass(frozen=True)
 class UniformPrior(SumOfPriors):
     """No preference: log P(theta) = 0, a sum of no terms."""

@@ -94,7 +94,8 @@ def test_the_model_holds_draws_around_the_fit(outcome):
     draws = outcome.model.draws
     assert len(draws.reward_weights) == len(draws.learned) == N_DRAWS
     weights, fit = np.array(draws.reward_weights), outcome.fit
-    assert weights.mean(axis=0) == pytest.approx(fit.reward_weights, rel=1e-6)  # mirrored pairs
+    error = weights.std(axis=0) / np.sqrt(N_DRAWS)
+    assert np.all(np.abs(weights.mean(axis=0) - fit.reward_weights) < 4 * error)
     tables = np.array(draws.learned)
     error = tables.std(axis=0) / np.sqrt(N_DRAWS)
     assert np.all(np.abs(tables.mean(axis=0) - fit.outcome_probabilities) < 0.01 + 4 * error)

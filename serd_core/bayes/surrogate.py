@@ -1,0 +1,174 @@
+"""A posterior density over rewards and outcome models, and a cheap one close to it.
+
+Both are products of the same transitions and Dirichlet densities with the likelihood L of choices
+and the other priors N. In the cheap one the Q-function of L is linear in weights and probabilities,
+
+    Q^(s, a) = Q*(s, a) + dQ/dw (w - w*) + dQ/dP (P - P*)
+
+and log N is quadratic, which the normal densities among priors are anyway. * is the mode.
+
+Points are (n, m) free numbers (`serd_core.posterior.coordinates`) of n chains.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.newton import Newton
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.posterior.coordinates import Coordinates
+from serd_core.posterior.derivatives.posterior_hessian import sensitivities
+from serd_core.posterior.parameters import Block
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of
+from serd_core.priors.prior import SumOfPriors, terms_of
+
+#: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
+SOLVER = Newton(accuracy=1e-8)
+
+
+@dataclass(frozen=True, eq=False)
+class OutcomeGroup:
+    """Outcome models that are learned as one: rows of the free numbers, and the prior's c.
+
+    pseudo_count: 0 where their prior is no Dirichlet density.
+    """
+
+    blocks: tuple[Block, ...]
+    rows: slice
+    pseudo_count: float
+
+
+@dataclass(frozen=True, eq=False)
+class ExactPart:
+    """What is exact at n points.
+
+    log_policy: (n, p) of the observed pairs; values: (n, S), solutions of Bellman's equation;
+    log_others: (n,) log N.
+    """
+
+    log_policy: FloatArray
+    values: FloatArray
+    log_others: FloatArray
+
+    def replaced(self, rows: BoolArray, other: "ExactPart") -> "ExactPart":
+        """The same with some rows (n,) of another."""
+        return ExactPart(
+            np.where(rows[:, None], other.log_policy, self.log_policy),
+            np.where(rows[:, None], other.values, self.values),
+            np.where(rows, other.log_others, self.log_others),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """Both densities.
+
+    posterior: its prior is N; groups: all but that of the rewards. mode: (m,); gradient, hessian:
+    (m,) and (m, m) of log N there; value: (S,) V*.
+    pairs: (p,) observed s A + a; state: (p,) places of their states among the (v,) observed ones.
+    q: (v, A) Q*; slopes: (v, A, l) its derivatives by l numbers, reward weights and believed
+    probabilities; centre: (l,) these at the mode.
+    """
+
+    posterior: Posterior
+    space: Coordinates
+    groups: tuple[OutcomeGroup, ...]
+    mode: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+    value: FloatArray
+    pairs: IntArray
+    state: IntArray
+    q: FloatArray
+    slopes: FloatArray
+    centre: FloatArray
+
+    @property
+    def model(self) -> OutcomeModels:
+        """The outcome models of the problem."""
+        model = self.posterior.problem.mdp.transitions
+        assert isinstance(model, OutcomeModels)
+        return model
+
+    def group_of(self, block: Block) -> OutcomeGroup:
+        """The group that has a block."""
+        return next(group for group in self.groups if block in group.blocks)
+
+    def rows_of(self, group: OutcomeGroup, model: int) -> IntArray:
+        """(K,) places of the energies of one outcome model in the free numbers."""
+        size = self.model.n_outcomes
+        return np.asarray(np.arange(size) + group.rows.start + model * size)
+
+    def log_outcomes(self, points: FloatArray, group: OutcomeGroup) -> FloatArray:
+        """(n, M, K) log probabilities of the outcomes of a group."""
+        shape = len(points), self.model.n_models, self.model.n_outcomes
+        energies = self.model.beta * points[:, group.rows].reshape(shape)
+        return np.asarray(energies - logsumexp(energies, axis=2, keepdims=True))
+
+    def log_policy(self, points: FloatArray) -> FloatArray:
+        """(n, p) of the observed pairs by Q^."""
+        believed = np.exp(self.log_outcomes(points, self.group_of(Block.BELIEF)))
+        n_features = len(self.space.like.reward)
+        numbers = np.hstack([points[:, :n_features], believed.reshape(len(points), -1)])
+        q = self.q + np.tensordot(numbers - self.centre, self.slopes, axes=(1, 2))
+        largest = q.max(axis=2)
+        value = largest + np.log(np.sum(np.exp(q - largest[..., None]), axis=2))
+        action = self.pairs % q.shape[2]
+        return np.asarray(q[:, self.state, action] - value[:, self.state])
+
+    def log_others(self, points: FloatArray) -> FloatArray:
+        """(n,) log N by its second derivatives, less its value at the mode."""
+        away = points - self.mode
+        return np.asarray(away @ self.gradient + 0.5 * np.sum((away @ self.hessian) * away, axis=1))
+
+    def exact(self, points: FloatArray, values: FloatArray) -> ExactPart:
+        """L and N at every point; values: (n, S) where solving Bellman's equation starts."""
+        found = []
+        for point, value in zip(points, values, strict=True):
+            parameters = self.space.belief.unpack(point, self.space.like)
+            _, _, solution, log_policy = self.posterior.solved(parameters, value)
+            log_others = self.posterior.prior.evaluate(self.model, parameters).value
+            found.append((log_policy.ravel()[self.pairs], solution.value, log_others))
+        return ExactPart(*map(np.array, zip(*found, strict=True)))
+
+
+def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray) -> Surrogate:
+    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
+    mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
+    others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
+    without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
+    believed, _, solution, _ = without.solved(at)
+    data = believed.system_data(mdp.policy_pattern, solution.policy, mdp.discount)
+    by_local = np.eye(believed.local_probabilities.size)
+    system = Automatic().prepare(mdp.policy_pattern, data)
+    derivatives = sensitivities(
+        without.features, mdp.discount, believed, solution, by_local, system
+    )
+    pairs = np.unique(posterior.observations.key // mdp.n_states)
+    states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)
+    jacobian = belief.jacobian(at)
+    gradient = without.prior.evaluate(mdp.transitions, at).gradient
+    groups, start = [], 0
+    for blocks in belief.groups:
+        rows = slice(start, start + len(at.block(blocks[0])))
+        start = rows.stop
+        if Block.REWARD not in blocks:
+            groups.append(OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks)))
+    return Surrogate(
+        posterior=without,
+        space=space,
+        groups=tuple(groups),
+        mode=belief.pack(at),
+        gradient=belief.pull_back(gradient, at),
+        hessian=jacobian.T @ without.prior.hessian(mdp.transitions, at) @ jacobian,
+        value=solution.value,
+        pairs=pairs,
+        state=state,
+        q=solution.q[states],
+        slopes=derivatives.by_q_of(states),
+        centre=np.concatenate([at.reward, believed.local_probabilities.ravel()]),
+    )

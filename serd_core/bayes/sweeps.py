@@ -1,0 +1,307 @@
+"""Sweeps of Metropolis steps, which turn draws near a posterior into draws of the posterior itself.
+
+At a wall several outcomes of a model lead to one cell, so transitions inform about a sum of their
+probabilities. With n_E transitions that a set E of outcomes explains, the posterior is
+
+    p(w, P | D)  ~  prod_m [ Dirichlet(P_m; c) prod_E (sum_{k in E} P_m(k))^n_mE ]  N(w) L(w, P)
+
+with L the likelihood of choices and N all priors but the Dirichlet densities. A block of outcomes
+whose prior is another counts as weights w. Let L^ be close to L (`serd_core.bayes.surrogate`) and
+p^ be p with L^ for L. A sweep takes the following steps in random order, each with the probability
+min(1, ratio), and leaves p^ as it is:
+
+    outcomes of a model   x_E ~ Multinomial(n_E, P_k / sum_E P),   P' ~ Dirichlet(c + sum_E x_E),
+                          with probability 7/10 w' = w + A (P' - P);    ratio (N L^)' / (N L^)
+    weights               w' = w + a normal step;                       ratio (N L^)' / (N L^)
+    log odds of a model   energies and a normal step;                   ratio p^' / p^
+
+- The counts x complete the transitions (Tanner and Wong, J. Am. Stat. Assoc. 82, 1987). Given x,
+  p^ is Dirichlet(P; c + sum x) N L^. P' is proposed from that Dirichlet density there and back, so
+  it cancels. The shift keeps volumes, and that of the way back, A (P - P'), undoes it. A is the
+  slope of w by P_m in Laplace's approximation.
+- Normal steps are as likely there as back. p^ is the density over the coordinates u.
+
+Each step is reversible, so in random order they are together: from x to y a sweep leads as often
+as from y to x under p^. Taking it with the probability min(1, (L / L^)(y) / (L / L^)(x)) leaves p
+as it is (surrogate transitions: Liu, Monte Carlo Strategies in Scientific Computing, 2001). This
+costs one solution of Bellman's equation per sweep.
+
+Where actions are hidden, a sweep starts with a draw of them given w and P, and is one of the
+posterior given these actions.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.special import logsumexp
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
+from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
+from serd_core.dynamics.covariate_models import CovariateModels
+from serd_core.dynamics.estimation import OutcomeSets, outcome_sets
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import transitions_of
+from serd_core.errors import SerdError
+from serd_core.posterior.coordinates import Coordinates
+from serd_core.posterior.hidden_actions import drawn_actions
+from serd_core.posterior.parameters import Block
+from serd_core.posterior.posterior import Posterior
+
+#: Sweeps before the first draws.
+N_SWEEPS = 6
+#: Probability that weights move with the outcomes of a model.
+SHIFTED = 0.7
+#: Length of normal steps in conditional standard deviations, times the root of their number.
+STRIDE = 2.38
+#: Least logarithm of a probability.
+LEAST_LOG = -690.0
+#: Share of the largest eigenvalue below which another one is 0.
+ZERO = 1e-10
+#: Sweeps of all chains together of which one must be accepted.
+ENOUGH = 50
+
+
+def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
+    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide.
+
+    So it is where some outcomes of a pair (s, a), but not all, lead to one state, and where actions
+    are hidden. Outcome models with covariates keep Laplace's draws, which are normal.
+    """
+    model = posterior.problem.mdp.transitions
+    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
+        return False
+    if not space.belief.learns_dynamics:
+        return False
+    following = np.sort(once_per_state(model.successors), axis=2)
+    changes = np.count_nonzero(np.diff(following, axis=2), axis=2)
+    shared = (changes > 0) & (changes < model.n_outcomes - 1) & model.available
+    return bool(posterior.observations.hidden) or bool(shared.any())
+
+
+def swept(
+    posterior: Posterior,
+    space: Coordinates,
+    mode: FloatArray,
+    root: FloatArray,
+    start: FloatArray,
+    n: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation.
+
+    mode, root: (d,) and (d, d) of that. Each draw starts a chain; draws beyond c are later states
+    of the same chains. SerdError where no sweep is accepted.
+    """
+    chains = _Chains(surrogate(posterior, space, mode), root, start, rng)
+    # The columns of the table are orthogonal; what they leave out is the gauge.
+    columns = space.table / np.sum(space.table**2, axis=0)
+    found: list[FloatArray] = []
+    n_kept = -(-n // len(start))
+    for number in range(1 - N_SWEEPS, n_kept):
+        chains.sweep()
+        if number >= 0:
+            found.append(chains.points @ columns)
+    chains.require_accepted()
+    return np.concatenate(found)[:n]
+
+
+@dataclass(frozen=True, eq=False)
+class _Walk:
+    """Normal steps of r free numbers: their places (r,), and the root (r, r) of the covariance."""
+
+    rows: IntArray
+    root: FloatArray
+
+    def step(self, points: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(n, m) points after a step of each."""
+        moved = points.copy()
+        moved[:, self.rows] += rng.standard_normal((len(points), len(self.rows))) @ self.root.T
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """One outcome model of a group, and what transitions inform about it.
+
+    sets: (g,) places of the sets E of its outcomes; explaining: (g, K) masks of them; slope: (r, K)
+    A; walk: of its log odds.
+    """
+
+    group: OutcomeGroup
+    number: int
+    sets: IntArray
+    explaining: FloatArray
+    slope: FloatArray
+    walk: _Walk
+
+    def of_sets(self, log_outcomes: FloatArray) -> FloatArray:
+        """(n, g, K) log P of (n, K) where an outcome is in a set, elsewhere -inf."""
+        return np.where(self.explaining > 0, log_outcomes[:, None], -np.inf)
+
+
+class _Chains:
+    """n chains at (n, m) points, which take the same steps in the same order.
+
+    counts: (n, p) of the observed pairs, set_counts: (n, G) of the sets of outcomes, which differ
+    where actions are hidden; log_near: (n,) log N L^; exact: N and L where the last sweep ended.
+    """
+
+    def __init__(
+        self, near: Surrogate, root: FloatArray, start: FloatArray, rng: np.random.Generator
+    ) -> None:
+        seen, n = near.posterior.observations, len(start)
+        sets = outcome_sets(near.model, seen)
+        precision = _precision(near.space, root)
+        self.near, self.rng, self.points = near, rng, start @ near.space.table.T
+        self.counts = np.tile(seen.state_action.ravel()[near.pairs], (n, 1))
+        self.set_counts = np.tile(sets.count, (n, 1))
+        self.shifted = _without_dirichlet_prior(near)
+        self.models = _models(near, root, precision, sets, self.shifted)
+        self.weights = _walk(near.space, precision, np.arange(len(near.space.like.reward)))
+        self.exact = near.exact(self.points, np.tile(near.value, (n, 1)))
+        self.log_near = self._log_near(self.points)
+        self.n_proposed = self.n_accepted = 0
+
+    def sweep(self) -> None:
+        """Take all steps in random order, and all of them back where the sweep is not accepted."""
+        if self.near.posterior.observations.hidden:
+            self._draw_actions()
+        steps: list[Callable[[], None]] = [self._walk_weights]
+        for model in self.models:
+            steps.append(partial(self._walk_outcomes, model))
+            if model.group.pseudo_count:
+                steps.append(partial(self._redraw_outcomes, model))
+        points, log_near = self.points, self.log_near
+        for number in self.rng.permutation(len(steps)):
+            steps[number]()
+        there = self.near.exact(self.points, self.exact.values)
+        gained = self._log_exact(there) - self._log_exact(self.exact)
+        taken = self._taken(gained - (self.log_near - log_near))
+        self.points = np.where(taken[:, None], self.points, points)
+        self.log_near = np.where(taken, self.log_near, log_near)
+        self.exact = self.exact.replaced(taken, there)
+        self.n_proposed += len(taken)
+        self.n_accepted += int(taken.sum())
+
+    def require_accepted(self) -> None:
+        """SerdError where many sweeps were proposed and none accepted."""
+        if self.n_proposed >= ENOUGH and not self.n_accepted:
+            raise SerdError(
+                "chains that start at draws of Laplace's approximation must move, but none of"
+                f" {self.n_proposed} sweeps was accepted; use sample_posterior, or a stronger prior"
+            )
+
+    def _log_near(self, points: FloatArray) -> FloatArray:
+        choices = np.sum(self.counts * self.near.log_policy(points), axis=1)
+        return np.asarray(choices + self.near.log_others(points))
+
+    def _log_exact(self, at: ExactPart) -> FloatArray:
+        """(n,) log N L."""
+        return np.asarray(np.sum(self.counts * at.log_policy, axis=1) + at.log_others)
+
+    def _taken(self, log_ratio: FloatArray) -> BoolArray:
+        """(n,) whether steps of these log ratios are taken."""
+        return np.asarray(np.log(self.rng.random(len(log_ratio))) < log_ratio)
+
+    def _step(self, moved: FloatArray, log_ratio: FloatArray | float = 0.0) -> None:
+        """Go to the moved points where N L^, and the rest of the ratio, allow it."""
+        log_near = self._log_near(moved)
+        taken = self._taken(log_near - self.log_near + log_ratio)
+        self.points = np.where(taken[:, None], moved, self.points)
+        self.log_near = np.where(taken, log_near, self.log_near)
+
+    def _redraw_outcomes(self, model: _Model) -> None:
+        logs = self.near.log_outcomes(self.points, model.group)[:, model.number]
+        of_sets = model.of_sets(logs)
+        shares = np.exp(of_sets - logsumexp(of_sets, axis=2, keepdims=True))
+        counts = self.set_counts[:, model.sets].astype(np.int64)
+        completed = self.rng.multinomial(counts, shares).sum(axis=1)
+        drawn = self._log_dirichlet(model.group.pseudo_count + completed)
+        moved = self.points.copy()
+        moved[:, model.walk.rows] = drawn / self.near.model.beta
+        shift = (np.exp(drawn) - np.exp(logs)) @ model.slope.T
+        moved[:, self.shifted] += np.where(self.rng.random((len(moved), 1)) < SHIFTED, shift, 0.0)
+        self._step(moved)
+
+    def _log_dirichlet(self, shapes: FloatArray) -> FloatArray:
+        """(n, K) logarithms of draws, which are finite for shapes far below 1, too."""
+        log_gamma = np.log(self.rng.standard_gamma(shapes + 1.0))
+        log_gamma += np.log(self.rng.random(shapes.shape)) / shapes
+        logs = log_gamma - logsumexp(log_gamma, axis=1, keepdims=True)
+        return np.asarray(np.maximum(logs, LEAST_LOG))
+
+    def _walk_weights(self) -> None:
+        self._step(self.weights.step(self.points, self.rng))
+
+    def _walk_outcomes(self, model: _Model) -> None:
+        moved = model.walk.step(self.points, self.rng)
+        self._step(moved, self._log_outcomes(moved, model) - self._log_outcomes(self.points, model))
+
+    def _log_outcomes(self, points: FloatArray, model: _Model) -> FloatArray:
+        """(n,) log density of the transitions and the Dirichlet prior of one model."""
+        logs = self.near.log_outcomes(points, model.group)[:, model.number]
+        observed = self.set_counts[:, model.sets] * logsumexp(model.of_sets(logs), axis=2)
+        return np.asarray(observed.sum(axis=1) + model.group.pseudo_count * logs.sum(axis=1))
+
+    def _draw_actions(self) -> None:
+        """Complete the counts of each chain by a draw of the hidden actions."""
+        near, seen = self.near, self.near.posterior.observations
+        tables = np.exp(near.log_outcomes(self.points, near.group_of(Block.TRUTH)))
+        for number, table in enumerate(tables):
+            log_policy = np.zeros(seen.state_action.shape)
+            log_policy.flat[near.pairs] = self.exact.log_policy[number]
+            true = transitions_of(near.model, table)
+            complete = drawn_actions(seen, log_policy, true, self.rng)
+            self.counts[number] = complete.state_action.ravel()[near.pairs]
+            self.set_counts[number] = outcome_sets(near.model, complete).count
+        self.log_near = self._log_near(self.points)
+
+
+def _without_dirichlet_prior(near: Surrogate) -> BoolArray:
+    """(m,) which free numbers are reward weights, or outcomes that have another prior."""
+    found = np.ones(len(near.mode), dtype=np.bool_)
+    for group in near.groups:
+        found[group.rows] = group.pseudo_count == 0
+    return found
+
+
+def _models(
+    near: Surrogate,
+    root: FloatArray,
+    precision: FloatArray,
+    sets: OutcomeSets,
+    shifted: BoolArray,
+) -> tuple[_Model, ...]:
+    spread, found = near.space.table @ root, []
+    for group in near.groups:
+        for number, log_p in enumerate(near.log_outcomes(near.mode[None], group)[0]):
+            rows = near.rows_of(group, number)
+            informed = Block.TRUTH in group.blocks
+            mine = np.flatnonzero((sets.model == number) & informed)
+            slope = _slope(spread[shifted], near.model.beta * spread[rows], np.exp(log_p))
+            walk = _walk(near.space, precision, rows)
+            found.append(_Model(group, number, mine, sets.explaining[mine], slope, walk))
+    return tuple(found)
+
+
+def _precision(space: Coordinates, root: FloatArray) -> FloatArray:
+    """(m, m) inverse covariance of the free numbers in their units, 0 along the gauge."""
+    columns = space.units()[:, None] * space.table / np.sum(space.table**2, axis=0)
+    half = columns @ np.linalg.inv(root).T
+    return np.asarray(half @ half.T)
+
+
+def _walk(space: Coordinates, precision: FloatArray, rows: IntArray) -> _Walk:
+    """Steps in proportion to the covariance of (r,) numbers given all others."""
+    values, vectors = np.linalg.eigh(precision[np.ix_(rows, rows)])
+    kept = values > ZERO * values[-1]
+    inverse = vectors[:, kept] / np.sqrt(values[kept]) @ vectors[:, kept].T
+    return _Walk(rows, STRIDE / np.sqrt(kept.sum()) * space.units()[rows, None] * inverse)
+
+
+def _slope(spread: FloatArray, energies: FloatArray, table: FloatArray) -> FloatArray:
+    """(r, K) regression of r numbers on (K,) probabilities, by (r, d) and (K, d) roots."""
+    moved = table[:, None] * (energies - table @ energies)
+    return np.asarray(spread @ moved.T @ np.linalg.pinv(moved @ moved.T, ZERO, hermitian=True))
