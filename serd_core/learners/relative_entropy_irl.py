@@ -7,7 +7,8 @@ thresholds is P(tau) proportional to Q(tau) exp(theta . phi(tau)) (3.43). Its du
 
 is estimated from trajectories sampled by a known policy pi_a, weighted by U_Q / U_a (3.45, 3.46),
 U_pi(tau) = prod_t pi(a_t | s_t): dynamics under both policies are the same and drop out. A
-demonstration that was cut off after T decisions is compared with the first T of each sample.
+demonstration that was cut off after T decisions is compared with the first T of each sample, a
+complete one with as many as the longest of those.
 It is concave but has kinks at 0, so theta is split into positive and negative parts, which makes
 the subgradient (3.44) an ordinary gradient under bounds.
 
@@ -141,7 +142,9 @@ def _as_long_as(
     is_cut = ~problem.mdp.final[demonstrated.end]
     whole = drawn.length[~problem.mdp.final[drawn.end]]
     if not is_cut.all():
-        yield float(np.mean(~is_cut)), samples
+        # They were complete before the others were cut off.
+        most = demonstrated.length[is_cut].max(initial=0) or drawn.length.max()
+        yield float(np.mean(~is_cut)), samples.select(drawn.step < most)
     for length in np.unique(demonstrated.length[is_cut]).tolist():
         if len(whole) and whole.min() < length:
             raise SerdError(

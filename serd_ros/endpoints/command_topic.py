@@ -12,7 +12,11 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 
 from serd_ros.endpoints import qos
+from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
+
+#: Clocks of machines may differ by this much.
+_CLOCKS_AGREE_S = 0.2
 
 
 def follow_commands(
@@ -23,13 +27,21 @@ def follow_commands(
 ) -> None:
     """Call back with each command and its age (s) by the clocks of its publisher and this machine.
 
-    The age is 0 where the middleware does not state when a message was sent.
+    The age is 0 where the middleware does not state when a message was sent. A command that was
+    sent in the future is dropped with a MessageError, since its age is unknown.
     """
 
     def callback(*arguments: Any) -> None:
         """EventsExecutor passes message and info as one tuple, other executors as two."""
         message, info = arguments if len(arguments) == 2 else arguments[0]
-        take(message, age_s(info))
+        age = age_s(info)
+        if age < -_CLOCKS_AGREE_S:
+            raise MessageError(
+                f"commands must be sent at most {_CLOCKS_AGREE_S:g} s in the future",
+                f"{-age:.1f} s",
+                "set the clocks of the machines",
+            )
+        take(message, max(age, 0.0))
 
     # rclpy delivers the info where the signature has two parameters.
     callback.__signature__ = inspect.signature(take)  # type: ignore[attr-defined]

@@ -35,6 +35,8 @@ from sim.world.observation import People
 
 _REPORT_PERIOD_S = 0.5
 _LOG_PERIOD_S = 5.0
+#: Zeros are counted in one of so many scans.
+_SCANS_PER_LOOK = 10
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
 
 
@@ -50,6 +52,7 @@ class GuardNode(SerdNode[GuardConfig]):
         walls_m = self._scenario.wall_segments_m if config.scenario else None
         self._guard, self._zeros = Guard(config.guard(), walls_m), ZeroRanges()
         self._several: tuple[Reason, ...] = ()
+        self._n_scans = 0
         self._waiting: dict[Source, tuple[int, Callable[[], None]]] = {}
         self._answer: tuple[int, Command] | None = None
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
@@ -113,7 +116,9 @@ class GuardNode(SerdNode[GuardConfig]):
         self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
 
     def _on_scan(self, time_ns: int, scan: Scan) -> None:
-        self._zeros.take(scan)
+        self._n_scans += 1
+        if self._n_scans % _SCANS_PER_LOOK == 0:
+            self._zeros.take(scan)
         self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
 
     def _on_stamped(self, message: TwistStamped) -> None:

@@ -9,6 +9,7 @@ from collections import deque
 
 from sim.perception.scan_people import WALL_MARGIN_M, ScanPerception
 from sim.safety.input_monitor import ScanMonitor
+from sim.safety.known_space import KnownSpace
 from sim.safety.motion import PoseTrack
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan
@@ -39,7 +40,8 @@ class LidarPeople:
         """Discard tracks and poses, after a jump of the clock; scans that wait are kept."""
         self._perception.reset()
         self._poses = PoseTrack(_MEMORY_S)
-        self._monitor = ScanMonitor(self._settings, self._poses, self._walls_m)
+        space = KnownSpace(self._settings, self._walls_m, 0.0)
+        self._monitor = ScanMonitor(self._settings, self._poses, space)
         self._taken_s: float | None = None
         self._received_s: float | None = None
 

@@ -24,7 +24,7 @@ from sim.safety.input_monitor import (
     ScanMonitor,
     StampMonitor,
 )
-from sim.safety.known_space import BODY_MARGIN_M, NO_POINTS, SeenSpace
+from sim.safety.known_space import BODY_MARGIN_M, NO_POINTS, KnownSpace, SeenSpace
 from sim.safety.motion import Pose, compose, in_frame, is_finite, motion_between, rotated
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
@@ -70,12 +70,12 @@ class Guard:
         self, settings: GuardSettings | None = None, walls_m: FloatArray | None = None
     ) -> None:
         self.settings = settings if settings is not None else GuardSettings()
-        self._walls_m = walls_m
         self.n_rejected: Counter[Source] = Counter()
         self._monitor = CollisionMonitor(self.settings)
         observed = map(Source, self.settings.observation_sources)
         self.sources = (Source.ODOMETRY, *observed)
         self._reach_m = _reach_m(self.settings)
+        self._space = KnownSpace(self.settings, walls_m, self._reach_m)
         self._now_s: float | None = None
         self._override_s: float | None = None
         self.reset()
@@ -87,7 +87,8 @@ class Guard:
         self._odometry, self._crowd = OdometryMonitor(settings), PeopleMonitor(settings)
         track = self._odometry.track
         self._poses = PoseMonitor(settings, track)
-        self._scans = ScanMonitor(settings, track, self._walls_m, self._reach_m)
+        self._space.begin_session()
+        self._scans = ScanMonitor(settings, track, self._space)
         self._rules: dict[Source, _Rule] = {
             Source.ODOMETRY: self._odometry,
             Source.POSE: self._poses,
@@ -109,7 +110,7 @@ class Guard:
             # A quaternion does not keep the last bits of an angle.
             self._odometry.take(stamp_s, (*pose[:2], float(np.float32(pose[2]))), speeds)
             if self._odometry.has_leapt:
-                self._scans.begin_session()
+                self._space.begin_session()
 
     def receive_pose(self, stamp_s: float, pose: Pose) -> None:
         """Take the pose of the robot in the map."""
@@ -190,7 +191,7 @@ class Guard:
         elif now_s - last_s > self.settings.clock_jump:
             self._odometry.begin_session()
             self._poses.begin_session()
-            self._scans.begin_session()
+            self._space.begin_session()
             for monitor in self._stamps.values():
                 monitor.begin_session()
 

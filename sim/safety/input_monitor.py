@@ -7,7 +7,6 @@ another pose that follows odometry. It does not end with time.
 
 import math
 from collections import deque
-from functools import partial
 
 import numpy as np
 
@@ -24,6 +23,12 @@ _SOUND: Check = 1.0, None
 _PERIOD_WEIGHT = 0.25
 _EARLY_S = 1e-9
 _WALKS_MPS = 0.05
+#: Error (m) allowed between the motions of twist and pose, and how late (s) a twist may be.
+_TWIST_ERROR_M, _TWIST_LAG_S = 0.15, 0.2
+#: Longest stand (s) after a twist that was wrong again.
+_LONGEST_LOOK_S = 60.0
+#: A pose shows another speed than the twist from this difference (m/s, and share) on.
+_OTHER_MPS, _OTHER = 0.2, 0.2
 #: Factor on the largest speed beyond which a motion of odometry is a jump.
 _JUMP_RATIO = 1.5
 
@@ -180,21 +185,22 @@ class OdometryMonitor:
     """Compares the poses by the wheels with the speeds of the same messages.
 
     A jump that speed cannot explain, a speed without a motion, and a motion without its speed are
-    faults. After the last, speeds count as wrong until the robot has moved by `pose_tolerance` as
-    they state, no faster than it creeps: a robot that stands shows nothing of them. Each time that
-    they are wrong again it stands for twice as long.
+    faults. After the last, speeds count as wrong until the robot has moved as they state, no faster
+    than it creeps: a robot that stands shows nothing of them. Each time that they are wrong again
+    it stands for twice as long. speeds: those of the poses where the messages state others.
     """
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
         self.track = PoseTrack(2.0 * settings.consistency_window)
-        self.speeds = (0.0, 0.0)
+        self.speeds = self._stated = (0.0, 0.0)
         #: Whether the newest pose is another place than speed can explain.
         self.has_leapt = False
         self._stamp_s: float | None = None
         self._n_same = 0
         self._jumped_s: float | None = None
-        #: Stamp, way and turn by the speeds, way and turn by the poses, and the way without a sign.
+        #: Stamp; sums of way and turn by the speeds, by the poses, and of the way without a sign;
+        #: speeds by the poses.
         self._window: deque[FloatArray] = deque()
         self._doubted_s: float | None = None
         self._look_s = settings.second_look
@@ -214,37 +220,50 @@ class OdometryMonitor:
             same = pose == self.track.pose and abs(speeds[0]) > _WALKS_MPS
             self._n_same = self._n_same + 1 if same else 0
             self._compare(stamp_s, pose, speeds)
+        else:
+            self.speeds = speeds
         if self._jumped_s is not None and stamp_s - self._jumped_s >= settings.second_look:
             self._jumped_s = None
-        self._stamp_s, self.speeds = stamp_s, speeds
+        self._stamp_s, self._stated = stamp_s, speeds
         self.track.append(stamp_s, pose)
 
     def _compare(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
         """Compare the motions of the window by pose and by the mean speeds of each period."""
         assert self._stamp_s is not None
         settings, period_s = self._settings, stamp_s - self._stamp_s
+        self.speeds = speeds
         if period_s > settings.source_timeout:  # the mean of two speeds says little
             self._window.clear()
             return
         x_m, _, turn = motion_between(self.track.pose, pose)
-        stated = 0.5 * period_s * np.add(speeds, self.speeds)
-        now = np.array([stamp_s, *stated, x_m, turn, abs(x_m)])
-        now[1:] += self._window[-1][1:] if self._window else 0.0
+        moved = x_m / period_s, turn / period_s
+        if abs(moved[0] - speeds[0]) > _OTHER_MPS + _OTHER * abs(speeds[0]):
+            self.speeds = moved
+        on_trial = self._doubted_s is not None
+        if self._doubted_s is not None and stamp_s - self._doubted_s < self._look_s:
+            self._window.clear()  # what counts is how the robot creeps afterwards
+            return
+        stated = 0.5 * period_s * np.add(speeds, self._stated)
+        now = np.array([stamp_s, *stated, x_m, turn, abs(x_m), *moved])
+        now[1:6] += self._window[-1][1:6] if self._window else 0.0
         self._window.append(now)
         while self._window[0][0] < stamp_s - settings.consistency_window:
             self._window.popleft()
-        _, stated_m, stated_rad, moved_m, turned_rad, way_m = now - self._window[0]
-        on_trial = self._doubted_s is not None
-        allowed_m = settings.frozen_motion if on_trial else settings.pose_tolerance
-        wrong = abs(moved_m - stated_m) > allowed_m + settings.drift_ratio * way_m
+        change = now - self._window[0]
+        _, stated_m, stated_rad, moved_m, turned_rad, way_m = change[:6]
+        # What a twist that lags behind lacks of a motion.
+        late_m, late_rad = _TWIST_LAG_S * np.abs(change[6:])
+        allowed_m = settings.frozen_motion if on_trial else _TWIST_ERROR_M
+        wrong = abs(moved_m - stated_m) > allowed_m + late_m + settings.drift_ratio * way_m
         wrong |= abs(turned_rad - stated_rad) > (
-            settings.yaw_tolerance + settings.drift_ratio * abs(turned_rad)
+            settings.yaw_tolerance + late_rad + settings.drift_ratio * abs(turned_rad)
         )
         if wrong:
-            self._look_s = 2.0 * self._look_s if on_trial else settings.second_look
+            doubled_s = min(2.0 * self._look_s, _LONGEST_LOOK_S)
+            self._look_s = doubled_s if on_trial else settings.second_look
             self._doubted_s = stamp_s
             self._window.clear()
-        elif on_trial and way_m > settings.pose_tolerance:
+        elif on_trial and way_m > _TWIST_ERROR_M:
             self._doubted_s, self._look_s = None, settings.second_look
 
     def check(self) -> Check:
@@ -309,26 +328,20 @@ class PeopleMonitor:
 class ScanMonitor:
     """What scans show, the share of lost rays, and scans that stay the same while the robot moves.
 
-    walls_m, reach_m: as of `KnownSpace`.
+    space: that outlasts this monitor, None for one without a map.
     """
 
     def __init__(
         self,
         settings: GuardSettings,
         track: PoseTrack,
-        walls_m: FloatArray | None = None,
-        reach_m: float = 0.0,
+        space: KnownSpace | None = None,
     ) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        self._new_space = partial(KnownSpace, settings, walls_m, reach_m)
-        self.lost_share, self.seen = 0.0, SeenSpace()
-        self.begin_session()
-
-    def begin_session(self) -> None:
-        """Discard what was known, which lies elsewhere by odometry now."""
-        self._space = self._new_space()
+        self._space = space or KnownSpace(settings, None, 0.0)
         self.mount_of = self._space.mount_of
+        self.lost_share, self.seen = 0.0, SeenSpace()
 
     def take(
         self, raw: Scan, odometry: Pose, people_m: FloatArray = NO_POINTS, pose: Pose | None = None

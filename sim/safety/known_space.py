@@ -10,11 +10,12 @@ d: distance to the nearest end of earlier scans along it, seen at t', less what 
 has walked since; r: the nearer of the ends beside the gap of blind rays, whose width w (rad) hides
 no obstacle of size s that is nearer than s / w; e: the edge of the footprint.
 
-A return nearer than range_min is where an earlier end was along its ray, at range_min at the
-farthest: it stays in its place while the robot moves towards it.
+A return nearer than range_min is where an earlier end along its ray is by now, else at the edge of
+the footprint. Where range_max is short the known space ends there.
 
-A sector is lost where rays turn free at once over more than a person uncovers between two scans, or
-where the map has a wall in reach. What vanishes over less is held as an obstacle for a moment.
+A sector is lost where rays turn free at once over more than a person uncovers between two scans,
+and what vanishes beside it, until these rays have returns; or where the map has a wall in reach.
+What vanishes over less is held as an obstacle for a moment.
 """
 
 import math
@@ -39,6 +40,8 @@ _LOST_WIDTH_M = 0.2
 _LOST_RAYS = 3
 #: Rays beside a blind one whose earlier ends count for it too, since the robot has moved.
 _BESIDE = 2
+#: Ends that nothing shows any more are remembered for this time (s).
+_REMEMBERED_S = 10.0
 #: The lidar looks in a direction where it has a ray within this angle (rad).
 _ABOUT_RAD = 0.1
 #: Scan points nearer than this (m) to the body of a person belong to that person.
@@ -65,21 +68,25 @@ class SeenSpace:
 
 @dataclass(frozen=True, eq=False)
 class _Ends:
-    """place_m: (N, 2) in the frame of odometry. stamp_s, is_solid: (N,), whether it is a return."""
+    """place_m: (N, 2) in the frame of odometry. stamp_s, is_solid: (N,), whether it is a return.
+
+    was_gone: (N,) whether a ray has read free there since.
+    """
 
     place_m: FloatArray
     stamp_s: FloatArray
     is_solid: BoolArray
+    was_gone: BoolArray
 
     def among(self, rows: BoolArray) -> "_Ends":
-        return _Ends(self.place_m[rows], self.stamp_s[rows], self.is_solid[rows])
+        return _Ends(*(each[rows] for each in vars(self).values()))
 
     def __add__(self, other: "_Ends") -> "_Ends":
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return _Ends(*map(np.concatenate, pairs))
 
 
-_NO_ENDS = _Ends(NO_POINTS, np.zeros(0), np.zeros(0, dtype=bool))
+_NO_ENDS = _Ends(NO_POINTS, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0, dtype=bool))
 
 
 class KnownSpace:
@@ -91,9 +98,14 @@ class KnownSpace:
 
     def __init__(self, settings: GuardSettings, walls_m: FloatArray | None, reach_m: float) -> None:
         self._settings, self._walls_m, self._reach_m = settings, walls_m, reach_m
+        #: Of the rays of a geometry.
+        self._lost: tuple[ScanGeometry, BoolArray] | None = None
+        self.begin_session()
+
+    def begin_session(self) -> None:
+        """Discard where something was. Lost sectors are in the lidar's frame, and stay."""
         self._kept = self._newest = _NO_ENDS
         self._odometry, self._stamp_s = STANDING, -math.inf
-        self._is_lost: BoolArray = np.zeros(0, dtype=bool)
 
     def take(
         self, raw: Scan, odometry: Pose, people_m: FloatArray, in_map: Pose | None
@@ -115,29 +127,36 @@ class KnownSpace:
         ray = scan.geometry.rays_towards(np.arctan2(place_m[:, 1], place_m[:, 0]), len(free))
         inside = ray >= 0
         gone = ends.is_solid & inside & free[ray] & _in_reach(away_m, scan)
-        lost = self._lost_rays(scan, free, ray[gone], away_m[gone], ends.stamp_s[gone], odometry)
+        at_once = gone & ~ends.was_gone
+        lost = self._lost_rays(scan, free, ray[at_once], away_m[at_once], odometry)
         if self._walls_m is not None and in_map is not None and free.any():
             lost |= self._rays_at_walls(scan, free, compose(in_map, mount))
         blind = unknown | lost
         age_s = scan.stamp_s - ends.stamp_s
         held = gone & ~blind[ray] & (age_s <= settings.vanished_hold)
-        left_m = away_m - settings.person_speed * age_s
-        along_blind = inside & blind[ray] & (left_m > 0.0)
+        left_m = np.maximum(away_m - settings.person_speed * age_s, 0.0)
+        along_blind = inside & blind[ray]
         end_m = np.where(free, scan.geometry.range_max_m, scan.ranges_m.astype(np.float64))
         stays = inside & near[ray] & ends.is_solid & (away_m <= scan.geometry.range_min_m)
+        # Without an earlier end it may be anywhere nearer than range_min.
+        end_m[near] = np.inf
         np.minimum.at(end_m, ray[stays], away_m[stays])
-        end_m[near] = np.maximum(end_m, edge_m)[near]
+        end_m[near] = np.where(np.isinf(end_m), edge_m, np.maximum(end_m, edge_m))[near]
         known_m = _known_m(scan, blind, end_m, ray[along_blind], left_m[along_blind])
         points_m = self._points(scan, mount, ~(free | unknown), end_m)
         seen = SeenSpace(
             points_m=np.concatenate([points_m, out_of_frame(place_m[held], mount)]),
-            unknown_m=self._points(scan, mount, blind, np.maximum(known_m, edge_m)),
+            unknown_m=self._points(
+                scan, mount, blind | free, np.where(blind, np.maximum(known_m, edge_m), end_m)
+            ),
             blind_share=float(blind.mean()),
             lost=bool(lost.any()),
             ahead=self._looks(scan, mount, 0.0),
             behind=self._looks(scan, mount, math.pi),
         )
-        self._kept = ends.among(held | along_blind | stays)
+        ends.was_gone[gone] = True
+        hidden = (along_blind | (inside & near[ray])) & (age_s <= _REMEMBERED_S)
+        self._kept = ends.among(held | hidden)
         shown = ~blind
         shown[ray[stays]] = False
         self._remember(scan, mount, lidar, shown, end_m, people_m)
@@ -155,32 +174,47 @@ class KnownSpace:
         free: BoolArray,
         ray: IntArray,
         away_m: FloatArray,
-        stamp_s: FloatArray,
         odometry: Pose,
     ) -> BoolArray:
-        """(n_rays,) which rays are in a lost sector; a ray is until it has a return."""
-        if len(self._is_lost) != len(free):
-            self._is_lost = np.zeros(len(free), dtype=bool)
-        at_once = stamp_s == self._stamp_s
-        if at_once.any():
+        """(n_rays,) which rays are in a lost sector; a ray is until it has a return.
+
+        ray, away_m: (N,) of ends that have just gone. What goes beside a lost sector is lost, too.
+        """
+        lost = self._still_lost(scan)
+        if len(ray):
             vanished_m = np.zeros(len(free))
-            vanished_m[ray[at_once]] = away_m[at_once]
+            vanished_m[ray] = away_m
             x_m, y_m, turn = motion_between(self._odometry, odometry)
             uncovered_m = self._settings.person_speed * (scan.stamp_s - self._stamp_s)
             uncovered_m += math.hypot(x_m, y_m)
-            self._is_lost |= _wide_sectors(scan, vanished_m, uncovered_m, abs(turn))
-        self._is_lost &= free
-        return self._is_lost.copy()
+            grown = _joined((vanished_m > 0.0) | lost)
+            for run in runs_of(grown, closes=scan.geometry.closes(len(free))):
+                lost[run] |= lost[run].any() & (vanished_m[run] > 0.0)
+            lost |= _wide_sectors(scan, vanished_m, uncovered_m, abs(turn))
+        lost &= ~np.isfinite(scan.ranges_m)
+        self._lost = scan.geometry, lost
+        return lost & free
+
+    def _still_lost(self, scan: Scan) -> BoolArray:
+        """(n_rays,) lost rays of the scan before, whose number of rays may have been another."""
+        n_rays = len(scan.ranges_m)
+        if self._lost is None:
+            return np.zeros(n_rays, dtype=bool)
+        geometry, lost = self._lost
+        if geometry == scan.geometry and len(lost) == n_rays:
+            return lost.copy()
+        ray = geometry.rays_towards(scan.angles_rad, len(lost))
+        return (ray >= 0) & lost[ray]
 
     def _rays_at_walls(self, scan: Scan, free: BoolArray, lidar: Pose) -> BoolArray:
         """(n_rays,) rays in sectors that are free although the map has a wall in reach."""
         assert self._walls_m is not None
         ray = free.nonzero()[0]
         angle = scan.angles_rad[ray] + lidar[2]
-        start_m, along_m = (
-            self._walls_m[:, 0] - lidar[:2],
-            self._walls_m[:, 1] - self._walls_m[:, 0],
-        )
+        start_m, along_m = self._walls_m[:, 0] - lidar[:2], np.diff(self._walls_m, axis=1)[:, 0]
+        half_m = 0.5 * along_m
+        to_middle_m = np.hypot(*(start_m + half_m).T) - np.hypot(*half_m.T)
+        start_m, along_m = (each[_in_reach(to_middle_m, scan)] for each in (start_m, along_m))
         to_wall_m = range_to_lines(
             start_m[:, 0], start_m[:, 1], along_m, np.cos(angle), np.sin(angle)
         )
@@ -214,17 +248,20 @@ class KnownSpace:
             x_m, y_m = out_of_frame(end, mount).T
             away_m = distance_to_nearest(x_m, y_m, people_m[:, :1], people_m[:, 1:])
             is_solid &= away_m > self._settings.person_radius + BODY_MARGIN_M
-        stamp_s = np.full(len(end), scan.stamp_s)
-        self._newest = _Ends(out_of_frame(end, lidar), stamp_s, is_solid)
+        stamp_s, was_gone = np.full(len(end), scan.stamp_s), np.zeros(len(end), dtype=bool)
+        self._newest = _Ends(out_of_frame(end, lidar), stamp_s, is_solid, was_gone)
 
 
 @lru_cache(maxsize=16)
 def _edge_m(geometry: ScanGeometry, n_rays: int, mount: Pose, radius_m: float) -> FloatArray:
-    """(n_rays,) distance along each ray to the edge of a round footprint, 0 from outside it."""
+    """(n_rays,) distance along each ray to where it leaves a round footprint; 0 for one that does
+    not meet it."""
     angle = geometry.angles_rad(n_rays) + mount[2]
     along_m = mount[0] * np.cos(angle) + mount[1] * np.sin(angle)
-    inside = radius_m**2 - mount[0] ** 2 - mount[1] ** 2
-    return np.sqrt(along_m**2 + inside) - along_m if inside > 0.0 else np.zeros(n_rays)
+    squared = along_m**2 + radius_m**2 - mount[0] ** 2 - mount[1] ** 2
+    return np.where(
+        squared > 0.0, np.maximum(np.sqrt(np.maximum(squared, 0.0)) - along_m, 0.0), 0.0
+    )
 
 
 def _in_reach(away_m: FloatArray, scan: Scan) -> BoolArray:
@@ -238,16 +275,19 @@ def _wide_sectors(scan: Scan, away_m: FloatArray, uncovered_m: float, turn_rad: 
     uncovered_m: width that what moves uncovers. turn_rad: of the robot, as error of the bearing.
     """
     misses = away_m > 0.0
-    # The robot has moved, so that single rays have no earlier end.
-    bridged = misses | (np.roll(misses, 1) & np.roll(misses, -1))
     found = np.zeros(len(misses), dtype=bool)
     step_rad = abs(scan.geometry.angle_increment_rad)
-    for run in runs_of(bridged, closes=scan.geometry.closes(len(misses))):
+    for run in runs_of(_joined(misses), closes=scan.geometry.closes(len(misses))):
         mean_m = float(away_m[run].sum() / max(misses[run].sum(), 1))
         width_m = (len(run) - 1) * step_rad * mean_m
         if len(run) >= _LOST_RAYS and width_m > uncovered_m + _LOST_WIDTH_M + turn_rad * mean_m:
             found[run] = True
     return found
+
+
+def _joined(rays: BoolArray) -> BoolArray:
+    """(n_rays,) with single rays between them: the robot moves, and these have no earlier end."""
+    return rays | (np.roll(rays, 1) & np.roll(rays, -1))
 
 
 def _known_m(

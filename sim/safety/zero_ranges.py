@@ -53,9 +53,9 @@ class ZeroRanges:
             beside_m = scan.ranges_m[np.array([run[0] - 1, run[-1] + 1]) % len(zero)]
             sides_m = beside_m[np.isfinite(beside_m) & (beside_m > 0.0)]
             meaning: ZeroIs = "unknown"
-            if len(run) >= _LEAST_RUN and (sides_m >= far_m).all():
+            if len(sides_m) == 2 and len(run) >= _LEAST_RUN and (sides_m >= far_m).all():
                 meaning = "free"
-            elif len(sides_m) and (sides_m <= near_m).all():
+            elif len(sides_m) == 2 and (sides_m <= near_m).all():
                 meaning = "obstacle"
             self._n_by_meaning[meaning] += len(run)
 

@@ -9,7 +9,7 @@ from sim.safety.scan import Scan, ScanGeometry
 from sim.safety.settings import GuardSettings
 from sim.world.command import Command
 
-PERIOD_S, ACCELERATION_MPS2 = 0.05, 2.5
+PERIOD_S = 0.05
 RADIUS_M = 0.25
 AHEAD = Command(1.2, 0.0)
 
@@ -22,7 +22,7 @@ class Corridor:
     """A robot that obeys its guard; walls at x = wall_m and -3 m, and at the sides.
 
     change: function of the ranges and the robot's x. field_rad: of view. scan_ticks: control
-    periods between two scans.
+    periods between two scans. lidar_x_m: place of the lidar ahead of the robot's centre.
     """
 
     def __init__(
@@ -37,12 +37,17 @@ class Corridor:
         start=(0.0, 0.0, 0.0),
         scan_ticks=2,
         walls_m=None,
+        lidar_x_m=0.0,
+        acceleration_mps2=2.5,
         **settings,
     ):
         sources = ("scan",) if walls_m is None else ("robot_pose", "scan")
         self.settings = GuardSettings(
-            **{"observation_sources": sources, "radius": RADIUS_M, "max_vel_x": 1.2} | settings
+            **{"observation_sources": sources, "radius": RADIUS_M, "max_vel_x": 1.2}
+            | {"sensor_x": lidar_x_m, "acc_lim_x": acceleration_mps2}
+            | settings
         )
+        self.lidar_x_m, self.acceleration_mps2 = lidar_x_m, acceleration_mps2
         self.guard = Guard(self.settings, walls_m)
         self.change, self.wall_m, self.sides_m = change, wall_m, sides_m
         closed = field_rad > 6.2
@@ -67,6 +72,8 @@ class Corridor:
 
     def ranges_m(self):
         x_m, y_m, yaw_rad = self.pose
+        x_m += self.lidar_x_m * math.cos(yaw_rad)
+        y_m += self.lidar_x_m * math.sin(yaw_rad)
         along = np.cos(self.angles_rad + yaw_rad), np.sin(self.angles_rad + yaw_rad)
         ranges_m = np.full(len(self.angles_rad), np.inf)
         right_m, left_m = self.sides_m
@@ -77,7 +84,7 @@ class Corridor:
                 ranges_m = np.where(reached_m > 0.0, np.minimum(ranges_m, reached_m), ranges_m)
         ranges_m += self.rng.normal(0.0, 0.01, len(ranges_m))
         ranges_m[ranges_m > self.geometry.range_max_m] = np.inf
-        return self.change(ranges_m, x_m).astype(np.float32)
+        return self.change(ranges_m, self.pose[0]).astype(np.float32)
 
     def tick(self, command=AHEAD):
         guard, now_s = self.guard, self.time_s
@@ -89,7 +96,7 @@ class Corridor:
         guard.receive_command(now_s, command)
         output = guard.step(now_s)
         self.outputs.append(output)
-        most = ACCELERATION_MPS2 * PERIOD_S
+        most = self.acceleration_mps2 * PERIOD_S
         change = min(max(output.command.linear_mps - self.speeds[0], -most), most)
         speed_mps, turn_radps = self.speeds[0] + change, output.command.angular_radps
         x_m, y_m, yaw_rad = self.pose
@@ -102,6 +109,7 @@ class Corridor:
         return output
 
     def run(self, duration_s=12.0, command=AHEAD):
+        """Drive by a command; AssertionError where the robot hits the wall ahead."""
         for _ in range(round(duration_s / PERIOD_S)):
             self.tick(command)
         return self

@@ -199,7 +199,7 @@ class LiveLoop(WorldLoop):
         """Let the commands of a robot reach its guard."""
 
         def take(message: Twist | TwistStamped, age_s: float) -> None:
-            guard.receive(from_any_twist(message), self.world.time_s - max(age_s, 0.0))
+            guard.receive(from_any_twist(message), self.world.time_s - age_s)
 
         kind = TwistStamped if robot.node.config.stamped_cmd_vel else Twist
         follow_commands(robot.node, kind, topics.CMD_VEL, take)

@@ -47,7 +47,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self.create_timer(1.0 / config.rate_hz, self._step)
 
     def _take(self, name: str, message: Twist | TwistStamped, age_s: float) -> None:
-        self._mux.receive(name, from_any_twist(message), self.wall_s() - max(age_s, 0.0))
+        self._mux.receive(name, from_any_twist(message), self.wall_s() - age_s)
 
     def _lock(self, name: str, message: Bool) -> None:
         self._mux.receive_lock(name, bool(message.data), self.wall_s())

@@ -78,6 +78,14 @@ def test_a_command_is_as_old_as_its_publisher_says(running, age_s, speed_mps):
     assert receive_command(running, age_s) == pytest.approx(speed_mps)
 
 
+def test_a_command_that_was_sent_in_the_future_is_dropped_and_named(running):
+    assert receive_command(running, -10.0) == 0.0
+    assert "at most 0.2 s in the future, got 10.0 s" in str(
+        running.rejected["rejected.cmd_vel_raw"]
+    )
+    running.assert_alive()
+
+
 def test_a_command_that_waited_behind_newer_ones_does_not_count(running):
     (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
     assert found.qos_profile.depth == 1
@@ -86,7 +94,8 @@ def test_a_command_that_waited_behind_newer_ones_does_not_count(running):
 def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
     scan = valid_message("scan", START + 0.1)
     scan.ranges = type(scan.ranges)("f", [9.0] * 100 + [0.0] * 160 + [9.0] * 100)
-    running.receive("scan", scan)
+    for _ in range(10):
+        running.receive("scan", scan)
     running.wait(1.0)
     receive_command(running, 0.0)
     values = {each.key: each.value for each in running.sent["diagnostics"].status[0].values}

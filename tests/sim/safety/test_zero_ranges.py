@@ -29,7 +29,9 @@ ZERO = slice(100, 130), 0.0
 @pytest.mark.parametrize(
     ("change", "meaning"),
     [
-        ([(slice(0, 360), 0.0)], "free"),
+        ([(slice(0, 360), 0.0)], "unknown"),
+        ([(slice(0, 360), np.nan), ZERO], "unknown"),
+        ([(slice(0, 360), -np.inf), ZERO], "unknown"),
         ([ZERO], "free"),
         ([ZERO, (slice(200, 210), np.inf)], "unknown"),
         ([ZERO, *((side, 0.2) for side in SIDES)], "obstacle"),
