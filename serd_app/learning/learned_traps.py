@@ -49,9 +49,7 @@ def learned_traps(problem: NavigationProblem, decisions: Decisions, fit: FitResu
     decisions: in states of the problem, as the fit learned from them.
     """
     grid, outcomes = problem.grid, fit.outcome_probabilities
-    cells = slice(
-        grid.n_states
-    )  # with density, decisions have states of their own behind the cells
+    cells = slice(grid.n_states)  # states of decisions are behind them where density counts
     greedy = optimal_policy(problem, fit.reward_weights, outcomes).greedy[cells]
     least = -least_time_policy(problem, outcomes).value[cells]
     reaching = least < 0.5 * NEVER_PERIODS

@@ -111,7 +111,10 @@ def unused_features_text(strategy: Strategy) -> str:
     unused = [name for name in strategy.file.feature_names if name not in used]
     if not unused:
         return ""
-    return f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
+    return (
+        f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
+        " here, or was where it was learned"
+    )
 
 
 def plan_remarks(strategy: Strategy) -> list[str]:

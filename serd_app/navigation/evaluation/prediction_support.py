@@ -19,8 +19,8 @@ from serd_core.arrival.bands import binomial_tail, clopper_pearson
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 
-#: Demonstrations, and drives by the policy, that a prediction needs.
-FEWEST_DEMONSTRATIONS = 3
+#: Demonstrations that a prediction takes, and drives by the policy that count in their place.
+FEWEST_DRIVES = 3
 #: Shares between which nine in ten arrive.
 BAND = 0.05, 0.95
 _MOST_CHANCE = 0.1
@@ -94,22 +94,23 @@ def reasons_against_prediction(
 
     recorded: times of the demonstrations, None where they are not at hand. measured: the prediction
     from these starts and the (N,) times of arrival of drives by the policy, inf without an arrival;
-    where there are any, the recorded times, which are those of persons, do not count.
+    with three of them the recorded times, which are those of persons, do not count.
     """
     found = []
-    if n_demonstrations < FEWEST_DEMONSTRATIONS:
+    if n_demonstrations < FEWEST_DRIVES:
         found.append(
-            f"a prediction takes at least {FEWEST_DEMONSTRATIONS} demonstrations, and the model was"
-            f" learned from {n_demonstrations}"
+            f"a prediction takes at least {FEWEST_DRIVES} demonstrations, and the model was learned"
+            f" from {n_demonstrations}"
         )
     if starts.n_trapped:
         cells = f"{starts.n_trapped} of the {starts.n_cells} cells"
         where = "the cell" if starts.n_cells == 1 else cells
         found.append(f"the learned policy does not arrive from {where} in which drives begin")
+    n_measured = 0 if measured is None else len(measured[1])
+    if recorded is not None and n_measured < FEWEST_DRIVES and _too_many(recorded.outside):
+        found.append(_outside_text(recorded.outside, "recorded"))
     if measured is not None:
         found += _reasons_of_measured(*measured)
-    elif recorded is not None and _too_many(recorded.outside):
-        found.append(_outside_text(recorded.outside, "recorded"))
     return tuple(found)
 
 

@@ -180,9 +180,10 @@ def test_all_that_speaks_against_a_prediction_is_stated():
     assert [reason.split()[1] for reason in found] == ["prediction", "learned", "of"]
 
 
-def test_drives_by_the_policy_count_in_place_of_those_of_persons():
+def test_three_drives_by_the_policy_count_in_place_of_those_of_persons():
     recorded = RecordedTimes(np.full(3, 20.0), np.ones(3, dtype=bool))
     assert reasons(recorded=recorded, measured=(EVEN, np.array([15.0, 20.0, 25.0]))) == ()
+    assert len(reasons(recorded=recorded, measured=(EVEN, np.array([15.0, 20.0])))) == 1
 
 
 def test_a_comparison_and_the_layers_of_a_page_state_the_same_reasons(save_model_of, strategy):

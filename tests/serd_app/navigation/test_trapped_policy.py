@@ -56,7 +56,8 @@ def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_m
     navigator = navigator_of(save_model_of(reward_weights=WAITS, flow=none), QUIET)
     assert not len(navigator.strategy.driven.learned_traps.states)
     assert plan_remarks(navigator.strategy) == [
-        "the model's weight of social_norm is not used, as no flow of people is known"
+        "the model's weight of social_norm is not used, as no flow of people is known here, or was"
+        " where it was learned"
     ]
     record = drive(QUIET, navigator)
     assert record.outcome == "arrived"
