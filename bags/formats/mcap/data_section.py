@@ -2,45 +2,51 @@
 
 Every checksum is compared with what it covers. Where the chain of records is broken, reading
 continues at the next chunk in the summary, or without one at the next bytes that begin like one.
+A place that the summary names counts only where a chunk of the listed length begins there.
 """
 
+import re
 import struct
-from bisect import bisect_right
+from array import array
+from bisect import bisect_left
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
 from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 
 from bags.damage import DamageLog
 from bags.errors import BagError
-from bags.formats.limits import LARGEST_CONTENT, most_records, most_unpacked
+from bags.formats.limits import LARGEST_CONTENT, most_records
 from bags.formats.mcap.chunks import (
     CHUNK_PATTERN,
     ENTRY_SIZE,
     INDEX_HEAD_SIZE,
     LONGEST_HEAD,
     ChunkHead,
+    ChunkUnpacker,
     MessageIndexes,
     chunk_head,
     entries_end,
-    unpack_chunk,
 )
 from bags.formats.mcap.definitions import DEFINITIONS
 from bags.formats.mcap.file_end import FileEnd
 from bags.formats.mcap.records import RECORD_HEAD, check_record
+from bags.formats.mcap.summary_index import MOST_COPIED, entry_of_chunk
 from bags.formats.mcap.window import FileWindow
 
 #: Records that an area outside of chunks can hold.
 IN_AREAS = (int(Opcode.MESSAGE), *DEFINITIONS)
 _CHUNK = int(Opcode.CHUNK)
-_MOST_COPIED = 100_000
 _COPIED = (int(Opcode.ATTACHMENT), int(Opcode.METADATA))
 _LAST_OPCODE = int(Opcode.DATA_END)
-#: More bytes than this after the fields of an empty chunk are its records, not an extension.
-_LARGEST_EXTENSION = 1024
 _CHECKSUM = struct.Struct("<I")
+#: Bytes with which a schema, channel or message can begin, and how many records follow each other
+#: where it does.
+_RUN_PATTERN = re.compile(rb"[\x03-\x05].{5}\0{3}", re.DOTALL)
+_LEAST_RUN = 4
 
 
 class Area(NamedTuple):
@@ -59,8 +65,8 @@ class Area(NamedTuple):
 class DataSection:
     """One walk through the data section of a file.
 
-    Where its reader has read an area, it sets n_records to the records left that may be read, and
-    consumed to the place in the block where it stopped.
+    Where its reader has read an area, it sets n_records to the records left that may be read,
+    consumed to the place in the block where it stopped, and last to that of the last record before.
     copied: (offset, length) of each sound attachment and metadata record; visited: offsets of
     chunks; ended: whether the record at the end of the data was found; has_checksums: whether all
     that was read has them.
@@ -70,18 +76,22 @@ class DataSection:
         self, window: FileWindow, end: FileEnd, log: DamageLog, size: int, *, thorough: bool
     ) -> None:
         self.n_records = most_records(size)
-        self.consumed = 0
+        self.consumed = self.last = 0
         self.copied: list[tuple[int, int]] = []
         self.visited: set[int] = set()
         self.ended = False
         self.has_checksums = True
         self._window, self._end, self._log = window, end, log
         self._indexes = MessageIndexes() if thorough else None
-        self._n_unpacked = most_unpacked(size)
-        self._n_tried = 2 * window.size + LARGEST_CONTENT
+        self._entry: ChunkIndex | None = None
         self._limit = window.size if end.data_limit is None else end.data_limit
+        self._unpacker = ChunkUnpacker(window, self._limit, size)
         self._offset = self._sound_end = self._chunk_end = 0
         self._is_guess = False
+        # Without a checksum, where a chunk would begin is no reason to doubt the records before.
+        self._starts = array("Q", end.index.starts if end.has_checksum else ())
+        self._misses_chunks = not self._starts
+        self._has_chunks = bool(end.index.starts)
         self._offset = self._check_beginning()
 
     def note(self, what: str) -> None:
@@ -120,6 +130,7 @@ class DataSection:
             if not self._is_chained(opcode, length):
                 yield from self._after_break(opcode, length)
             elif opcode == _CHUNK:
+                self._has_chunks = True
                 yield from self._chunk(length)
             elif opcode != Opcode.MESSAGE_INDEX and self._is_index(length):
                 self.note("the opcode of a message index is wrong")
@@ -132,13 +143,22 @@ class DataSection:
 
     def _is_chained(self, opcode: int, length: int) -> bool:
         """Whether a record can begin here that ends before the next chunk of the summary."""
-        starts = self._end.chunk_starts
-        following = bisect_right(starts, self._offset)
         end = self._offset + RECORD_HEAD.size + length
-        if following and starts[following - 1] == self._offset and opcode != _CHUNK:
+        if opcode in (0, Opcode.FOOTER) or end > self._limit:
             return False
-        limit = starts[following] if following < len(starts) else self._limit
-        return opcode not in (0, Opcode.FOOTER) and end <= min(limit, self._limit)
+        return self._listed_chunk(self._offset + (opcode == _CHUNK), end) is None
+
+    def _listed_chunk(self, start: int, end: int) -> int | None:
+        """The first chunk of the summary in [start, end) where a record of its length stands."""
+        at, index = bisect_left(self._starts, start), self._end.index
+        while at < len(self._starts) and self._starts[at] < end:
+            place = self._starts[at]
+            length = int.from_bytes(self._window.peek(place, RECORD_HEAD.size)[1:], "little")
+            if RECORD_HEAD.size + length == index.length(bisect_left(index.starts, place)):
+                return place
+            del self._starts[at]
+            self._misses_chunks = True
+        return None
 
     def _after_break(self, opcode: int, length: int) -> Iterator[Area]:
         """What is read where no record can begin."""
@@ -156,14 +176,38 @@ class DataSection:
 
     def _next_chunk(self) -> int:
         """The next chunk of the summary, or what begins like one; the end where there is none."""
-        starts = self._end.chunk_starts
-        if starts:
+        if self._starts:
             self._sound_end = max(self._sound_end, self._offset + 1)
-            index = bisect_right(starts, self._sound_end - 1)
-            return starts[index] if index < len(starts) else self._limit
-        self._is_guess = True
+        listed = self._listed_chunk(self._sound_end, self._limit)
+        limit = self._limit if listed is None else listed
+        if not self._misses_chunks:
+            return limit
         found = self._window.search(CHUNK_PATTERN, self._sound_end, LONGEST_HEAD)
-        return self._limit if found is None or found >= self._limit else found
+        if found is not None and found < limit:
+            self._is_guess = True
+            return found
+        return limit if self._has_chunks else self._next_run(limit)
+
+    def _next_run(self, limit: int) -> int:
+        """Where, in a file without chunks, the next records follow each other."""
+        place = self._sound_end
+        while True:
+            found = self._window.search(_RUN_PATTERN, place, RECORD_HEAD.size)
+            if found is None or found >= limit:
+                return limit
+            if self._is_run(found):
+                return found
+            place = found + 1
+
+    def _is_run(self, offset: int) -> bool:
+        for _ in range(_LEAST_RUN):
+            if offset == self._limit:
+                return True
+            if not self._begins_record(offset) or self._window.read(offset, 1)[0] > _LAST_OPCODE:
+                return False
+            _, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
+            offset += RECORD_HEAD.size + length
+        return True
 
     def _chunk(self, length: int) -> Iterator[Area]:
         self._check_index()
@@ -181,8 +225,9 @@ class DataSection:
             area = self._records_of(head, length, is_guess)
         except BagError as error:
             self.note(str(error))
-            self._sound_end = max(self._sound_end, offset + 1)
-            if self._n_tried > 0 and (is_guess or not self._begins_record(end)):
+            if is_guess or self._has_chunks:
+                self._sound_end = max(self._sound_end, offset + 1)
+            if self._unpacker.may_try and (is_guess or not self._begins_record(end)):
                 self._offset = self._next_chunk()
             else:
                 self._offset = min(end, self._limit)
@@ -193,39 +238,34 @@ class DataSection:
 
     def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
         """The records of a sound chunk, after which the next record is sought; or BagError."""
-        size, record_size = head.data_start + head.data_size, RECORD_HEAD.size + length
-        fits = size <= record_size and self._offset + record_size <= self._limit
-        if self._offset + size > self._limit:
-            raise BagError("a chunk is longer than its record")
-        if head.data_size > LARGEST_CONTENT:
-            raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
-        if not fits or is_guess:
-            self._n_tried -= size
-            if self._n_tried < 0:
-                raise BagError("a chunk is longer than its record")
-        if not head.data_size and record_size - size > _LARGEST_EXTENSION:
-            raise BagError("the head of a chunk is damaged")
-        if head.compression:
-            self._n_unpacked -= head.size
-            if self._n_unpacked < 0:
-                raise BagError("the file unpacks to more than one of its size can hold")
+        declared_size = head.data_size
+        head, block, begin, end = self._unpacker.unpacked(
+            head, self._offset, length, is_guess=is_guess
+        )
+        area = Area(block, begin, end)
+        if head.data_size != declared_size:
+            self.note(f"the data of a chunk must have {declared_size} bytes, got {head.data_size}")
+        if area.end - area.start != head.size:
+            self.note(f"a chunk must have {head.size} bytes, got {area.end - area.start}")
         self.has_checksums &= head.checksum != 0
-        records, start = unpack_chunk(head, *self._window.locate(self._offset, size))
         if head.compression:
             self._window.release()
+        size, record_size = head.data_start + head.data_size, RECORD_HEAD.size + length
+        fits = size <= record_size and self._offset + record_size <= self._limit
         self._sound_end = self._offset + size
         extended = fits and size < record_size
         if not fits or (extended and self._begins_known_record(self._sound_end)):
             self.note("the length of a chunk record is wrong")
-            self._offset = self._sound_end
-        else:
-            self._offset += record_size
+            record_size = size
+        if self._indexes is not None:
+            self._entry = entry_of_chunk(head, self._offset, record_size)
+        self._offset += record_size
         self._chunk_end = self._offset
-        return Area(records, start, start + head.size)
+        return area
 
     def _torn(self, head: ChunkHead) -> Area:
         """What is left of the records of a chunk whose end is missing; none of a compressed one."""
-        size = 0 if head.compression else min(head.size, LARGEST_CONTENT)
+        size = 0 if head.compression else min(head.data_size, LARGEST_CONTENT)
         block, at = self._window.locate(self._offset, head.data_start + size)
         start = at + head.data_start
         return Area(block, start, max(start, min(start + size, len(block))), is_torn=True)
@@ -239,10 +279,12 @@ class DataSection:
         self._check_index()
         self.has_checksums = False
         block, at = self._window.locate(self._offset, RECORD_HEAD.size + length)
-        starts, index = self._end.chunk_starts, bisect_right(self._end.chunk_starts, self._offset)
-        limit = min(self._limit, starts[index]) if index < len(starts) else self._limit
-        yield Area(block, at, min(len(block), at + limit - self._offset), False)
-        self._offset = self._sound_end = self._offset + self.consumed - at
+        limit = min(self._limit, self._offset + len(block) - at)
+        listed = self._listed_chunk(self._offset + 1, limit)
+        yield Area(block, at, at + (limit if listed is None else listed) - self._offset, False)
+        # A record that is longer than it should be hides the next one.
+        self._sound_end = self._offset + self.last - at + 1
+        self._offset += self.consumed - at
 
     def _other(self, opcode: int, length: int) -> None:
         """A record that holds neither messages nor definitions; unknown ones are skipped."""
@@ -253,8 +295,8 @@ class DataSection:
         elif opcode == Opcode.DATA_END:
             self.ended = True
             self._check_data(length)
-        elif opcode in _COPIED and len(self.copied) >= _MOST_COPIED:
-            self.note(f"it has more than {_MOST_COPIED} attachments and metadata records")
+        elif opcode in _COPIED and len(self.copied) >= MOST_COPIED:
+            self.note(f"it has more than {MOST_COPIED} attachments and metadata records")
         elif opcode in _COPIED:
             try:
                 check_record(self._window, offset, end - offset)
@@ -285,11 +327,22 @@ class DataSection:
             self.note("the length of a message index is wrong")
             end = start + entries
         self._chunk_end = end
+        if self._entry is not None:
+            self._entry.message_index_offsets[int.from_bytes(content[:2], "little")] = self._offset
+            self._entry.message_index_length += end - self._offset
         return end
 
     def _check_index(self) -> None:
-        if self._indexes is not None and not self._indexes.fit():
+        """Compare what lists the messages of the last chunk, and what lists the chunk, with it."""
+        entry, self._entry = self._entry, None
+        if self._indexes is None:
+            return
+        if not self._indexes.fit():
             self.note("the message index before this does not fit its chunk")
+        if entry is not None:
+            fault = self._end.index.fault_of_chunk(entry)
+            if fault:
+                self._log.note(entry.chunk_start_offset, fault)
 
     def _check_data(self, length: int) -> None:
         """Compare the checksum in the record at the end of the data with all before it."""

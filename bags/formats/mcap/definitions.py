@@ -1,5 +1,6 @@
 """Schemas and channels of one MCAP file, wherever they stand: data section, chunks or summary."""
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 from mcap.opcode import Opcode
@@ -15,13 +16,18 @@ from bags.topic import Topic
 DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
 QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 _MOST_CONFLICTS = 1000
+_DEFINED_TWICE = "{what} is defined twice, in different ways"
 _UNKNOWN = Schema(0, b"", "", "")
 
 
 class Definitions:
-    """Numbers of channels and what they mean; one number never has two meanings."""
+    """Numbers of channels and what they mean; one number never has two meanings.
 
-    def __init__(self) -> None:
+    other: the one of two meanings that it has, too, is kept, else the first.
+    """
+
+    def __init__(self, other: "Definitions | None" = None) -> None:
+        self._other = other
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self._first: dict[str, Channel] = {}
@@ -47,7 +53,7 @@ class Definitions:
             self._seen[key] = digest
             return ""
         self._n_conflicts += 1
-        return f"{what} is defined twice, in different ways"
+        return _DEFINED_TWICE.format(what=what)
 
     def complete(self, other: "Definitions") -> None:
         """Add what only `other` has."""
@@ -55,6 +61,31 @@ class Definitions:
         self.channels.update({**other.channels, **self.channels})
         for channel in self.channels.values():
             self._first.setdefault(channel.topic, channel)
+
+    def faults_of(self, other: "Definitions") -> Iterator[str]:
+        """Sentences about definitions of `other` that differ from those here."""
+        for kind, own, others in (
+            ("schema", self.schemas, other.schemas),
+            ("channel", self.channels, other.channels),
+        ):
+            for number in own.keys() & others.keys():
+                if own[number] != others[number]:
+                    yield _DEFINED_TWICE.format(what=f"{kind} {number}")
+
+    def missing(self, other: "Definitions") -> Iterator[str]:
+        """Sentences about what `other` has and these, if they have any of its kind, have not."""
+        for kind, own, others in (
+            ("schemas", self.schemas, other.schemas),
+            ("channels", self.channels, other.channels),
+        ):
+            if own and others.keys() - own.keys():
+                yield f"the summary does not have all {kind}"
+
+    def have(self, channels: Iterable[int]) -> bool:
+        """Whether these channels and their schemas are known."""
+        schemas = {0, *self.schemas}
+        found = [self.channels.get(number) for number in channels]
+        return all(each is not None and each.schema_id in schemas for each in found)
 
     def topics(self) -> list[Topic]:
         """Topics of all channels, each once."""
@@ -77,11 +108,20 @@ class Definitions:
         """(whether it is new or the same as before, kind and number)."""
         if opcode == Opcode.SCHEMA:
             schema = read_record(Schema, content)
-            return self.schemas.setdefault(schema.id, schema) == schema, f"schema {schema.id}"
+            same = self.schemas.setdefault(schema.id, schema) == schema
+            if not same and self._other and self._other.schemas.get(schema.id) == schema:
+                self.schemas[schema.id] = schema
+            return same, f"schema {schema.id}"
         channel = read_record(Channel, content)
         kept = self.channels.setdefault(channel.id, channel)
+        same = kept == channel
+        if not same and self._other and self._other.channels.get(channel.id) == channel:
+            self.channels[channel.id] = channel
+            if self._first[kept.topic] is kept:
+                del self._first[kept.topic]
+        kept = self.channels[channel.id]
         self._first.setdefault(kept.topic, kept)
-        return kept == channel, f"channel {channel.id}"
+        return same, f"channel {channel.id}"
 
     def _schema(self, channel: Channel) -> Schema:
         return self.schemas.get(channel.schema_id, _UNKNOWN)

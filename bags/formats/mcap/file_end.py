@@ -1,7 +1,14 @@
-"""The end of an MCAP file: data end, summary and footer, read without the data before it."""
+"""The end of an MCAP file: data end, summary and footer, read without the data before it.
+
+The footer points to the summary. The pointer is right where the record that ends the data stands
+before that place and nothing but records of a summary stands behind it.
+"""
 
 import struct
 import zlib
+from collections import Counter
+from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -14,94 +21,181 @@ from bags.errors import BagError
 from bags.formats.limits import LARGEST_CONTENT
 from bags.formats.mcap.definitions import DEFINITIONS, Definitions
 from bags.formats.mcap.records import RECORD_HEAD, read_record
+from bags.formats.mcap.summary_index import ENTRIES, SummaryIndex
 from bags.formats.mcap.window import FileWindow
 from storage.errors import disk_errors
 
 _FOOTER_FIELDS = struct.Struct("<QQI")
-_LONGEST_FOOTER = 256
-_CHUNK_INDEX = struct.Struct("<QQQ")
+_DATA_END_FIELDS = struct.Struct("<I")
+#: opcode, start and length of a group of records
+_OFFSET_FIELDS = struct.Struct("<BQQ")
+#: Bytes in which a footer or the end of the data is sought, which may be longer than its fields.
+_LONGEST_END = 256
+#: Opcodes of the records that no summary holds.
+_OF_DATA = frozenset(
+    [
+        *(0, int(Opcode.HEADER), int(Opcode.FOOTER), int(Opcode.MESSAGE), int(Opcode.CHUNK)),
+        *(int(Opcode.MESSAGE_INDEX), int(Opcode.ATTACHMENT), int(Opcode.METADATA)),
+        int(Opcode.DATA_END),
+    ]
+)
 
 
 class FileEnd:
     """What the end of a file holds; everything is empty where there is no sound one.
 
     complete: whether the file ends with a footer; data_limit: where the data section ends at the
-    latest, None where unknown; chunk_starts: sorted.
+    latest, None where unknown; index_faults: of pointers within the summary, on which no message
+    depends.
     """
 
     def __init__(self, path: Path) -> None:
         self.complete = False
+        self.has_checksum = False
         self.data_limit: int | None = None
         self.definitions = Definitions()
         self.statistics: Statistics | None = None
-        self.chunk_starts: list[int] = []
+        self.index = SummaryIndex()
         self.faults = DamageLog(path)
+        self.index_faults: list[str] = []
+        #: where the first record behind the header begins, and the one that ends the data
+        self._data = (0, 0)
         with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
             self._read(FileWindow(stream))
 
-    @property
-    def names_all_topics(self) -> bool:
-        """Whether the summary repeats all channels and counts their messages."""
+    @cached_property
+    def states_contents(self) -> bool:
+        """Whether the summary names all topics and has the numbers and times of their messages.
+
+        Its statistics then agree with the sizes of all message indexes, by channel, and the parts
+        that it lists fill the data without a gap: nothing in the file can be missing from it.
+        """
         if self.statistics is None or self.faults:
             return False
-        counted = self.statistics.channel_message_counts.keys()
-        known = self.definitions.channels.keys()
-        return known >= counted and bool(known or not self.statistics.message_count)
+        found, stated = self.index.contents(*self._data), self.statistics
+        return (
+            found is not None
+            and +found.counts == +Counter(stated.channel_message_counts)
+            and found.counts.total() == stated.message_count
+            and self.definitions.have(found.counts)
+            and (found.first_ns or 0, found.last_ns or 0)
+            == (stated.message_start_time, stated.message_end_time)
+        )
 
     def _read(self, window: FileWindow) -> None:
-        tail = window.read(max(0, window.size - _LONGEST_FOOTER), _LONGEST_FOOTER)
-        at = _footer_place(tail)
+        tail = window.read(max(0, window.size - _LONGEST_END), _LONGEST_END)
+        at = None
+        if tail.endswith(MCAP0_MAGIC):
+            at = _record_before(tail[:-MAGIC_SIZE], Opcode.FOOTER, _FOOTER_FIELDS.size)
         if at is None:
             return
         self.complete = True
-        footer_start = window.size - len(tail) + at
+        footer_start = self.data_limit = window.size - len(tail) + at
         footer = read_record(Footer, tail[at + RECORD_HEAD.size :])
         start = footer.summary_start or footer_start
-        checked = tail[at : at + RECORD_HEAD.size + _FOOTER_FIELDS.size - 4]
         size = footer_start - start
-        if not (MAGIC_SIZE <= start <= footer_start and size <= LARGEST_CONTENT):
-            self.faults.note(None, "the footer does not fit the file")
+        wrong = f"the footer points to byte {start}, where no summary begins"
+        if not MAGIC_SIZE <= start <= footer_start:
+            self.faults.note(None, wrong)
             return
-        content = window.read(start, size)
-        if footer.summary_crc not in (0, zlib.crc32(checked, zlib.crc32(content))):
+        if size > LARGEST_CONTENT:
+            self.faults.note(
+                None, f"a summary must have {LARGEST_CONTENT} bytes at most, got {size}"
+            )
+            return
+        summary = window.read(start, size)
+        checked = tail[at : at + RECORD_HEAD.size + _FOOTER_FIELDS.size - 4]
+        if footer.summary_crc not in (0, zlib.crc32(checked, zlib.crc32(summary))):
             self.faults.note(None, "the checksum of the summary does not fit")
             return
+        data_end = self._end_of_data(window, start)
+        is_right, is_whole = _are_of_summary(summary)
+        if data_end is None or not is_right:
+            none = "the footer names no summary, but no data ends before it"
+            self.faults.note(None, wrong if footer.summary_start else none)
+        if not is_right or (data_end is None and not (footer.summary_crc and is_whole)):
+            return
         self.data_limit = start
-        self._collect(content)
-        # Without a checksum, where a chunk would begin is no reason to doubt the records before.
-        self.chunk_starts = sorted(self.chunk_starts) if footer.summary_crc else []
+        self.has_checksum = footer.summary_crc != 0
+        (header_size,) = struct.unpack_from("<Q", window.read(MAGIC_SIZE + 1, 8).ljust(8, b"\0"))
+        self._data = (MAGIC_SIZE + RECORD_HEAD.size + header_size, data_end or 0)
+        self.index = SummaryIndex(summary)
+        self._collect(summary)
+        self._check_offsets(summary, start, footer)
 
-    def _collect(self, content: bytes) -> None:
+    def _end_of_data(self, window: FileWindow, start: int) -> int | None:
+        """Where the record begins that ends the data, if it stands right before `start`."""
+        before = window.read(max(0, start - _LONGEST_END), min(start, _LONGEST_END))
+        at = _record_before(before, Opcode.DATA_END, _DATA_END_FIELDS.size)
+        return None if at is None else start - len(before) + at
+
+    def _collect(self, summary: bytes) -> None:
         """The records of the summary; one that is damaged does not concern the others."""
-        offset = 0
-        while offset + RECORD_HEAD.size <= len(content):
-            opcode, length = RECORD_HEAD.unpack_from(content, offset)
-            start = offset + RECORD_HEAD.size
-            offset = start + length
-            if offset > len(content):
+        for opcode, begin, end in _records(summary):
+            if end > len(summary):
                 self.faults.note(None, "a record of the summary is cut off")
-            elif opcode == Opcode.CHUNK_INDEX and length >= _CHUNK_INDEX.size:
-                self.chunk_starts.append(_CHUNK_INDEX.unpack_from(content, start)[2])
-            elif opcode in DEFINITIONS:
-                self._note(self.definitions.add(opcode, content[start:offset]))
+            elif fault := self._fault_of(opcode, summary[begin:end], begin, end):
+                self.faults.note(None, f"in the summary, {fault}")
+
+    def _fault_of(self, opcode: int, content: bytes, begin: int, end: int) -> str:
+        """Keep what the record has that is there in the summary; its fault, empty where sound."""
+        try:
+            if opcode in DEFINITIONS:
+                return self.definitions.add(opcode, content)
+            if opcode in ENTRIES:
+                self.index.add(opcode, begin, end)
             elif opcode == Opcode.STATISTICS and self.statistics is None:
-                try:
-                    self.statistics = read_record(Statistics, content[start:offset])
-                except BagError as error:
-                    self._note(str(error))
+                self.statistics = read_record(Statistics, content)
+        except BagError as error:
+            return str(error)
+        return ""
 
-    def _note(self, fault: str) -> None:
-        if fault:
-            self.faults.note(None, f"in the summary, {fault}")
+    def _check_offsets(self, summary: bytes, start: int, footer: Footer) -> None:
+        """Compare the records that point to groups of records in the summary with these groups."""
+        groups: dict[int, list[int]] = {}
+        for opcode, begin, end in _records(summary):
+            group = groups.setdefault(opcode, [start + begin - RECORD_HEAD.size, 0])
+            group[1] += RECORD_HEAD.size + end - begin
+        none = (0, start + len(summary))
+        offsets = groups.get(int(Opcode.SUMMARY_OFFSET))
+        if footer.summary_offset_start not in (none if offsets is None else offsets[:1]):
+            self.index_faults.append(
+                f"the footer points to byte {footer.summary_offset_start}, where no offsets of the"
+                " summary begin"
+            )
+        listed = (
+            _OFFSET_FIELDS.unpack_from(summary, begin)
+            for opcode, begin, end in _records(summary)
+            if opcode == Opcode.SUMMARY_OFFSET and _OFFSET_FIELDS.size <= end - begin
+        )
+        if any(groups.get(opcode, [place[0], 0]) != place for opcode, *place in listed):
+            self.index_faults.append("an offset of the summary does not point to its records")
 
 
-def _footer_place(tail: bytes) -> int | None:
-    """Where the footer begins, which may be longer than its fields."""
-    if not tail.endswith(MCAP0_MAGIC):
-        return None
-    end = len(tail) - MAGIC_SIZE
-    for size in range(_FOOTER_FIELDS.size, end - RECORD_HEAD.size + 1):
-        at = end - size - RECORD_HEAD.size
-        if RECORD_HEAD.unpack_from(tail, at) == (Opcode.FOOTER, size):
+def _records(summary: bytes) -> Iterator[tuple[int, int, int]]:
+    """(opcode, where the content begins, where it ends) of each record, up to one cut off."""
+    offset = 0
+    while offset + RECORD_HEAD.size <= len(summary):
+        opcode, length = RECORD_HEAD.unpack_from(summary, offset)
+        begin = offset + RECORD_HEAD.size
+        offset = begin + length
+        yield opcode, begin, offset
+
+
+def _are_of_summary(summary: bytes) -> tuple[bool, bool]:
+    """(whether none of the records is one of the data, whether none is cut off)."""
+    place = 0
+    for opcode, _, end in _records(summary):
+        if opcode in _OF_DATA:
+            return False, False
+        place = end
+    return True, place == len(summary)
+
+
+def _record_before(content: bytes, opcode: int, least: int) -> int | None:
+    """Where the record of this opcode begins with which the content ends; least: its fields."""
+    for size in range(least, len(content) - RECORD_HEAD.size + 1):
+        at = len(content) - size - RECORD_HEAD.size
+        if RECORD_HEAD.unpack_from(content, at) == (opcode, size):
             return at
     return None

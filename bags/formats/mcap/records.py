@@ -24,6 +24,8 @@ RECORD_HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
+#: The index of a record that is copied into a new bag as it is.
+CopiedIndex = AttachmentIndex | MetadataIndex
 _TIMES = struct.Struct("<QQ")
 _SHORT_SIZE, _LONG_SIZE, _CHECKSUM = struct.Struct("<I"), struct.Struct("<Q"), struct.Struct("<I")
 
@@ -48,9 +50,7 @@ def read_record(kind: type[AnyRecord], content: bytes) -> AnyRecord:
     return record
 
 
-def index_of_record(
-    window: FileWindow, offset: int, length: int
-) -> AttachmentIndex | MetadataIndex:
+def index_of_record(window: FileWindow, offset: int, length: int) -> CopiedIndex:
     """The index of the attachment or metadata record there, with all its bytes; or BagError."""
     if window.read(offset, 1) == bytes([Opcode.ATTACHMENT]):
         return attachment_index(window, offset, length)[0]

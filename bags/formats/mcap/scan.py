@@ -14,9 +14,9 @@ from bags.damage import Damage, DamageLog
 from bags.errors import BagError
 from bags.formats.limits import WRONG_TIMES
 from bags.formats.mcap.data_section import IN_AREAS, Area, DataSection
-from bags.formats.mcap.definitions import DEFINITIONS
+from bags.formats.mcap.definitions import DEFINITIONS, Definitions
 from bags.formats.mcap.file_end import FileEnd
-from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
 from bags.formats.mcap.window import FileWindow
 from bags.topic import RawMessage, Topic
 from storage.errors import disk_errors
@@ -28,6 +28,7 @@ class McapScan:
     """One pass through one file; `damage` and `counts` are complete after `messages`.
 
     expected: number of messages by the summary, None without one.
+    n_left_out: messages that were found, but are not among those given.
     copied: (offset, length) of each sound attachment and metadata record.
     has_checksums: whether all messages have them.
     thorough: compare the index behind each chunk with the chunk.
@@ -38,9 +39,14 @@ class McapScan:
         self.path = path
         self.copied: list[tuple[int, int]] = []
         self.has_checksums = True
+        self.n_left_out = 0
         self._log = DamageLog(path)
         self._end = FileEnd(path)
-        self._definitions = self._end.definitions
+        # Those of the data count, where the summary is not known to be right.
+        is_known = self._end.states_contents
+        self._definitions = (
+            self._end.definitions if is_known else Definitions(self._end.definitions)
+        )
         statistics = self._end.statistics
         self.expected = statistics.message_count if statistics else None
         self._counts: defaultdict[int, int] = defaultdict(int)
@@ -64,7 +70,7 @@ class McapScan:
 
     def topics(self) -> list[Topic]:
         """Topics by the summary; where it is brief or missing, by the whole file."""
-        if not self._end.names_all_topics:
+        if not self._end.states_contents:
             for _ in self.messages(frozenset()):
                 pass
         return self._definitions.topics()
@@ -81,6 +87,9 @@ class McapScan:
                 del area  # before the next one is read
             self.copied, self.has_checksums = section.copied, section.has_checksums
             self._compare_with_end(section)
+            self._definitions.complete(self._end.definitions)
+            if self._thorough:
+                self._compare_with_index(section, window)
 
     def _messages(
         self, section: DataSection, area: Area, topics: frozenset[str] | None
@@ -89,13 +98,13 @@ class McapScan:
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, names = self._counts, dict[int, tuple[str, str] | None]()
         block, offset, end, is_chunk, is_torn = area
-        left, n_unknown, n_other, n_untimed = section.n_records, 0, 0, 0
+        left, last, n_unknown, n_other, n_untimed = section.n_records, offset, 0, 0, 0
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
                 following = self._skip(section, area, offset)
                 if following is None:
                     break
-                offset = following
+                last, offset = offset, following
                 continue
             _, length, number, _, log_time, publish_time = unpack_message(block, offset)
             start, following = offset + message_size, offset + RECORD_HEAD.size + length
@@ -103,9 +112,10 @@ class McapScan:
                 if following > end:
                     break
                 section.note("a message is shorter than its fields")
-                offset = following
+                self.n_left_out += 1
+                last, offset = offset, following
                 continue
-            offset = following
+            last, offset = offset, following
             if (log_time | publish_time) >> 63:
                 n_untimed += 1
                 continue
@@ -123,12 +133,13 @@ class McapScan:
             name = names[number]
             if name is not None:
                 yield RawMessage(*name, block[start:offset], log_time, publish_time)
-        section.n_records, section.consumed = left, offset
+        section.n_records, section.consumed, section.last = left, offset, last
         if is_chunk and offset < end:
             if left and not is_torn:
                 section.note("a record is longer than its chunk")
             elif not left:
                 section.stop()
+        self.n_left_out += n_unknown + n_other + n_untimed
         if n_unknown:
             section.note(f"{n_unknown} messages are of topics declared in a part that is lost")
         if n_other:
@@ -143,7 +154,7 @@ class McapScan:
         opcode, length = RECORD_HEAD.unpack_from(area.block, offset)
         start = offset + RECORD_HEAD.size
         following = int(start + length)
-        if following > area.end or not (area.is_chunk or opcode in IN_AREAS):
+        if following > area.end or not opcode or not (area.is_chunk or opcode in IN_AREAS):
             return None
         if opcode == _MESSAGE and following < offset + MESSAGE_HEAD.size:
             section.note("a message is shorter than its fields")
@@ -161,6 +172,8 @@ class McapScan:
             offset: int | None = area.start
             while offset is not None:
                 offset = self._skip(section, area, offset)
+        if number not in channels and number in self._end.definitions.channels:
+            self._definitions.complete(self._end.definitions)
         if number not in channels and self._looks_back:
             self._looks_back = False
             other = McapScan(self.path, size=self._recorded_size)
@@ -180,7 +193,9 @@ class McapScan:
         for each in self._end.faults.damage:
             section.note(each.what)
         statistics, found = self._end.statistics, sum(self._counts.values())
-        n_missing = len(set(self._end.chunk_starts) - section.visited)
+        for fault in self._definitions.faults_of(self._end.definitions):
+            section.note(f"in the summary, {fault}")
+        n_missing = len(set(self._end.index.starts) - section.visited)
         if n_missing:
             section.note(f"{n_missing} chunks of the summary are missing")
         if statistics is None:
@@ -201,3 +216,26 @@ class McapScan:
                 f"{n_copied} attachments and metadata records were written,"
                 f" {len(self.copied)} are there"
             )
+
+    def _compare_with_index(self, section: DataSection, window: FileWindow) -> None:
+        """Compare what players look up in the summary, on which no message read here depends."""
+        for fault in (*self._end.index_faults, *self._end.definitions.missing(self._definitions)):
+            section.note(fault)
+        if len(self._end.index.starts) > len(set(self._end.index.starts)):
+            section.note("the summary lists a chunk twice")
+        copied = (index_of_record(window, *each) for each in self.copied)
+        for fault in self._end.index.faults_of_copied(list(copied)):
+            section.note(fault)
+        stated = self._end.statistics
+        if stated is None or self._log:
+            return
+        definitions = self._definitions
+        for what, n_stated, n_found in (
+            ("chunks", stated.chunk_count, len(section.visited)),
+            ("attachments and metadata records", stated.attachment_count + stated.metadata_count,
+             len(self.copied)),
+            ("schemas", stated.schema_count, len(definitions.schemas)),
+            ("channels", stated.channel_count, len(definitions.channels)),
+        ):  # fmt: skip
+            if n_stated != n_found:
+                section.note(f"{n_stated} {what} were written, {n_found} are there")

@@ -38,6 +38,14 @@ class FileWindow:
         block, first = self.locate(offset, length)
         return block[first : first + length]
 
+    def peek(self, offset: int, length: int) -> bytes:
+        """A copy of these bytes, without reading ahead for it."""
+        first = offset - self._start
+        if 0 <= first <= len(self._block) - length:
+            return self._block[first : first + length]
+        self._stream.seek(offset)
+        return self._stream.read(length)
+
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of the bytes from `start` to `end`."""
         found = 0

@@ -37,7 +37,7 @@ from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
 from bags.errors import BagError
-from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, index_of_record
 from bags.formats.mcap.window import FileWindow
 from bags.formats.rosbag2.layout import FileSpan
 from bags.formats.rosbag2.message_types import MessageType
@@ -65,7 +65,7 @@ class McapWriter:
         self._channels: list[Channel] = []
         #: (number of the first chunk that has it, record) of each schema and channel
         self._definitions: list[tuple[int, bytes]] = []
-        self._copied: list[AttachmentIndex | MetadataIndex] = []
+        self._copied: list[CopiedIndex] = []
         self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
         self._indexes: dict[int, MessageIndex] = {}
