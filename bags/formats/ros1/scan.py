@@ -1,35 +1,44 @@
 """All messages of one .bag file of ROS 1, as the ROS 2 messages of the same fields.
 
-rosbags reads the file and turns each message into CDR by the definition that its connection holds.
-The format has no checksums, and without its index, which a killed recorder does not write, rosbags
-reads nothing. Messages come in the order of their log times. A chunk whose head, index or content
-is damaged is left out, and so is a damaged message; the others are read.
+They are read in the order of the file, without the index: a killed recorder writes none, and one
+that is wrong must hide nothing. It is compared with what was found. rosbags turns each message
+into CDR by the definition that its connection holds. The format has no checksums. A chunk that
+cannot be unpacked is left out, and so is a damaged message; where the records of a chunk are broken
+off, reading continues at the next message of the index behind it.
 """
 
-import bz2
-import heapq
-import io
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple
 
-import lz4.frame
-from rosbags.interfaces import Connection
-from rosbags.rosbag1.reader import Chunk, IndexData, Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bags.damage import Damage, DamageLog
+from bags.errors import BagError
 from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.mcap.window import FileWindow
+from bags.formats.ros1.records import (
+    CONNECTION,
+    MESSAGE,
+    Connection,
+    Entry,
+    Record,
+    connection_of,
+    record_at,
+    unpacked_chunk,
+)
+from bags.formats.ros1.walk import Part, Walk
 from bags.formats.rosbag2.message_types import MessageType
 from bags.formats.rosbag2.qos import RELIABLE
 from bags.topic import RawMessage, Topic
+from storage.errors import disk_errors
 
 _HEADER = "std_msgs/msg/Header"
+_LARGEST_CHUNK = 2 * LARGEST_CONTENT
 
 
 @dataclass(frozen=True)
@@ -40,81 +49,22 @@ class _Converted:
     store: Typestore | None
 
 
-class _DamagedError(Exception):
-    """A message or its chunk cannot be read."""
+class _Found(NamedTuple):
+    """A message of a chunk: its entry in an index, its data, and the offset of what precedes it.
 
+    before: of the connection records before it, to which an index may point, else its own.
+    """
 
-class _Entries:
-    """Places of messages in the order of time; unreadable: chunks whose entries are left out."""
-
-    def __init__(self, entries: Iterable[IndexData]) -> None:
-        self._entries = iter(entries)
-        self.newest = IndexData(0, -1, 0)
-        self.unreadable: set[int] = set()
-        self.ended = False
-
-    def __iter__(self) -> Iterator[IndexData]:
-        for each in self._entries:
-            self.newest = each
-            if each.chunk_pos not in self.unreadable:
-                yield each
-        self.ended = True
-
-
-class _Reader(Reader):
-    """Opens a file in which heads or indexes of chunks are damaged, by whose positions `damaged`
-    holds why."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self.damaged: dict[int, str] = {}
-
-    def read_chunk(self) -> Chunk:
-        """One without content where its head is damaged; its index is then not read either."""
-        assert self.bio
-        position = self.bio.tell()
-        try:
-            return super().read_chunk()
-        except Exception as error:  # rosbags raises errors of any kind for foreign bytes
-            self.damaged[position] = _reason(error)
-            return Chunk(0, 0, bytes)
-
-    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Nothing after the first damaged index of a chunk."""
-        try:
-            if pos not in self.damaged:
-                super().read_index_data(pos, indexes)
-        except Exception as error:
-            self.damaged[pos] = _reason(error)
-
-    def readable(self, wanted: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Messages of these connections; those that cannot be read are left out."""
-        left = _Entries(heapq.merge(*(self.indexes[each.id] for each in wanted)))
-        # `messages` takes them one by one, and goes on with the next where it is called again.
-        self.indexes = {each.id: [] for each in wanted[1:]}
-        self.indexes |= {each.id: cast("list[IndexData]", left) for each in wanted[:1]}
-        while not left.ended:
-            with suppress(_DamagedError):
-                yield from self._until_damage(wanted, left)
-
-    def _until_damage(
-        self, wanted: list[Connection], left: "_Entries"
-    ) -> Iterator[tuple[Connection, int, bytes]]:
-        try:
-            yield from self.messages(wanted)
-        except GeneratorExit:
-            raise
-        except Exception as error:
-            chunk = left.newest.chunk_pos
-            self.damaged[chunk] = _reason(error)
-            if self.current_chunk[0] != chunk:
-                left.unreadable.add(chunk)
-            self.current_chunk = (-1, io.BytesIO())
-            raise _DamagedError from None
+    entry: Entry
+    before: int
+    data: bytes
 
 
 class Ros1Scan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`."""
+    """One pass through one file; `damage` and `counts` are complete after `messages`.
+
+    n_left_out: messages that were found, but are not among those given.
+    """
 
     has_checksums = False
 
@@ -123,6 +73,9 @@ class Ros1Scan:
         self._log = DamageLog(path)
         self.counts: Counter[str] = Counter()
         self.expected: int | None = None
+        self.n_left_out = 0
+        self._connections: dict[int, Connection] = {}
+        self._listed: dict[int, Connection] = {}
 
     @property
     def damage(self) -> list[Damage]:
@@ -130,73 +83,183 @@ class Ros1Scan:
         return self._log.damage
 
     def topics(self) -> list[Topic]:
-        """Topics of the file; of several types on one topic the first."""
+        """Topics of the file, by its index where that is right; of several types the first."""
+        log = DamageLog(self.path)
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            walk = _ended(Walk(FileWindow(stream), log))
+            known = walk.connections
+            if log or any(walk.faults()):
+                for _ in self.messages(frozenset()):
+                    pass
+                known = {**self._listed, **self._connections}
         found: dict[str, Topic] = {}
-        for reader in self._opened():
-            for connection in reader.connections:
-                topic = _converted(connection).topic
-                found.setdefault(topic.name, topic)
+        for connection in known.values():
+            topic = _converted(connection).topic
+            found.setdefault(topic.name, topic)
         return list(found.values())
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all; publish times are the log times."""
-        n_broken = 0
-        for reader in self._opened():
-            known = {each.id: _converted(each) for each in reader.connections}
-            wanted = [
-                each
-                for each in reader.connections
-                if topics is None or known[each.id].topic.name in topics
-            ]
-            self.expected = reader.message_count
-            self._count_others(reader, known, wanted)
-            for connection, time_ns, data in reader.readable(wanted):
-                kind = known[connection.id]
-                converted = _cdr(kind, data)
-                if converted is None:
-                    n_broken += 1
-                    continue
-                self.counts[kind.topic.name] += 1
-                yield RawMessage(kind.topic.name, kind.topic.type_name, converted, time_ns, time_ns)
-            for position, reason in sorted(reader.damaged.items()):
-                self._log.note(position, f"a chunk is damaged ({reason})")
+        n_broken = n_unknown = 0
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            window = FileWindow(stream)
+            index = _ended(Walk(window, DamageLog(self.path)))
+            self._listed = index.connections
+            if index.counts:
+                self.expected = sum(sum(counts.values()) for counts in index.counts.values())
+            walk = Walk(window, self._log)
+            for part in walk.parts():
+                for found in self._messages_of(part, window, index):
+                    number, time_ns, _ = found.entry
+                    connection = self._connection(number)
+                    if connection is None:
+                        n_unknown += 1
+                        continue
+                    kind = _converted(connection)
+                    name, type_name = kind.topic.name, kind.topic.type_name
+                    if topics is not None and name not in topics:
+                        self.counts[name] += 1
+                        continue
+                    converted = _cdr(kind, found.data)
+                    if converted is None:
+                        n_broken += 1
+                        continue
+                    self.counts[name] += 1
+                    yield RawMessage(name, type_name, converted, time_ns, time_ns)
+            for fault in walk.faults():
+                self._note(fault)
+            if self._listed and self._connections.keys() - self._listed.keys():
+                self._note("the index does not have all connections of the chunks")
+        self.n_left_out = n_broken + n_unknown
+        if n_unknown:
+            self._note(f"{n_unknown} messages are of connections declared in a part that is lost")
         if n_broken:
             self._note(f"{n_broken} messages do not fit the definition of their type")
 
-    def _opened(self) -> Iterator[_Reader]:
-        """The open file, or nothing where it cannot be opened."""
-        reader = _Reader(self.path)
+    def _messages_of(self, part: Part, window: FileWindow, index: Walk) -> Iterator[_Found]:
+        """The messages of a chunk, or the one outside of chunks."""
+        place, record, entries = part
+        size = min(record.end, window.size) - record.start
         try:
-            reader.open()
-        except Exception as error:  # rosbags raises errors of any kind for foreign bytes
-            is_empty = not self.path.stat().st_size
-            fix = "record it again" if is_empty else "'rosbag reindex' of ROS 1 may repair it"
-            self._log.note(None, _reason(error), fix)
+            if size > _LARGEST_CHUNK:
+                raise BagError(f"it must have {_LARGEST_CHUNK} bytes at most, got {size}")
+            block, at = window.locate(record.start, size)
+            if record.kind == MESSAGE:
+                entry = record.number(b"conn"), record.time_ns(), place
+                yield _Found(entry, place, block[at : at + size])
+                return
+            stated_size = record.number(b"size")
+            block, begin, end = unpacked_chunk(record, block, at, size, LARGEST_CONTENT)
+        except BagError as error:
+            self._log.note(place, f"a chunk is damaged ({error})")
             return
-        for position, chunk in reader.chunks.items():
-            bounded = _bounded(chunk.decompressor)
-            reader.chunks[position] = chunk._replace(decompressor=bounded)
-        try:
-            yield reader
-        finally:
-            reader.close()
+        places: set[Entry] = set()
+        counts: Counter[int] = Counter()
+        fault = ""
+        if stated_size != end - begin and record.end <= window.size:
+            fault = f"it must have {stated_size} bytes, got {end - begin}"
+        for found in self._records(block, begin, end, sorted(entries, key=lambda each: each[2])):
+            if isinstance(found, str):
+                fault = fault or found
+                continue
+            counts[found.entry[0]] += 1
+            places.update((found.entry, (*found.entry[:2], found.before)))
+            yield found
+        if (
+            not fault
+            and entries
+            and not (len(entries) == counts.total() and places >= set(entries))
+        ):
+            fault = "the index behind it does not fit its messages"
+        if not fault and index.counts.get(place, counts) != counts:
+            fault = "the index counts other messages than it has"
+        if fault:
+            self._log.note(place, f"a chunk is damaged ({fault})")
 
-    def _count_others(
-        self, reader: _Reader, known: dict[int, _Converted], wanted: list[Connection]
-    ) -> None:
-        read = {each.id for each in wanted}
-        for connection in reader.connections:
-            if connection.id not in read:
-                self.counts[known[connection.id].topic.name] += connection.msgcount
+    def _records(
+        self, block: bytes, begin: int, end: int, entries: list[Entry]
+    ) -> Iterator[_Found | str]:
+        """The messages in these bytes of a block, and a sentence where no record begins.
+
+        entries: of the messages, in the order of their offsets from `begin`.
+        """
+        offset = last = begin
+        before: int | None = None
+        while offset < end:
+            found = _inner_record(block, offset, end)
+            if isinstance(found, str):
+                yield found
+                later = (each for each in entries if each[2] > last - begin)
+                places = (
+                    begin + each[2]
+                    for each in later
+                    if _begins_message(block, begin + each[2], end, each)
+                )
+                offset = next(places, end)
+                last, before = offset, None
+                continue
+            record, content = found
+            if isinstance(content, Connection):
+                self._add(record.number(b"conn"), content)
+                before = offset if before is None else before
+            else:
+                number, time_ns = content
+                start = offset if before is None else before
+                data = block[record.start : record.end]
+                yield _Found((number, time_ns, offset - begin), start - begin, data)
+                before = None
+            last, offset = offset, record.end
+
+    def _add(self, number: int, connection: Connection) -> None:
+        """Keep a connection; of two with one number the one that the index has, too."""
+        kept = self._connections.setdefault(number, connection)
+        if kept != connection:
+            self._note(f"connection {number} is defined twice, in different ways")
+            if self._listed.get(number) == connection:
+                self._connections[number] = connection
+
+    def _connection(self, number: int) -> Connection | None:
+        return self._connections.get(number) or self._listed.get(number)
 
     def _note(self, what: str) -> None:
         self._log.note(None, what)
 
 
+def _ended(walk: Walk) -> Walk:
+    """The walk, once it has ended."""
+    for _ in walk.parts():
+        pass
+    return walk
+
+
+def _inner_record(
+    block: bytes, offset: int, end: int
+) -> tuple[Record, Connection | tuple[int, int]] | str:
+    """(record, connection, or connection and time of a message) there in a chunk, else why none."""
+    try:
+        record = record_at(block, offset, end)
+        if record.end > end or record.kind not in (MESSAGE, CONNECTION):
+            return "a record in it is cut off"
+        if record.kind == CONNECTION:
+            return record, connection_of(record, block[record.start : record.end])[1]
+        return record, (record.number(b"conn"), record.time_ns())
+    except BagError as error:
+        return str(error)
+
+
+def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
+    """Whether the message of an entry, or its connection, begins there."""
+    try:
+        record = record_at(block, offset, end)
+        if record.kind == CONNECTION:
+            return record.number(b"conn") == entry[0]
+        return record.kind == MESSAGE and entry[:2] == (record.number(b"conn"), record.time_ns())
+    except BagError:
+        return False
+
+
 def _converted(connection: Connection) -> _Converted:
-    """rosbags normalises names: std_msgs/String is std_msgs/msg/String."""
-    topic = "/" + connection.topic.lstrip("/")
-    return _converted_type(topic, connection.msgtype, connection.msgdef.data)
+    return _converted_type(*connection)
 
 
 @lru_cache(maxsize=256)
@@ -229,16 +292,3 @@ def _cdr(kind: _Converted, data: bytes) -> bytes | None:
         return bytes(kind.store.ros1_to_cdr(data, kind.topic.type_name))
     except Exception:  # generated code raises errors of any kind for foreign bytes
         return None
-
-
-def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
-    """The same for chunks of any size, of which no more than the limit is unpacked."""
-    if decompress is bz2.decompress:
-        return lambda data: bz2.BZ2Decompressor().decompress(data, LARGEST_CONTENT)
-    if decompress is lz4.frame.decompress:
-        return lambda data: lz4.frame.LZ4FrameDecompressor().decompress(data, LARGEST_CONTENT)
-    return decompress
-
-
-def _reason(error: Exception) -> str:
-    return str(error).strip().rstrip(".") or type(error).__name__

@@ -1,0 +1,161 @@
+"""No offset, length, count or number of a .bag file hides a message where it is wrong."""
+
+import struct
+
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from bags.command.main import main
+from bags.command.rewrite import recover
+from bags.errors import BagError
+from bags.health.check import check_bag
+from bags.health.contents import contents_of_bag
+from bags.reader import BagReader
+
+TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Int32"
+COUNTS = {"/text": 16, "/number": 8}
+MAGIC = b"#ROSBAG V2.0\n"
+BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 3, 4, 5, 6, 7
+FORMATS = [None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4]
+
+
+def file_with(path, compression=None):
+    """Five chunks of messages on two topics."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    writer = Writer(path)
+    writer.chunk_threshold = 300
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        text = writer.add_connection("/text", TEXT, typestore=store)
+        number = writer.add_connection("/number", NUMBER, typestore=store)
+        for step in range(sum(COUNTS.values())):
+            kind, value = (TEXT, f"text {step:4}") if step % 3 else (NUMBER, step)
+            data = store.serialize_ros1(store.types[kind](value), kind)
+            writer.write(text if step % 3 else number, 10**18 + step, data)
+    return path
+
+
+def records(content):
+    """(begin, places and sizes of the fields, opcode, begin and end of the data) of each record."""
+    offset = len(MAGIC)
+    while offset < len(content):
+        (size,) = struct.unpack_from("<I", content, offset)
+        place, start, fields = offset + 4, offset + 8 + size, {}
+        while place < start - 4:
+            (length,) = struct.unpack_from("<I", content, place)
+            name, _, value = content[place + 4 : place + 4 + length].partition(b"=")
+            fields[name.decode()] = (place + 5 + len(name), len(value))
+            place += 4 + length
+        (data_size,) = struct.unpack_from("<I", content, start - 4)
+        yield offset, fields, content[fields["op"][0]], start, start + data_size
+        offset = start + data_size
+
+
+def fields_of(content):
+    """(name, place, size) of the numbers that point, count or number."""
+    for offset, fields, opcode, start, end in records(content):
+        for name in ("index_pos", "conn_count", "chunk_count", "chunk_pos", "size"):
+            if name in fields:
+                yield f"{opcode} {name}", *fields[name]
+        if opcode in (INDEX, CHUNK_INFO, CONNECTION):
+            for name in {"conn", "count"} & fields.keys():
+                yield f"{opcode} {name}", *fields[name]
+        if opcode == CHUNK_INFO:
+            for place in range(start, end, 4):
+                yield "6 connection or count", place, 4
+        if opcode == INDEX:
+            yield "4 time of a message", start, 4
+            yield "4 length of the header", offset, 4
+        if opcode in (INDEX, CHUNK):
+            yield f"{opcode} length", start - 4, 4
+
+
+def wrong_values(content, place, size):
+    right = int.from_bytes(content[place : place + size], "little")
+    starts = [start for start, *_ in records(content)]
+    values = {0, 8, starts[1] + 20, starts[2], starts[-1], len(content), len(content) + 1000}
+    values |= {right + 1, right - 1, 2 ** (8 * size) - 1}
+    return sorted({value % 256**size for value in values} - {right})
+
+
+@pytest.mark.parametrize("compression", FORMATS)
+def test_no_wrong_number_hides_a_message(tmp_path, compression):
+    path = file_with(tmp_path / "file.bag", compression)
+    content = path.read_bytes()
+    assert check_bag(path).sound
+    names = set()
+    for name, place, size in fields_of(content):
+        names.add(name)
+        for value in wrong_values(content, place, size):
+            wrong = bytearray(content)
+            wrong[place : place + size] = value.to_bytes(size, "little")
+            path.write_bytes(wrong)
+            check = check_bag(path)
+            assert {topic.name: topic.n_messages for topic in check.topics} == COUNTS, name
+            assert not check.sound, name
+    assert len(names) == 14
+
+
+def test_a_wrong_place_of_the_index_is_reported_and_repaired(tmp_path):
+    path = file_with(tmp_path / "file.bag")
+    content = bytearray(path.read_bytes())
+    _, place, _ = next(each for each in fields_of(content) if each[0] == "3 index_pos")
+    content[place : place + 8] = (8).to_bytes(8, "little")
+    path.write_bytes(content)
+    contents = contents_of_bag(path)
+    assert {topic.name: topic.n_messages for topic in contents.topics} == COUNTS
+    with pytest.raises(BagError, match=r"points to byte 8 as the index, .* repair it with 'serd b"):
+        BagReader(path)
+    assert recover(path, tmp_path / "new").counts == COUNTS
+    assert check_bag(tmp_path / "new").sound
+
+
+@pytest.mark.parametrize("compression", FORMATS)
+def test_a_killed_recorder_loses_no_chunk_that_is_complete(tmp_path, compression):
+    """Its file has no index, and its bag header does not point to one."""
+    path = file_with(tmp_path / "file.bag", compression)
+    content = path.read_bytes()
+    whole = list(BagReader(path).messages())
+    begins = next(offset for offset, _, opcode, *_ in records(content) if opcode == CONNECTION)
+    _, place, _ = next(each for each in fields_of(content) if each[0] == "3 index_pos")
+    path.write_bytes(content[:place] + bytes(8) + content[place + 8 : begins])
+    reader = BagReader(path, tolerant=True)
+    assert list(reader.messages()) == whole
+    assert [each.what for each in reader.damage] == ["it has no index: its recorder was killed"]
+    assert main(["recover", str(path), "--output", str(tmp_path / "new")]) == 0
+    path.write_bytes(path.read_bytes()[:-400])
+    found = list(BagReader(path, tolerant=True).messages())
+    assert found == whole[: len(found)]
+    assert len(found) >= len(whole) - 12
+
+
+def test_the_chunk_that_a_killed_recorder_had_begun_is_read(tmp_path):
+    """Its head states no size, so its records stand behind it."""
+    path = file_with(tmp_path / "file.bag")
+    content = bytearray(path.read_bytes())
+    whole = list(BagReader(path).messages())
+    _, fields, _, start, end = [each for each in records(content) if each[2] == CHUNK][-1]
+    place, size = fields["size"]
+    content[place : place + size] = bytes(size)
+    content[start - 4 : start] = bytes(4)
+    path.write_bytes(content[:end])
+    assert list(BagReader(path, tolerant=True).messages()) == whole
+    path.write_bytes(content[: end - 5])
+    assert list(BagReader(path, tolerant=True).messages()) == whole[:-1]
+
+
+def test_behind_a_broken_record_of_a_chunk_reading_goes_on_by_its_index(tmp_path):
+    path = file_with(tmp_path / "file.bag")
+    content = bytearray(path.read_bytes())
+    whole = list(BagReader(path).messages())
+    _, _, _, start, _ = [each for each in records(content) if each[2] == CHUNK][1]
+    content[start : start + 4] = b"\xff" * 4
+    path.write_bytes(content)
+    reader = BagReader(path, tolerant=True)
+    found = list(reader.messages())
+    assert len(found) == len(whole) - 1
+    assert set(found) < set(whole)
+    assert reader.losses.n_messages == 1
+    assert main(["recover", str(path), "--output", str(tmp_path / "new")]) == 1
