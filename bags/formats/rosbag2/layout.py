@@ -116,13 +116,16 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _listed(path: Path, metadata: dict[str, Any]) -> tuple[Path, ...]:
-    files = tuple(path / Path(name).name for name in metadata["relative_file_paths"])
+    names = [Path(name).name for name in metadata["relative_file_paths"]]
+    files = tuple(path / name for name in dict.fromkeys(names))
     missing = [file.name for file in files if not file.is_file()]
     if missing:
         raise BagError(f"{path / FILE_NAME} lists {missing[0]}, which is missing")
     unlisted = sorted({file.name for file in _found(path)} - {file.name for file in files})
-    if unlisted and files:
+    if unlisted:
         raise BagError(f"{path / FILE_NAME} does not list {unlisted[0]}")
+    if len(files) < len(names):
+        raise BagError(f"{path / FILE_NAME} lists a file twice")
     return files
 
 

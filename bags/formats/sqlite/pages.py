@@ -87,7 +87,10 @@ class SqlitePages:
         return self._content[start : start + self._page_size]
 
     def _free_pages(self) -> set[int]:
-        """Pages the file lists as unused, which may hold rows that were deleted."""
+        """Pages the file lists as unused, which may hold rows that were deleted.
+
+        Empty where they are not as many as it counts: the list may then lead to pages in use.
+        """
         found: set[int] = set()
         trunk = int.from_bytes(self._content[32:36], "big")
         while trunk and trunk not in found:
@@ -99,7 +102,7 @@ class SqlitePages:
             n_leaves = min(n_leaves, self._page_size // 4 - 2)
             found.update(struct.unpack_from(f">{n_leaves}I", page, 8))
             trunk = following
-        return found
+        return found if len(found) == int.from_bytes(self._content[36:40], "big") else set()
 
 
 def _page_size(content: bytes | mmap) -> int:

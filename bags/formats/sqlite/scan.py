@@ -36,6 +36,7 @@ _MAKE = tuple.__new__
 class SqliteScan:
     """One pass through one file; `damage` and `counts` are complete after `messages`.
 
+    n_left_out: messages that were found, but are not among those given.
     thorough: let SQLite check the whole file first, else only what it reads.
     """
 
@@ -46,6 +47,7 @@ class SqliteScan:
         self.damage: list[Damage] = []
         self.counts: Counter[str] = Counter()
         self.expected: int | None = None
+        self.n_left_out = 0
         self._thorough = thorough
 
     def topics(self) -> list[Topic]:
@@ -84,6 +86,11 @@ class SqliteScan:
                     yield _MAKE(RawMessage, (*names[number], data, time_ns, time_ns))
             for number, count in n_read.items():
                 self.counts[names[number][0]] += count
+            n_found = self.counts.total() + n_unknown + n_untimed
+            n_indexed = n_found if fault else _n_indexed(path)
+            if n_indexed is not None and n_indexed != n_found:
+                self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
+        self.n_left_out = n_unknown + n_untimed
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic or their content")
         if n_untimed:
@@ -155,6 +162,17 @@ def _counts(path: Path, topics: dict[int, Topic], left_out: list[int]) -> Counte
     return found
 
 
+def _n_indexed(path: Path) -> int | None:
+    """Messages in the index that rosbag2 makes of their times, None without one.
+
+    SQLite reads it without the table, of which a wrong page may hide rows.
+    """
+    query = "SELECT COUNT(timestamp) FROM messages INDEXED BY timestamp_idx"
+    with closing(_connection(path)) as connection, suppress(sqlite3.Error):
+        return int(connection.execute(query).fetchone()[0])
+    return None
+
+
 def _rows(path: Path, topics: list[int] | None) -> Iterator[_Row]:
     """Rows of messages in the order of recording, of these topics or of all."""
     condition = "" if topics is None else f" WHERE topic_id IN ({_list(topics)})"
@@ -192,6 +210,8 @@ def _listed_topics(connection: sqlite3.Connection) -> dict[int, Topic]:
     query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
     found = {}
     for number, name, type_name, serialization, profiles, type_hash in connection.execute(query):
+        if not (isinstance(name, str) and isinstance(type_name, str)):
+            continue
         encoding, text = texts.get(type_name, (ENCODING, ""))
         recorded = MessageType(type_name, text, type_hash, encoding)
         found[number] = Topic(name, recorded, qos_of_text(str(profiles)), serialization)

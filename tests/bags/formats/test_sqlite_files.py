@@ -257,3 +257,51 @@ def test_a_time_before_zero_costs_its_message_alone(make, tmp_path):
     assert any("1 messages have times outside of" in fault for fault in check_bag(bag).faults)
     n_before = N_MESSAGES + N_MESSAGES // 20
     assert recover(bag, tmp_path / "kept").n_messages == n_before - 1
+
+
+def _leaves(content):
+    """Numbers of the pages that hold rows of tables, from 1."""
+    size = len(content) // 4096
+    return [page + 1 for page in range(1, size) if content[4096 * page] == 13]
+
+
+def test_a_list_of_unused_pages_that_leads_to_pages_in_use_hides_no_message(make):
+    bag = make()
+    whole, _ = contents(bag)
+    file = next(bag.glob("*.db3"))
+    content = file.read_bytes()
+    for page in _leaves(content):
+        file.write_bytes(content[:32] + page.to_bytes(4, "big") + content[36:])
+        found, reader = contents(bag, tolerant=True)
+        assert (sorted(found), bool(reader.damage)) == (sorted(whole), True)
+    assert len(_leaves(content)) > 20
+
+
+def test_a_page_that_hides_rows_is_reported_by_the_index_of_times(make):
+    """The root of the messages counts fewer pages than it has, which SQLite does not notice."""
+    file = next(make().glob("*.db3"))
+    content = bytearray(file.read_bytes())
+    with closing(sqlite3.connect(file)) as connection:
+        query = "SELECT rootpage FROM sqlite_master WHERE name = 'messages'"
+        ((root,),) = connection.execute(query).fetchall()
+    head = 4096 * (root - 1)
+    assert content[head] == 5
+    content[head + 3 : head + 5] = (2).to_bytes(2, "big")
+    file.write_bytes(content)
+    with pytest.raises(BagError, match=r"its index of times lists 210 messages, \d+ are readable"):
+        contents(file)
+    assert len(contents(file, tolerant=True)[0]) == 210
+
+
+def test_a_topic_without_name_or_type_costs_its_messages_alone(make):
+    file = next(make().glob("*.db3"))
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute("PRAGMA writable_schema = 1")
+        connection.execute("UPDATE sqlite_master SET sql = replace(sql, ' NOT NULL', '')")
+        connection.commit()
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute("UPDATE topics SET type = NULL WHERE name = '/intent'")
+        connection.commit()
+    check = check_bag(file)
+    assert {topic.name: topic.n_messages for topic in check.topics} == {"/robot_pose": 200}
+    assert any("10 messages have lost their topic" in fault for fault in check.faults)
