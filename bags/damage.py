@@ -81,11 +81,15 @@ class Losses:
 
 @dataclass(frozen=True)
 class FileCount:
-    """found: messages read; expected: by the end of the file, None where it has no count."""
+    """found: messages read; expected: by the end of the file, None where it has no count.
+
+    left_out: further messages that stand in the file and cannot be given.
+    """
 
     path: Path
     found: int
     expected: int | None
+    left_out: int = 0
 
 
 def losses(layout: BagLayout, files: Sequence[FileCount]) -> Losses:
@@ -97,10 +101,11 @@ def losses(layout: BagLayout, files: Sequence[FileCount]) -> Losses:
     for file in files:
         expected = listed.get(storage_name(file.path)) if file.expected is None else file.expected
         unknown |= expected is None
-        lost += max(0, (expected or 0) - file.found)
+        lost += max(file.left_out, (expected or 0) - file.found)
     total = layout.n_messages
     if unknown and total is not None and not missing:
-        return Losses(max(0, total - sum(file.found for file in files)))
+        n_left_out = sum(file.left_out for file in files)
+        return Losses(max(n_left_out, total - sum(file.found for file in files)))
     return Losses(lost, not unknown)
 
 

@@ -69,7 +69,8 @@ class BagReader:
             self.has_checksums &= scan.has_checksums
             counts.update(scan.counts)
             n_read = scan.counts.total() - unpacking.n_broken
-            files.append(FileCount(file, n_read, scan.expected))
+            n_left_out = scan.n_left_out + unpacking.n_broken
+            files.append(FileCount(file, n_read, scan.expected, n_left_out))
             if isinstance(scan, McapScan):
                 self.copied.append((scan.path, scan.copied))
             self._report(scan.damage, file)

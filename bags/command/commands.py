@@ -1,6 +1,6 @@
 """The commands, on any screen, and what they print about bags: tables, sentences and plain values.
 
-Each returns its exit code: 1 where a bag is not sound or whole.
+Each returns its exit code, of several bags the highest.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,7 +22,14 @@ Style = Literal["good", "notable", "bad"]
 
 #: Longer ones are those of another clock, of which digits after the point state nothing.
 _LONG_DELAY_S = 100.0
-FAILED = 1
+#: Exit codes, of which EXIT_CODES has the meaning.
+COMPLETE, INCOMPLETE, BAD_INPUT, NOTHING = range(4)
+EXIT_CODES = (
+    "exit codes: 0 complete, no message is known to be missing; 1 a bag is not sound or whole:"
+    " messages are known to be lost or were left out, check found a fault, or info read a damaged"
+    " bag without any message; 2 bad arguments or input, as a damaged bag for convert; 3 recover"
+    " found no message in a damaged bag"
+)
 Result = TypeVar("Result")
 
 
@@ -171,21 +178,21 @@ class Screen(Protocol):
 
 
 def show_contents(bags: Sequence[Path], screen: Screen) -> int:
-    """`info`: what bags hold; 1 where a bag has faults and no message that can be read."""
+    """`info`: what bags hold."""
     found = _shown(map(contents_of_bag, bags), contents_page, screen)
-    return FAILED if any(each.faults and not each.n_messages for each in found) else 0
+    is_whole = all(each.n_messages and not each.n_lost for each in found if each.faults)
+    return COMPLETE if is_whole else INCOMPLETE
 
 
 def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
     """`check`: read bags completely and list their faults."""
     checks = _shown((check_bag(bag, required) for bag in bags), check_page, screen)
-    return 0 if all(each.sound for each in checks) else FAILED
+    return COMPLETE if all(each.sound for each in checks) else INCOMPLETE
 
 
 def recover_bags(bags: Sequence[Path], output: Path | None, screen: Screen) -> int:
     """`recover`: write the readable messages of damaged bags as new bags."""
-    reports = _rewritten(bags, output, "recovered", recover, screen)
-    return FAILED if any(each.n_left_out or not each.n_messages for each in reports) else 0
+    return _code(_rewritten(bags, output, "recovered", recover, screen))
 
 
 def convert_bags(
@@ -193,8 +200,14 @@ def convert_bags(
 ) -> int:
     """`convert`: write sound bags as MCAP."""
     rewrite = partial(convert, compression=compression)
-    reports = _rewritten(bags, output, "mcap", rewrite, screen)
-    return FAILED if any(each.n_left_out for each in reports) else 0
+    return _code(_rewritten(bags, output, "mcap", rewrite, screen))
+
+
+def _code(reports: Sequence[RewriteReport]) -> int:
+    if any(each.damage and not each.n_messages + each.n_left_out for each in reports):
+        return NOTHING
+    is_whole = not any(each.n_lost or each.n_left_out for each in reports)
+    return COMPLETE if is_whole else INCOMPLETE
 
 
 def _rewritten(

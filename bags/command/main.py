@@ -1,6 +1,6 @@
 """`serd-bag`: info, check, recover and convert on any machine, without ROS.
 
-Exit codes: 0 done, 1 a bag is not sound or whole, 2 bad usage or input, 130 interrupted.
+Exit codes: `EXIT_CODES` of the commands, 130 interrupted.
 """
 
 import argparse
@@ -9,10 +9,13 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from bags.command.commands import (
+    BAD_INPUT,
+    EXIT_CODES,
     Page,
     Table,
     convert_bags,
@@ -23,7 +26,7 @@ from bags.command.commands import (
 from serd_core.errors import SerdError
 from storage.standard_output import written_output
 
-BAD_INPUT, INTERRUPTED = 2, 130
+INTERRUPTED = 130
 _LEAST_TEXT_WIDTH = 12
 _BETWEEN = "  "
 
@@ -108,8 +111,12 @@ def _folded(row: Sequence[str], widths: Sequence[int], texts: Sequence[int]) -> 
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="serd-bag", description="Inspect and repair recordings.")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    description = "Inspect and repair recordings."
+    parser = argparse.ArgumentParser(prog="serd-bag", description=description, epilog=EXIT_CODES)
+    add = partial(
+        parser.add_subparsers(dest="command", required=True, metavar="COMMAND").add_parser,
+        epilog=EXIT_CODES,
+    )
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
         "bags", metavar="BAG", nargs="+", type=Path, help="bag folder, or .mcap, .db3 or .bag file"
@@ -117,21 +124,17 @@ def _parser() -> argparse.ArgumentParser:
     shared.add_argument("--json", action="store_true", help="print JSON instead of text")
     written = argparse.ArgumentParser(add_help=False)
     written.add_argument("--output", type=Path, help="folder of the new bag")
-    commands.add_parser("info", parents=[shared], help="show what bags hold")
-    check = commands.add_parser(
-        "check", parents=[shared], help="read bags completely and list their faults"
-    )
+    add("info", parents=[shared], help="show what bags hold")
+    check = add("check", parents=[shared], help="read bags completely and list their faults")
     check.add_argument(
         "--require", action="append", default=[], metavar="TOPIC", help="that must have messages"
     )
-    commands.add_parser(
+    add(
         "recover",
         parents=[shared, written],
         help="write the readable messages of a damaged bag as a new bag, BAG_recovered",
     )
-    convert = commands.add_parser(
-        "convert", parents=[shared, written], help="write a sound bag as MCAP, BAG_mcap"
-    )
+    convert = add("convert", parents=[shared, written], help="write a sound bag as MCAP, BAG_mcap")
     convert.add_argument("--compression", choices=("none", "zstd"), default="none")
     return parser
 

@@ -52,7 +52,7 @@ class RewriteReport:
 
 def recover(source: str | Path, target: str | Path) -> RewriteReport:
     """Write what is still readable of `source` as a new bag."""
-    return _rewrite(BagReader(source, tolerant=True), Path(target), "none")
+    return _rewrite(BagReader(source, tolerant=True, thorough=True), Path(target), "none")
 
 
 def convert(

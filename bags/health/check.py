@@ -172,12 +172,16 @@ def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class BagCheck:
-    """faults: why the bag is not sound; remarks: what to know before learning from it."""
+    """faults: why the bag is not sound; remarks: what to know before learning from it.
+
+    n_lost: messages that are known to be lost.
+    """
 
     path: Path
     topics: tuple[TopicCheck, ...]
     faults: tuple[str, ...]
     remarks: tuple[str, ...]
+    n_lost: int = 0
 
     @property
     def sound(self) -> bool:
@@ -229,8 +233,9 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
         remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
-    lines = (tuple(at_most(each, MOST_FAULTS)) for each in (faults, remarks))
-    return BagCheck(Path(path), topics, *lines)
+    faults, remarks = (at_most(each, MOST_FAULTS) for each in (faults, remarks))
+    n_lost = reader.losses.n_messages
+    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks), n_lost)
 
 
 def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """What a bag holds, by the summaries at the ends of its files; only without them all is read."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bags.damage import missing_messages
@@ -22,12 +22,16 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class BagContents:
-    """span_s: from the first log time of the bag to the last; faults: of a bag that was read."""
+    """span_s: from the first log time of the bag to the last; faults: of a bag that was read.
+
+    n_lost: messages that are known to be lost.
+    """
 
     path: Path
     topics: tuple[TopicContents, ...]
     span_s: float
     faults: tuple[str, ...] = ()
+    n_lost: int = 0
 
     @property
     def n_messages(self) -> int:
@@ -42,7 +46,7 @@ def contents_of_bag(path: str | Path) -> BagContents:
     ends = []
     for file in layout.files:
         ends.append(FileEnd(file) if file.suffix == ".mcap" else None)
-        if ends[-1] is None or not ends[-1].names_all_topics:
+        if ends[-1] is None or not ends[-1].states_contents:
             return _of_all_messages(path)
     known = [end for end in ends if end is not None]
     counts = sum((_counts(end) for end in known), Counter[str]())
@@ -67,14 +71,12 @@ def _counts(end: FileEnd) -> Counter[str]:
 def _of_all_messages(path: Path) -> BagContents:
     check = check_bag(path)
     topics = {topic.name: (topic.type_name, topic.n_messages) for topic in check.topics}
-    return _contents(path, topics, check.span_s, check.faults)
+    return replace(_contents(path, topics, check.span_s), faults=check.faults, n_lost=check.n_lost)
 
 
-def _contents(
-    path: Path, topics: dict[str, tuple[str, int]], span_s: float, faults: tuple[str, ...] = ()
-) -> BagContents:
+def _contents(path: Path, topics: dict[str, tuple[str, int]], span_s: float) -> BagContents:
     rows = (
         TopicContents(name, kind, count, (count - 1) / span_s if count > 1 and span_s else None)
         for name, (kind, count) in sorted(topics.items())
     )
-    return BagContents(path, tuple(rows), span_s, faults)
+    return BagContents(path, tuple(rows), span_s)

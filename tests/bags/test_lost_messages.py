@@ -3,12 +3,15 @@
 import re
 
 import pytest
+from mcap.writer import Writer
 
 from bags.command.rewrite import recover
 from bags.errors import BagError
 from bags.formats.mcap.chunks import CHUNK_PATTERN
 from bags.formats.mcap.writer import McapWriter
+from bags.formats.rosbag2.message_types import message_type
 from bags.health.check import check_bag
+from bags.health.contents import contents_of_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
 
@@ -135,3 +138,44 @@ def test_topics_are_found_where_the_summary_does_not_repeat_them(small_bag, monk
         "/robot_pose": 60,
         "/intent": 9,
     }
+
+
+@pytest.mark.parametrize(
+    ("listed", "wrong"),
+    [
+        ("message_count: 60", "message_count: 0"),
+        ("message_count: 60", "message_count: 61"),
+        ("message_count: 69", "message_count: 0"),
+        ("message_count: 69", "message_count: 1000000000000"),
+        ("relative_file_paths:\n  - small_0.mcap", "relative_file_paths: []"),
+        ("relative_file_paths:\n  - small_0.mcap", "relative_file_paths: [small_1.mcap]"),
+        ("  - small_0.mcap\n", "  - small_0.mcap\n  - small_0.mcap\n"),
+    ],
+)
+def test_no_wrong_count_or_list_of_metadata_hides_a_message(small_bag, tmp_path, listed, wrong):
+    folder = small_bag()
+    path = folder / "metadata.yaml"
+    assert listed in path.read_text()
+    path.write_text(path.read_text().replace(listed, wrong))
+    assert contents_of_bag(folder).n_messages == check_bag(folder).n_messages == 69
+    assert not check_bag(folder).sound
+    report = recover(folder, tmp_path / "new")
+    assert (report.n_messages, bool(report.damage)) == (69, True)
+    with pytest.raises(BagError, match="repair it with 'serd bag recover'"):
+        list(BagReader(folder).messages())
+
+
+def test_messages_that_cannot_be_given_are_lost_also_where_nothing_counts_them(tmp_path, messages):
+    """Two of a time that no bag can hold, in a file without statistics."""
+    path = tmp_path / "file.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_statistics=False)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(POSE, "ros2msg", message_type(POSE).text.encode())
+        channel = writer.register_channel("/pose", "cdr", schema)
+        for time_ns in (1, 2, 3, 2**63, 2**64 - 1):
+            writer.add_message(channel, time_ns, messages.pose(1.0, 0.0, 0.0), time_ns)
+        writer.finish()
+    report = recover(path, tmp_path / "new")
+    assert (report.n_messages, report.n_lost, report.all_lost_known) == (3, 2, False)
+    assert contents_of_bag(path).n_lost == check_bag(path).n_lost == 2

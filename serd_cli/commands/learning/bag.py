@@ -56,7 +56,8 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     serd bag info demo_output/run-1/bag
 
     Sound MCAP files are not read but for their summaries. Other and damaged ones are read too,
-    and their faults are listed. Exit code 1 where a bag has faults and no message can be read.
+    and their faults are listed. Exit code 1 where messages of a bag are known to be lost, or where
+    none of a damaged one can be read.
     """
     raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json)))
 
@@ -84,8 +85,9 @@ def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
     """Write the readable messages of a damaged bag as a new bag.
 
     The new bag is BAG_recovered beside the damaged one, or --output.
-    The damaged bag is not changed. Exit code 1 where nothing could be read, or readable messages
-    had to be left out.
+    The damaged bag is not changed. Exit code 0 where no message is known to be missing from the
+    new bag, 1 where messages are known to be lost or had to be left out, 3 where none of a damaged
+    bag could be read.
     """
     raise typer.Exit(recover_bags(bags, output, RichScreen(as_json=as_json)))
 
@@ -99,7 +101,8 @@ def convert(
     """Write any sound rosbag2 as MCAP.
 
     The new bag is BAG_mcap beside the old one, or --output. Messages of types not installed here
-    are copied too. Exit code 1 where messages had to be left out, as those that are not CDR.
+    are copied too. Exit code 1 where messages had to be left out, as those that are not CDR, 2
+    where the bag is damaged.
     """
     raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
 

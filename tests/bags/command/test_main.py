@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from bags.command.commands import EXIT_CODES
 from bags.command.main import main
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_core.errors import SerdError
 from support.bag_messages import POSE
+from support.mcap_files import CONTENTS, Feature, mcap_file
 
 
 def cut_short(bag):
@@ -94,6 +96,61 @@ def test_info_of_a_file_without_a_readable_message_ends_with_1_as_check_does(
     for words in (["info"], ["info", "--json"], ["check"]):
         assert main([*words, str(tmp_path / name)]) == 1
     assert f"{tmp_path / name}: no message" in capsys.readouterr().out
+
+
+def lose_a_message(bag):
+    """Flip a bit of a chunk; without metadata.yaml `info` reads the bag."""
+    (bag / "metadata.yaml").unlink()
+    (file,) = bag.glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    return bag
+
+
+def cut_to_nothing(bag):
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:20])
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("change", "codes"),
+    [
+        (None, {"info": 0, "check": 0, "recover": 0, "convert": 0}),
+        (lose_a_message, {"info": 1, "check": 1, "recover": 1, "convert": 2}),
+        (cut_to_nothing, {"info": 1, "check": 1, "recover": 3, "convert": 2}),
+    ],
+)
+def test_the_exit_code_states_whether_messages_are_known_to_be_lost(small_bag, change, codes):
+    bag = small_bag()
+    if change:
+        change(bag)
+    assert {command: main([command, str(bag)]) for command in codes} == codes
+
+
+def test_of_several_bags_the_highest_exit_code_counts(small_bag, tmp_path, capsys):
+    lost, whole = lose_a_message(small_bag()), tmp_path / "whole.mcap"
+    whole.write_bytes(mcap_file(CONTENTS["OneMessage"], Feature.NONE))
+    nothing = tmp_path / "nothing.mcap"
+    nothing.touch()
+    assert main(["recover", str(whole), str(lost)]) == 1
+    assert "messages lost: " in capsys.readouterr().out
+    assert main(["recover", str(lost.with_name("small_recovered")), str(nothing)]) == 3
+
+
+def test_the_help_states_all_exit_codes(capsys):
+    for words in (["--help"], ["recover", "--help"]):
+        with pytest.raises(SystemExit):
+            main(words)
+        shown = " ".join(capsys.readouterr().out.split())
+        assert EXIT_CODES in shown
+
+
+def test_recover_of_a_sound_bag_without_messages_ends_with_0(tmp_path):
+    with BagWriter(tmp_path / "empty") as writer:
+        writer.add_topic("/odom", "nav_msgs/msg/Odometry")
+    assert main(["recover", str(tmp_path / "empty")]) == 0
 
 
 def test_info_of_a_bag_without_messages_and_of_a_part_of_a_bag_ends_with_0(small_bag, tmp_path):
