@@ -42,7 +42,8 @@ _RATE_NAMES = ("fps", "frame_rate", "framerate")
 class Cells:
     """names: of the columns, empty where the file has none; fps: frames per s that it states.
 
-    n_skipped: rows with more cells than the first.
+    n_skipped: rows with more cells than the first. unused: names of columns of places that nothing
+    is read from.
     """
 
     frame: "pd.DataFrame"
@@ -50,6 +51,7 @@ class Cells:
     fps: float | None = None
     comments: tuple[str, ...] = field(default=())
     n_skipped: int = 0
+    unused: tuple[str, ...] = ()
 
 
 def read_cells(path: Path) -> Cells:

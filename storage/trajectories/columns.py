@@ -103,6 +103,7 @@ class Columns:
 def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     """The columns; FileError where x, y or time cannot be found. values: (R, C), text as NaN."""
     by_name = _by_names(names)
+    _require_one_place(where, names, wanted)
     by_name |= {
         role: _index(where, names, values.shape[1], text, role)
         for role in ("time", "agent", "episode", "x", "y")
@@ -124,6 +125,22 @@ def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableC
     if wanted.time_unit is None:
         return found
     return replace(found, frames=False, time_s=_SECONDS[wanted.time_unit])
+
+
+def _require_one_place(where: str, names: Sequence[str], wanted: TableColumns) -> None:
+    """FileError where several columns may be x and y, and no mapping names one of them."""
+    candidates = {
+        role: [name for name in names if role_of(name) == role and not getattr(wanted, role)]
+        for role in ("x", "y")
+    }
+    if min(map(len, candidates.values())) < 2:
+        return
+    x, y = candidates["x"][-1], candidates["y"][-1]
+    raise FileError(
+        f"{where} must have one pair of columns of places, got {', '.join(candidates['x'])} and"
+        f" {', '.join(candidates['y'])}; name one in a --mapping file, for example"
+        f" 'x: \"{x}\"' and 'y: \"{y}\"'"
+    )
 
 
 def role_of(name: str) -> str | None:

@@ -20,7 +20,7 @@ from storage.trajectories.faults import (
     parts_of_jumps,
     without_strays,
 )
-from storage.trajectories.wide import long_cells
+from storage.trajectories.wide import long_cells, unused_places
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,7 +71,9 @@ class Trajectories:
 def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
     """The tracks of at least two places; FileError where a file holds none."""
     path, wanted = Path(path), wanted or TableColumns()
-    cells = long_cells(read_cells(path))
+    cells = read_cells(path)
+    if not (wanted.x or wanted.y):
+        cells = long_cells(cells)
     values = _numbers(cells.frame)
     if len(values) == _TRANSPOSED_ROWS and values.shape[1] > _LEAST_TRANSPOSED:
         values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
@@ -80,6 +82,9 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
         limit = f"of at most {_LARGEST:g} in size"
         raise FileError(f"{path} must hold numbers, it holds none {limit}; check path and unit")
     columns = located(str(path), cells.names, usable, wanted)
+    if not cells.unused:
+        unused = unused_places(cells.names, {columns.x, columns.y})
+        cells = replace(cells, unused=tuple(unused))
     return _tracks(path, cells, values, columns, wanted)
 
 
@@ -98,7 +103,12 @@ def _tracks(
     tracks = _pieces(rows, points, part, _kinds(cells))
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    left_out = (*_lists(cells), *strays, *_without_numbers(rows.good, cells.n_skipped))
+    left_out = (
+        *_unused(cells),
+        *_lists(cells),
+        *strays,
+        *_without_numbers(rows.good, cells.n_skipped),
+    )
     n_bad = int((~rows.good).sum() + (~kept).sum()) + cells.n_skipped
     return Trajectories(tracks, (*assumed, *jumps, *left_out), n_bad)
 
@@ -187,6 +197,17 @@ def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
     if n_skipped:
         found.append(f"{counted(n_skipped, 'row')} with more cells than the first left out")
     return tuple(found)
+
+
+def _unused(cells: Cells) -> tuple[str, ...]:
+    """A sentence about columns of places that nothing is read from."""
+    if not cells.unused:
+        return ()
+    columns = f"column{'s' if len(cells.unused) > 1 else ''} {', '.join(cells.unused)}"
+    are = "are" if len(cells.unused) > 1 else "is"
+    return (
+        f"{columns} of places {are} not used; name x: and y: in a --mapping file to use others",
+    )
 
 
 def _lists(cells: Cells) -> tuple[str, ...]:

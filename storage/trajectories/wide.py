@@ -1,7 +1,12 @@
 """Tables with a pair of columns per agent (`robot_x, robot_y, person1_x, ...`) as rows of time, id,
-x and y; seconds and nanoseconds in two columns become one."""
+x and y; seconds and nanoseconds in two columns become one.
+
+Beside columns that name a robot, x and y are a person, and so are x1, y1, ...; without such columns
+x and y are the robot beside numbered people.
+"""
 
 import re
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +22,7 @@ if TYPE_CHECKING:
 _PLACE = r"(?:(?:p|pose|pos|position|loc|location|cent(?:er|re|roid))[\W_]*)*"
 _AXIS_LAST = re.compile(rf"(?P<agent>.*?[^\W_])[\W_]*{_PLACE}(?P<axis>[xy])$")
 _AXIS_FIRST = re.compile(rf"{_PLACE}(?P<axis>[xy])[\W_]+(?P<agent>.*[^\W_])$")
-#: Columns of people beside x and y of a robot: x1, y1, ...
+#: Columns of people beside a robot: x1, y1, ...
 _NUMBERED = re.compile(rf"{_PLACE}(?P<axis>[xy])_?(?P<agent>\d+)$")
 #: Names of agents, with or without a number.
 _AGENT = re.compile(
@@ -25,6 +30,14 @@ _AGENT = re.compile(
 )
 #: The agent whose columns are x and y alone, and the letter that may stand for it.
 _OWN, _OWN_LETTER = "robot", "r"
+#: Names of the robot that demonstrates, and the person whose columns are x and y beside it.
+_ROBOTS = frozenset(["robot", "ego"])
+_PERSON = "person"
+#: Words in names of columns with x or y that are no places.
+_NO_PLACE = re.compile(
+    r"(^|[\W_])(v|vel\w*|velocity|speed|acc\w*|a|orientation|quat\w*|q|rot\w*|ang\w*|imu|gyro|force|size"
+    r"|dim\w*|twist|cov\w*|std|var\w*|normal|heading|linear|mag\w*)([\W_]|$)"
+)
 _WHOLE_S = re.compile(r"^(.*?)(?:sec|secs|seconds)$")
 _REST_NS = "{}n{}", "{}nano{}"
 
@@ -39,6 +52,8 @@ def long_cells(cells: Cells) -> Cells:
     times = [row for row, role in enumerate(roles) if role in ("time", "frame")]
     if not pairs or (pairs.keys() == {_OWN} and {"x", "y"} <= set(roles)) or not times:
         return cells
+    used = {column for axes in pairs.values() for column in axes.values()}
+    cells = replace(cells, unused=tuple(unused_places(cells.names, used)))
     unit = UNIT_SUFFIX.search(cells.names[pairs[next(iter(pairs))]["x"]].strip().lower())
     suffix = unit[0] if unit else ""
     begins_again = restarts(
@@ -52,7 +67,7 @@ def long_cells(cells: Cells) -> Cells:
     names = (*(cells.names[row] for row in kept.values()), "id", f"x{suffix}", f"y{suffix}")
     ids = roles.index("agent") if "agent" in roles else None
     frame = _stacked(cells.frame, kept, pairs, ids)
-    return Cells(frame, names, cells.fps, cells.comments, cells.n_skipped)
+    return replace(cells, frame=frame, names=names)
 
 
 def _with_whole_times(cells: Cells) -> Cells:
@@ -100,17 +115,44 @@ def _pairs(names: tuple[str, ...], *, numbered: bool) -> dict[str, dict[str, int
     """
     found: dict[str, dict[str, int]] = {}
     own = {role for name in names if (role := role_of(name)) in ("x", "y")}
+    robot = {match["axis"] for name in names if (match := _of_agent(name)) and _is_robot(match)}
+    plain_agent = _PERSON if robot == {"x", "y"} else _OWN
     for column, name in enumerate(names):
-        plain = UNIT_SUFFIX.sub("", name.strip().lower()).strip()
-        match = _AXIS_LAST.match(plain) or _AXIS_FIRST.match(plain)
-        number = _NUMBERED.match(plain) if numbered and own == {"x", "y"} else None
-        if match and len(match["agent"]) > 1 and _AGENT.match(match["agent"]):
+        plain = _plain(name)
+        match = _of_agent(name)
+        number = _NUMBERED.match(plain) if numbered and {"x", "y"} in (own, robot) else None
+        if match and _is_robot(match):
+            found.setdefault(_OWN, {}).setdefault(match["axis"], column)
+        elif match and len(match["agent"]) > 1 and _AGENT.match(match["agent"]):
             found.setdefault(match["agent"], {}).setdefault(match["axis"], column)
         elif (role := role_of(name)) in ("x", "y"):
-            found.setdefault(_OWN, {}).setdefault(role, column)
+            found.setdefault(plain_agent, {}).setdefault(role, column)
         elif number:
             found.setdefault(f"person {number['agent']}", {}).setdefault(number["axis"], column)
         elif match and _AGENT.match(match["agent"]):
             agent = _OWN if match["agent"] == _OWN_LETTER else match["agent"]
             found.setdefault(agent, {}).setdefault(match["axis"], column)
     return {agent: axes for agent, axes in found.items() if len(axes) == 2}
+
+
+def unused_places(names: Sequence[str], used: Collection[int]) -> Iterator[str]:
+    """Names of columns that hold places, by their names, and are not among the used ones."""
+    for column, name in enumerate(names):
+        plain = _plain(name)
+        is_place = role_of(name) in ("x", "y") or _of_agent(name) or _NUMBERED.match(plain)
+        if column not in used and is_place and not _NO_PLACE.search(plain):
+            yield name
+
+
+def _plain(name: str) -> str:
+    return UNIT_SUFFIX.sub("", name.strip().lower()).strip()
+
+
+def _of_agent(name: str) -> re.Match[str] | None:
+    """The agent and the axis that the name of a column states."""
+    plain = _plain(name)
+    return _AXIS_LAST.match(plain) or _AXIS_FIRST.match(plain)
+
+
+def _is_robot(match: re.Match[str]) -> bool:
+    return match["agent"] in _ROBOTS
