@@ -35,6 +35,8 @@ from sim.world.observation import People
 
 _REPORT_PERIOD_S = 0.5
 _LOG_PERIOD_S = 5.0
+#: A longer time (s) between two steps means that this process was stopped.
+_PAUSE_S = 0.5
 #: Zeros are counted in one of so many scans.
 _SCANS_PER_LOOK = 10
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
@@ -126,7 +128,13 @@ class GuardNode(SerdNode[GuardConfig]):
         receive = self._guard.receive_command
         self._take(Source.COMMAND, time_ns, lambda: receive(time_ns * 1e-9, command))
 
+    def _notice_pause(self) -> None:
+        """End the command of before a pause of this process, whose /clock may be behind."""
+        if self._stepped_wall_s and self.wall_s() - self._stepped_wall_s > _PAUSE_S:
+            self._guard.receive_command(self._now_s() - 2.0 * self.config.command_timeout, STOP)
+
     def _on_command(self, message: Twist | TwistStamped, age_s: float) -> None:
+        self._notice_pause()
         now_s = self._now_s()
         if isinstance(message, TwistStamped):
             time_ns, command = from_twist_stamped(message)
@@ -179,6 +187,7 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def _watch(self) -> None:
         """Step when no command has come for a period."""
+        self._notice_pause()
         self._look_for_publishers()
         if self.wall_s() - self._stepped_wall_s >= 1.0 / self.config.controller_frequency:
             self._step()

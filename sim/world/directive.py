@@ -3,8 +3,8 @@
 A directive is an action (one cell on) or a waypoint, with the stamp of the observation it was made
 for. A waypoint may be far, so its source repeats it, and it is recent for 0.8 s. An action ends in
 the next cell; it is recent for 1.5 times the longest of the last pauses between actions, 0.8 s at
-least, and never beyond 1.5 decision periods. No directive is recent half a period ahead of its stamp.
-Without a recent one the robot brakes.
+least, and never beyond 1.5 decision periods. No directive is recent half a period before its
+stamp. Without a recent one the robot brakes.
 """
 
 import math
