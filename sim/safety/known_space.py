@@ -244,7 +244,7 @@ class KnownSpace:
         """Keep the ends of these rays for the next scans."""
         end = end_m[rays, None] * scan.directions[rays]
         is_solid = np.isfinite(scan.ranges_m[rays])
-        if len(people_m):
+        if len(people_m) and len(end):
             x_m, y_m = out_of_frame(end, mount).T
             away_m = distance_to_nearest(x_m, y_m, people_m[:, :1], people_m[:, 1:])
             is_solid &= away_m > self._settings.person_radius + BODY_MARGIN_M

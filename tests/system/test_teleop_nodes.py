@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 from serd_cli.processes.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.diagnostics import to_diagnostics
+from serd_ros.convert.diagnostics import to_diagnostics, values_of
 from serd_ros.convert.pose import from_odometry
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
@@ -42,7 +42,8 @@ class Commander:
 
     def __init__(self, probe):
         self.probe = probe
-        self.linear = math.nan
+        self.linear, self.state = math.nan, {}
+        probe.node.create_subscription(DiagnosticArray, "diagnostics", self._take_report, qos.STATE)
         probe.node.create_subscription(Twist, "cmd_vel_raw", self._take, qos.COMMAND)
         self.inputs = {
             name: probe.node.create_publisher(Twist, f"cmd_vel_{name}", qos.COMMAND)
@@ -56,6 +57,9 @@ class Commander:
     def _take(self, message):
         self.linear = message.linear.x
 
+    def _take_report(self, message):
+        self.state = values_of(message, "teleop_mux") or self.state
+
     def until(self, reached, **speeds):
         """Send these speeds until the output is reached."""
 
@@ -65,6 +69,16 @@ class Commander:
                 message.linear.x = speed
                 self.inputs[name].publish(message)
             return self.linear == pytest.approx(reached, abs=1e-9)
+
+        self.probe.spin_until(done)
+
+    def until_none_is_held(self):
+        """Send stops until each has arrived: of several commands a busy mux takes the last."""
+
+        def done():
+            for each in self.inputs.values():
+                each.publish(Twist())
+            return self.state.get("held") == ""
 
         self.probe.spin_until(done)
 
@@ -109,6 +123,7 @@ def test_the_e_stop_holds_until_the_service_releases_it_and_speeds_are_limited(c
     commander.until(0.0, teleop=0.5)
     for _ in range(10):
         commander.until(0.0, teleop=0.5, joy=0.5)
+    commander.probe.spin_until(lambda: commander.state.get("held"))
     service = commander.probe.node.create_client(SetBool, "set_e_stop")
     commander.probe.spin_until(service.service_is_ready)
     reply = service.call_async(SetBool.Request(data=False))
@@ -116,7 +131,7 @@ def test_the_e_stop_holds_until_the_service_releases_it_and_speeds_are_limited(c
     assert reply.result().message == "released"
     for _ in range(10):
         commander.until(0.0, teleop=0.5, joy=0.5)  # they did not stop in between
-    commander.until(0.0, teleop=0.0, joy=0.0)
+    commander.until_none_is_held()
     commander.until(0.5, teleop=0.5)
 
 

@@ -84,7 +84,7 @@ def test_scans_are_due_at_the_lidars_rate():
     assert due == [True, False] * 3
 
 
-def test_what_is_nearer_or_farther_than_the_limits_is_not_seen():
+def test_what_is_nearer_than_the_lidar_measures_is_minus_infinite_and_what_is_farther_infinite():
     """A wall 3 m ahead, by lidars that see from 2, from 4, and up to 2.5 m."""
     wall = np.array([[[3.0, -50.0], [3.0, 50.0]]])
     seen = []
@@ -93,4 +93,4 @@ def test_what_is_nearer_or_farther_than_the_limits_is_not_seen():
         lidar = Lidar(settings, wall, 0.25)
         ahead = int(np.argmin(np.abs(lidar.angles_rad)))
         seen.append(float(lidar.scan((0.0, 0.0, 0.0), np.zeros(0), np.zeros(0))[ahead]))
-    assert seen == pytest.approx([3.0, np.inf, np.inf])
+    assert seen == pytest.approx([3.0, -np.inf, np.inf])
