@@ -121,8 +121,13 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
         people = read_trajectories(file, TableColumns(fps=mapping.fps, unit=mapping.unit))
         experts, choice = _experts(path, tracks, mapping.experts or ("*",))
         assumed = (*assumed, *(f"{file.name}: {each}" for each in people.assumed))
-        tracks = (*tracks, *people.tracks)
-        _require_one_clock(path, found.tracks, file, people.tracks)
+        others = tuple(track for track in people.tracks if not _is_robot(track))
+        if not others:
+            raise FileError(f"{file} must hold people, it holds robots alone; correct people:")
+        if len(others) < len(people.tracks):
+            assumed = (*assumed, f"{file.name}: its robots are left out, as {path.name} has them")
+        tracks = (*tracks, *others)
+        _require_one_clock(path, found.tracks, file, others)
     else:
         experts, choice = _experts(path, tracks, mapping.experts)
     if choice:

@@ -42,8 +42,7 @@ _RATE_NAMES = ("fps", "frame_rate", "framerate")
 class Cells:
     """names: of the columns, empty where the file has none; fps: frames per s that it states.
 
-    n_skipped: rows with more cells than the first. unused: names of columns of places that nothing
-    is read from.
+    n_skipped: rows with more cells than the first.
     """
 
     frame: "pd.DataFrame"
@@ -51,7 +50,6 @@ class Cells:
     fps: float | None = None
     comments: tuple[str, ...] = field(default=())
     n_skipped: int = 0
-    unused: tuple[str, ...] = ()
 
 
 def read_cells(path: Path) -> Cells:

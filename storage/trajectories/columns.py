@@ -7,14 +7,18 @@ numbers, and along the right id the steps are short. What is assumed is listed i
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import yaml
 
 from serd_core.arrays import FloatArray
 from storage.errors import FileError
 from storage.settings import setting
 from storage.yaml_config import StrictModel
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Unit = Literal["m", "cm", "mm"]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -50,6 +54,7 @@ _NAMES = {
     " local_y world_y y_world pose_y y_coord coord_y northing utm_y yloc loc_y map_y y_map global_y"
     " y_global centroid_y",
 }
+NAMES_OF_AXES = {axis: _NAMES[axis].split() for axis in ("x", "y")}
 _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split()}
 _POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
 _UNITS = "|".join(_UNIT_OF)
@@ -74,8 +79,8 @@ class TableColumns(StrictModel):
     time: str = setting("", "column of times or frames: its name, or its number from 1")
     agent: str = setting("", "column of ids")
     episode: str = setting("", "column of episodes, in each of which ids and times may begin again")
-    x: str = setting("", "column of x")
-    y: str = setting("", "column of y")
+    x: str = setting("", "column of x; where people have columns of their own, that of the robot")
+    y: str = setting("", "column of y, likewise")
     fps: float | None = setting(None, "frames per second, where times are frames", unit="Hz", gt=0)
     time_unit: Literal["s", "ms", "us", "ns"] | None = setting(None, "unit of times")
     unit: Unit | None = setting(None, "unit of x and y")
@@ -102,10 +107,9 @@ class Columns:
 
 def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     """The columns; FileError where x, y or time cannot be found. values: (R, C), text as NaN."""
-    by_name = _by_names(names)
-    _require_one_place(where, names, wanted)
+    by_name = columns_by_name(names)
     by_name |= {
-        role: _index(where, names, values.shape[1], text, role)
+        role: column_named(where, names, values.shape[1], text, role)
         for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
@@ -127,22 +131,6 @@ def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableC
     return replace(found, frames=False, time_s=_SECONDS[wanted.time_unit])
 
 
-def _require_one_place(where: str, names: Sequence[str], wanted: TableColumns) -> None:
-    """FileError where several columns may be x and y, and no mapping names one of them."""
-    candidates = {
-        role: [name for name in names if role_of(name) == role and not getattr(wanted, role)]
-        for role in ("x", "y")
-    }
-    if min(map(len, candidates.values())) < 2:
-        return
-    x, y = candidates["x"][-1], candidates["y"][-1]
-    raise FileError(
-        f"{where} must have one pair of columns of places, got {', '.join(candidates['x'])} and"
-        f" {', '.join(candidates['y'])}; name one in a --mapping file, for example"
-        f" 'x: \"{x}\"' and 'y: \"{y}\"'"
-    )
-
-
 def role_of(name: str) -> str | None:
     """What the name of a column stands for: frame, time, agent, episode, x or y."""
     plain = UNIT_SUFFIX.sub("", name.strip().lower()).strip(" _%#")
@@ -151,7 +139,8 @@ def role_of(name: str) -> str | None:
     return _ROLE_OF.get(plain) or (position[1] if position else None)
 
 
-def _by_names(names: Sequence[str]) -> dict[str, int]:
+def columns_by_name(names: Sequence[str]) -> dict[str, int]:
+    """Return the first column of each role that the names have."""
     found: dict[str, int] = {}
     for index, name in enumerate(names):
         role = role_of(name)
@@ -163,7 +152,66 @@ def _by_names(names: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _index(where: str, names: Sequence[str], count: int, text: str, role: str) -> int:
+def require_one_time(where: str, names: Sequence[str], frame: "pd.DataFrame") -> None:
+    """Raise FileError if several columns of numbers may be the times and do not agree.
+
+    Two columns agree if one is the other in another unit or from another start.
+    """
+    times = [column for column, name in enumerate(names) if role_of(name) == "time"]
+    clocks = {
+        column: numbers
+        for column in (times if len(times) > 1 else ())
+        for numbers in [numeric(frame.iloc[:, column]).to_numpy(np.float64)]
+        if np.isfinite(numbers).sum() > 1 and np.ptp(numbers[np.isfinite(numbers)]) > 0
+    }
+    if len(clocks) < 2 or all(_agree(clocks[min(clocks)], each) for each in clocks.values()):
+        return
+    listed = " and ".join(names[column] for column in clocks)
+    mappings = " or ".join(mapping_of(names, time=column) for column in clocks)
+    raise FileError(
+        f"{where} must have one column of times, it has {listed}, whose values differ; write one of"
+        f" them into a --mapping file: {mappings}"
+    )
+
+
+def numeric(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    """Return the numbers of a column, NaN for what is no number."""
+    import pandas as pd
+
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:  # an integer of more than 308 digits
+        return pd.to_numeric(column.where(column.astype(str).str.len() < 300), errors="coerce")
+
+
+def _agree(one: FloatArray, other: FloatArray) -> bool:
+    known = np.isfinite(one) & np.isfinite(other)
+    shares = [(each[known] - each[known].min()) / max(np.ptp(each[known]), 1e-300)
+              for each in (one, other)] if known.sum() > 1 else []  # fmt: skip
+    if not shares:
+        return False
+    steps = np.diff(np.unique(shares[0]))
+    return bool(np.abs(shares[0] - shares[1]).max() < np.median(steps))
+
+
+def mapping_of(names: Sequence[str], **columns: int) -> str:
+    """Return what a mapping file must hold to name these columns.
+
+    >>> mapping_of(["t", "robot_x", "robot_y"], x=1, y=2)
+    '{x: robot_x, y: robot_y}'
+
+    Columns of equal names are named by their numbers.
+    """
+    chosen = {
+        key: names[column] if list(names).count(names[column]) == 1 else str(column + 1)
+        for key, column in columns.items()
+    }
+    text = yaml.safe_dump(chosen, default_flow_style=True, width=10_000, allow_unicode=True)
+    return str(text).strip()
+
+
+def column_named(where: str, names: Sequence[str], count: int, text: str, role: str) -> int:
+    """Return the column that a mapping names for a role; FileError if the table has none such."""
     if text in names:
         return list(names).index(text)
     if text.isdecimal() and 1 <= int(text) <= count:
@@ -179,7 +227,7 @@ def _of_names(
 ) -> Columns:
     is_frame = "time" not in found
     time = found["frame"] if is_frame else found["time"]
-    unit = _unit(names[time], _SECONDS) if names else None
+    unit = unit_of(names[time], _SECONDS) if names else None
     may_count = unit is None and (has_rate or not names)
     return Columns(
         time=time,
@@ -189,11 +237,12 @@ def _of_names(
         y=found["y"],
         frames=is_frame or (may_count and _are_frames(values[:, time])),
         time_s=None if is_frame else unit,
-        place_m=_unit(names[found["x"]], METRES) if names else None,
+        place_m=unit_of(names[found["x"]], METRES) if names else None,
     )
 
 
-def _unit(name: str, known: dict[str, float]) -> float | None:
+def unit_of(name: str, known: dict[str, float]) -> float | None:
+    """Return the factor of the unit at the end of a name, or None if it states no unit."""
     found = UNIT_SUFFIX.search(name.strip().lower())
     return known.get(_UNIT_OF[found[1] or found[2]]) if found else None
 

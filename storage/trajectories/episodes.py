@@ -133,6 +133,9 @@ def with_agents(
     """The same with the column along which steps are shortest as the agent, where there are
     several; FileError where no column divides them. time (R,), place (R, 2)."""
     good = np.flatnonzero(np.isfinite(time) & np.isfinite(place).all(axis=1))
+    # A row that only repeats another one, as beside each of several people, is of the same agent.
+    _, first = np.unique(np.column_stack([time, place])[good], axis=0, return_index=True)
+    good = good[np.sort(first)]
     rows = good[np.argsort(time[good], kind="stable")][:_MOST_ROWS]
     if columns.agent >= 0 or not len(rows):
         return columns

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +10,15 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
 from storage.quantities import counted
 from storage.trajectories.cells import Cells, read_cells
-from storage.trajectories.columns import Columns, TableColumns, Unit, located, metres_of, times_of
+from storage.trajectories.columns import (
+    Columns,
+    TableColumns,
+    Unit,
+    located,
+    metres_of,
+    numeric,
+    times_of,
+)
 from storage.trajectories.episodes import agents_of_episodes, episodes_of, on_one_clock, with_agents
 from storage.trajectories.faults import (
     Points,
@@ -20,7 +28,7 @@ from storage.trajectories.faults import (
     parts_of_jumps,
     without_strays,
 )
-from storage.trajectories.wide import long_cells, unused_places
+from storage.trajectories.wide import long_cells
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,9 +79,9 @@ class Trajectories:
 def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
     """The tracks of at least two places; FileError where a file holds none."""
     path, wanted = Path(path), wanted or TableColumns()
-    cells = read_cells(path)
-    if not (wanted.x or wanted.y):
-        cells = long_cells(cells)
+    given = read_cells(path)
+    long = long_cells(str(path), given, wanted)
+    cells, wanted = long.cells, long.wanted
     values = _numbers(cells.frame)
     if len(values) == _TRANSPOSED_ROWS and values.shape[1] > _LEAST_TRANSPOSED:
         values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
@@ -82,15 +90,14 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
         limit = f"of at most {_LARGEST:g} in size"
         raise FileError(f"{path} must hold numbers, it holds none {limit}; check path and unit")
     columns = located(str(path), cells.names, usable, wanted)
-    if not cells.unused:
-        unused = unused_places(cells.names, {columns.x, columns.y})
-        cells = replace(cells, unused=tuple(unused))
-    return _tracks(path, cells, values, columns, wanted)
+    found = _tracks(path, cells, values, columns, wanted)
+    return replace(found, assumed=(*long.remarks, *found.assumed, *_lists(given)))
 
 
 def _tracks(
     path: Path, cells: Cells, values: FloatArray, columns: Columns, wanted: TableColumns
 ) -> Trajectories:
+    """The tracks of rows of agents; FileError where they have none."""
     rows = _identified(path, cells, values, columns)
     if not rows.good.any():
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
@@ -103,12 +110,7 @@ def _tracks(
     tracks = _pieces(rows, points, part, _kinds(cells))
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    left_out = (
-        *_unused(cells),
-        *_lists(cells),
-        *strays,
-        *_without_numbers(rows.good, cells.n_skipped),
-    )
+    left_out = (*strays, *_without_numbers(rows.good, cells.n_skipped))
     n_bad = int((~rows.good).sum() + (~kept).sum()) + cells.n_skipped
     return Trajectories(tracks, (*assumed, *jumps, *left_out), n_bad)
 
@@ -199,17 +201,6 @@ def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _unused(cells: Cells) -> tuple[str, ...]:
-    """A sentence about columns of places that nothing is read from."""
-    if not cells.unused:
-        return ()
-    columns = f"column{'s' if len(cells.unused) > 1 else ''} {', '.join(cells.unused)}"
-    are = "are" if len(cells.unused) > 1 else "is"
-    return (
-        f"{columns} of places {are} not used; name x: and y: in a --mapping file to use others",
-    )
-
-
 def _lists(cells: Cells) -> tuple[str, ...]:
     """Sentences about columns of lists, as of the people of a row."""
     found = []
@@ -238,18 +229,9 @@ def _kinds(cells: Cells) -> list[list[str]]:
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:
     """(R, C) with NaN for text and for numbers above `_LARGEST`."""
-    columns = [_numeric(frame[name]) for name in frame.columns]
+    columns = [numeric(frame[name]) for name in frame.columns]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
     return np.where(np.abs(numbers) <= _LARGEST, numbers, np.nan)
-
-
-def _numeric(column: "pd.Series[Any]") -> "pd.Series[Any]":
-    import pandas as pd
-
-    try:
-        return pd.to_numeric(column, errors="coerce")
-    except OverflowError:  # an integer of more than 308 digits
-        return pd.to_numeric(column.where(column.astype(str).str.len() < 300), errors="coerce")
 
 
 def _in_words(units: dict[str, str], speed_mps: float) -> tuple[str, ...]:

@@ -1,79 +1,92 @@
 """Tables with a pair of columns per agent (`robot_x, robot_y, person1_x, ...`) as rows of time, id,
-x and y; seconds and nanoseconds in two columns become one.
-
-Beside columns that name a robot, x and y are a person, and so are x1, y1, ...; without such columns
-x and y are the robot beside numbered people.
-"""
+x and y; seconds and nanoseconds in two columns become one."""
 
 import re
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from storage.errors import FileError
 from storage.trajectories.cells import Cells
-from storage.trajectories.columns import UNIT_SUFFIX, role_of
+from storage.trajectories.columns import (
+    METRES,
+    TableColumns,
+    column_named,
+    columns_by_name,
+    numeric,
+    require_one_time,
+    unit_of,
+)
+from storage.trajectories.coordinates import (
+    Pair,
+    is_robot,
+    mappings_of_places,
+    named_pairs,
+    unused_places,
+)
 from storage.trajectories.episodes import restarts
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-_PLACE = r"(?:(?:p|pose|pos|position|loc|location|cent(?:er|re|roid))[\W_]*)*"
-_AXIS_LAST = re.compile(rf"(?P<agent>.*?[^\W_])[\W_]*{_PLACE}(?P<axis>[xy])$")
-_AXIS_FIRST = re.compile(rf"{_PLACE}(?P<axis>[xy])[\W_]+(?P<agent>.*[^\W_])$")
-#: Columns of people beside a robot: x1, y1, ...
-_NUMBERED = re.compile(rf"{_PLACE}(?P<axis>[xy])_?(?P<agent>\d+)$")
-#: Names of agents, with or without a number.
-_AGENT = re.compile(
-    r"(robot|r|ped|pedestrian|person|people|human|agent|walker|obstacle|actor|p|h|id)[\W_]*\d*$"
-)
-#: The agent whose columns are x and y alone, and the letter that may stand for it.
-_OWN, _OWN_LETTER = "robot", "r"
-#: Names of the robot that demonstrates, and the person whose columns are x and y beside it.
-_ROBOTS = frozenset(["robot", "ego"])
-_PERSON = "person"
-#: Words in names of columns with x or y that are no places.
-_NO_PLACE = re.compile(
-    r"(^|[\W_])(v|vel\w*|velocity|speed|acc\w*|a|orientation|quat\w*|q|rot\w*|ang\w*|imu|gyro|force|size"
-    r"|dim\w*|twist|cov\w*|std|var\w*|normal|heading|linear|mag\w*)([\W_]|$)"
-)
+#: Ids of the people whose x and y are beside robot_x and robot_y, as NavWareSet names the column.
+_PERSON_ID = "column"
 _WHOLE_S = re.compile(r"^(.*?)(?:sec|secs|seconds)$")
 _REST_NS = "{}n{}", "{}nano{}"
 
 
-def long_cells(cells: Cells) -> Cells:
-    """A row per agent and time; the same cells where x and y are columns of one agent."""
-    import pandas as pd
+@dataclass(frozen=True, eq=False)
+class LongCells:
+    """Cells with a row per agent and time, and the mapping for their columns.
 
+    remarks: sentences about columns that are not used, or assumed to be of an agent.
+    """
+
+    cells: Cells
+    wanted: TableColumns
+    remarks: tuple[str, ...] = ()
+
+
+def long_cells(where: str, cells: Cells, wanted: TableColumns) -> LongCells:
+    """Bring the places of all agents into one column of x and one of y.
+
+    Cells in which x and y are columns of one agent stay as they are. Raises FileError if it is not
+    certain which columns hold the times, or the places of an agent.
+    """
     cells = _with_whole_times(cells)
-    roles = [role_of(name) for name in cells.names]
-    pairs = _pairs(cells.names, numbered="agent" not in roles)
-    times = [row for row, role in enumerate(roles) if role in ("time", "frame")]
-    if not pairs or (pairs.keys() == {_OWN} and {"x", "y"} <= set(roles)) or not times:
-        return cells
-    used = {column for axes in pairs.values() for column in axes.values()}
-    cells = replace(cells, unused=tuple(unused_places(cells.names, used)))
-    unit = UNIT_SUFFIX.search(cells.names[pairs[next(iter(pairs))]["x"]].strip().lower())
-    suffix = unit[0] if unit else ""
-    begins_again = restarts(
-        pd.to_numeric(cells.frame.iloc[:, times[0]], errors="coerce").to_numpy(dtype=np.float64)
+    names, count = cells.names, cells.frame.shape[1]
+    given = {
+        role: column_named(where, names, count, text, role)
+        for role in ("time", "agent", "episode", "x", "y")
+        if (text := getattr(wanted, role))
+    }
+    if not names:
+        return LongCells(cells, wanted)
+    if "time" not in given:
+        require_one_time(where, names, cells.frame)
+    found = columns_by_name(names) | given
+    used = [found[axis] for axis in ("x", "y") if axis in given]
+    if len(used) == 1:
+        return LongCells(cells, wanted, unused_places(names, used))
+    of_robot = Pair(*used) if used else None
+    pairs, remarks = named_pairs(
+        where, names, cells.frame, has_ids="agent" in found, of_robot=of_robot
     )
-    if "episode" not in roles and begins_again.any():
-        numbered_from_1 = cells.frame.assign(**{"episode of times": begins_again + 1})
-        cells = replace(cells, frame=numbered_from_1, names=(*cells.names, "episode"))
-        roles.append("episode")
-    kept = {"time": times[0]} | ({"episode": roles.index("episode")} if "episode" in roles else {})
-    names = (*(cells.names[row] for row in kept.values()), "id", f"x{suffix}", f"y{suffix}")
-    ids = roles.index("agent") if "agent" in roles else None
-    frame = _stacked(cells.frame, kept, pairs, ids)
-    return replace(cells, frame=frame, names=names)
+    time = found.get("time", found.get("frame"))
+    if not pairs and (mappings := mappings_of_places(names)):
+        raise FileError(
+            f"{where} must have columns of x and y, named so, or robot_x and robot_y, among"
+            f" {', '.join(names)}; write them into a --mapping file, as {mappings}"
+        )
+    used = [column for pair in pairs.values() for column in pair]
+    remarks = (*remarks, *unused_places(names, used))
+    if pairs.keys() <= {""} or time is None:
+        numbers = {axis: str(column + 1) for axis, column in zip("xy", used, strict=False)}
+        return LongCells(cells, wanted.model_copy(update=numbers), remarks)
+    long = _stacked(where, cells, pairs, found | {"time": time}, wanted)
+    return replace(long, remarks=(*remarks, *long.remarks))
 
 
 def _with_whole_times(cells: Cells) -> Cells:
     """The cells with seconds and their nanoseconds added in one column."""
-    import pandas as pd
-
     plain = [name.strip().lower() for name in cells.names]
     for row, name in enumerate(plain):
         found = _WHOLE_S.match(name)
@@ -82,9 +95,7 @@ def _with_whole_times(cells: Cells) -> Cells:
         column = next((plain.index(each) for each in rest if each in plain), None)
         if column is None:
             continue
-        whole, parts = (
-            pd.to_numeric(cells.frame.iloc[:, each], errors="coerce") for each in (row, column)
-        )
+        whole, parts = (numeric(cells.frame.iloc[:, each]) for each in (row, column))
         frame = cells.frame.copy()
         frame[frame.columns[row]] = whole + 1e-9 * parts
         names = (*cells.names[:row], "time [s]", *cells.names[row + 1 :])
@@ -93,66 +104,74 @@ def _with_whole_times(cells: Cells) -> Cells:
 
 
 def _stacked(
-    frame: "pd.DataFrame", kept: dict[str, int], pairs: dict[str, dict[str, int]], ids: int | None
-) -> "pd.DataFrame":
-    """A row per agent and time. ids: column with the ids of agents whose names have no number."""
+    where: str,
+    cells: Cells,
+    pairs: Mapping[str, Pair],
+    found: Mapping[str, int],
+    wanted: TableColumns,
+) -> LongCells:
+    """Put the rows of all agents below each other.
+
+    found: columns of the time, of episodes and of the ids of people.
+    """
     import pandas as pd
 
+    frame, names = cells.frame, cells.names
+    columns = {role: found[role] for role in ("time", "episode") if role in found}
+    kept = pd.DataFrame({role: frame.iloc[:, column] for role, column in columns.items()})
+    titles = [names[column] for column in columns.values()]
+    times = numeric(kept["time"]).to_numpy(dtype=np.float64)
+    begins_again = restarts(times)
+    if "episode" not in columns and begins_again.any():
+        kept["episode"] = begins_again + 1
+        titles.append("episode")
+    ids = found.get("agent", names.index(_PERSON_ID) if _PERSON_ID in names else None)
+    scale_of, unit, remarks = _units(where, names, pairs, wanted)
     parts = []
-    for agent, axes in pairs.items():
-        part = pd.DataFrame({name: frame.iloc[:, row] for name, row in kept.items()})
-        is_several = ids is not None and agent != _OWN and not agent[-1].isdigit()
-        part["id"] = f"{agent} " + frame.iloc[:, ids].astype(str) if is_several else agent
-        part["x"], part["y"] = (frame.iloc[:, axes[axis]] for axis in "xy")
+    for agent, pair in pairs.items():
+        part = kept.copy()
+        is_several = ids is not None and not is_robot(agent) and not agent[-1].isdigit()
+        part["id"] = f"{agent} " + frame.iloc[:, ids].map(_id) if is_several else agent
+        for axis, column in pair._asdict().items():
+            given, scale = frame.iloc[:, column], scale_of[column]
+            part[axis] = given if scale == 1.0 else scale * numeric(given)
         parts.append(part.dropna())
-    return pd.concat(parts, ignore_index=True)
+    long = replace(
+        cells,
+        frame=pd.concat(parts, ignore_index=True),
+        names=(*titles, "id", *(f"{axis} [{unit}]" if unit else axis for axis in "xy")),
+    )
+    of_rows = {"time": titles[0] if wanted.time else "", "agent": "", "x": "", "y": ""}
+    of_rows["episode"] = titles[1] if wanted.episode else ""
+    return LongCells(long, wanted.model_copy(update=of_rows), remarks)
 
 
-def _pairs(names: tuple[str, ...], *, numbered: bool) -> dict[str, dict[str, int]]:
-    """The columns of x and y of each agent that has both.
+def _id(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
-    numbered: whether x1, y1 belong to a person where x and y belong to a robot.
+
+def _units(
+    where: str, names: Sequence[str], pairs: Mapping[str, Pair], wanted: TableColumns
+) -> tuple[dict[int, float], str, tuple[str, ...]]:
+    """Return a factor for each column, the unit that all have then, and a remark.
+
+    The unit is empty if no name states one. The remark names columns that are assumed to have the
+    unit of the others.
     """
-    found: dict[str, dict[str, int]] = {}
-    own = {role for name in names if (role := role_of(name)) in ("x", "y")}
-    robot = {match["axis"] for name in names if (match := _of_agent(name)) and _is_robot(match)}
-    plain_agent = _PERSON if robot == {"x", "y"} else _OWN
-    for column, name in enumerate(names):
-        plain = _plain(name)
-        match = _of_agent(name)
-        number = _NUMBERED.match(plain) if numbered and {"x", "y"} in (own, robot) else None
-        if match and _is_robot(match):
-            found.setdefault(_OWN, {}).setdefault(match["axis"], column)
-        elif match and len(match["agent"]) > 1 and _AGENT.match(match["agent"]):
-            found.setdefault(match["agent"], {}).setdefault(match["axis"], column)
-        elif (role := role_of(name)) in ("x", "y"):
-            found.setdefault(plain_agent, {}).setdefault(role, column)
-        elif number:
-            found.setdefault(f"person {number['agent']}", {}).setdefault(number["axis"], column)
-        elif match and _AGENT.match(match["agent"]):
-            agent = _OWN if match["agent"] == _OWN_LETTER else match["agent"]
-            found.setdefault(agent, {}).setdefault(match["axis"], column)
-    return {agent: axes for agent, axes in found.items() if len(axes) == 2}
-
-
-def unused_places(names: Sequence[str], used: Collection[int]) -> Iterator[str]:
-    """Names of columns that hold places, by their names, and are not among the used ones."""
-    for column, name in enumerate(names):
-        plain = _plain(name)
-        is_place = role_of(name) in ("x", "y") or _of_agent(name) or _NUMBERED.match(plain)
-        if column not in used and is_place and not _NO_PLACE.search(plain):
-            yield name
-
-
-def _plain(name: str) -> str:
-    return UNIT_SUFFIX.sub("", name.strip().lower()).strip()
-
-
-def _of_agent(name: str) -> re.Match[str] | None:
-    """The agent and the axis that the name of a column states."""
-    plain = _plain(name)
-    return _AXIS_LAST.match(plain) or _AXIS_FIRST.match(plain)
-
-
-def _is_robot(match: re.Match[str]) -> bool:
-    return match["agent"] in _ROBOTS
+    metres = {column: unit_of(names[column], METRES) for pair in pairs.values() for column in pair}
+    one = dict.fromkeys(metres, 1.0)
+    stated = {value for value in metres.values() if value is not None}
+    silent = [names[column] for column, value in metres.items() if value is None]
+    if wanted.unit is not None or not stated:
+        return one, "", ()
+    if len(stated) > 1 and silent:
+        raise FileError(
+            f"{where} must state the units of all places or of none, those of {', '.join(silent)}"
+            " are not stated; write them behind the names, as in x [m], or unit: into a --mapping"
+            " file"
+        )
+    if len(stated) > 1:
+        return {column: value or 1.0 for column, value in metres.items()}, "m", ()
+    unit = next(name for name, value in METRES.items() if value in stated)
+    remark = f"places of {', '.join(silent)} are taken in {unit}, as the others"
+    return one, unit, (remark,) if silent else ()

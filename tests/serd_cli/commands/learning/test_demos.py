@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bags.reader import BagReader
@@ -18,6 +19,7 @@ from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from storage.model_file import ModelFile
 from storage.yaml_config import load_yaml_model
 from support.foreign_bags import ForeignBag, Robot, key_presses
 
@@ -218,6 +220,60 @@ def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, 
     assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5
     assert load_yaml_model(values["files"]["record"], DemonstrationRecord).goal_entry_s == (2.0,)
     assert values["flow"]["n_sightings"] == 60
+
+
+def runs_among_people(folder, n_runs=4):
+    """Tables of a robot that drives east at 0.8 m/s and of two people who come towards it."""
+    rng = np.random.default_rng(3)
+    time_s = np.arange(90) / 10
+    for run in range(n_runs):
+        robot = np.column_stack([0.4 + 0.8 * time_s, 0.4 + rng.normal(size=90) / 100])
+        people = [np.column_stack([9.0 - time_s, np.full(90, y_m)]) for y_m in (1.2, 2.0)]
+        rows = [
+            pd.DataFrame({"timestamp": (1e9 * (1000 * run + time_s)).astype(np.int64),
+                          "x": place[:, 0], "y": place[:, 1], "column": number,
+                          "robot_x": robot[:, 0], "robot_y": robot[:, 1], "robot_yaw_rad": 0.0})
+            for number, place in enumerate(people, start=1)
+        ]  # fmt: skip
+        table = pd.concat(rows).sort_values("timestamp", kind="stable")
+        table.to_csv(folder / f"run_{run}.csv", index=False)
+        yield folder / f"run_{run}.csv", robot
+
+
+def test_of_tables_of_a_robot_among_people_the_robot_is_learned_from(serd, tmp_path):
+    files, robots = zip(*runs_among_people(tmp_path), strict=True)
+    table, model = tmp_path / "decisions.csv", tmp_path / "model.yaml"
+    words = ("--cell-size-m", "0.8", "--period-s", "1", "--output", table)
+    ended = serd("demos", *files, *words)
+    assert ended.code == 0
+    assert ended.out.count("robot demonstrates among 2 people") == len(files)
+    assert "flow of people: none was recorded" not in ended.out
+    decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
+    for number, robot in enumerate(robots):
+        states = decisions.state[decisions.episode == number]
+        assert states.tolist() == grid.states_at(robot[: 10 * len(states) : 10]).tolist()
+    assert serd("learn", table, "--output", model).code == 0
+    grid_of_model = load_yaml_model(model, ModelFile).grid
+    assert grid_of_model.fingerprint == grid.fingerprint()
+
+
+def test_the_mapping_that_a_table_of_two_candidates_asks_for_is_right(serd, tmp_path):
+    (file, robot), *_ = runs_among_people(tmp_path, 1)
+    shifted = pd.read_csv(file).assign(ego_x=lambda table: table.robot_x + 9.0, ego_y=0.4)
+    shifted.to_csv(file, index=False)
+    table, mapping = tmp_path / "decisions.csv", tmp_path / "mapping.yaml"
+    words = ("--cell-size-m", "0.8", "--period-s", "1", "--output", table)
+    refused = serd("demos", file, *words)
+    assert refused.code == 2
+    assert "it has robot_x, robot_y and ego_x, ego_y, whose values differ" in refused.err
+    mapping.write_text(refused.err.split("--mapping file: ")[1].split(" or ")[0])
+    ended = serd("demos", file, *words, "--mapping", mapping)
+    assert ended.code == 0
+    assert "columns ego_x, ego_y are not used" in ended.out
+    assert "robot demonstrates among 2 people" in ended.out
+    states = load_decisions(table).state
+    grid = load_grid(table.with_suffix(".grid.yaml"))
+    assert states.tolist() == grid.states_at(robot[: 10 * len(states) : 10]).tolist()
 
 
 def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, tmp_path):
