@@ -83,7 +83,7 @@ class Losses:
 class FileCount:
     """found: messages read; expected: by the end of the file, None where it has no count.
 
-    left_out: further messages that stand in the file and cannot be given.
+    left_out: further messages that stand in the file, but cannot be read.
     """
 
     path: Path

@@ -92,12 +92,12 @@ class ChunkUnpacker:
     def unpacked(
         self, head: ChunkHead, offset: int, length: int, *, is_guess: bool
     ) -> tuple[ChunkHead, bytes, int, int]:
-        """(head with the right size of the data, bytes, where in them the records begin, where they
-        end) of the chunk record at `offset`.
+        """Unpack the chunk record at `offset`, whose content has `length` bytes.
 
-        The data has the size in its head, else it fills its record of that length. Not compressed,
-        the records stay where they are. BagError where they cannot be unpacked, are too large or do
-        not fit their checksum.
+        Returns the head with the size of the data that is right, bytes, and where in them the
+        records begin and end; without compression these are the bytes of the file. The size in the
+        head is tried, and that of data that fills the record. Raises BagError where the records
+        cannot be unpacked, are too large or do not fit their checksum.
         """
         filling = RECORD_HEAD.size + length - head.data_start
         sizes = {head.data_size, filling}
@@ -123,7 +123,7 @@ class ChunkUnpacker:
         return found
 
     def _records(self, head: ChunkHead, offset: int, *, is_certain: bool) -> tuple[bytes, int, int]:
-        """(bytes, where in them the records begin, where they end), or BagError."""
+        """Unpack data of the size in the head; returns bytes, begin and end of the records."""
         size = head.data_start + head.data_size
         if head.data_size > LARGEST_CONTENT:
             raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
@@ -145,7 +145,7 @@ class ChunkUnpacker:
         return unpacked, 0, len(unpacked)
 
     def _unpacked(self, head: ChunkHead, data: memoryview) -> bytes | None:
-        """The records; None where they are not compressed."""
+        """Decompress the records; returns None if the head names no compression."""
         if head.compression == "":
             return None
         try:
@@ -159,7 +159,7 @@ class ChunkUnpacker:
         raise BagError(f"compression of a chunk must be {known}, got {head.compression!r}")
 
     def _unpacked_zstd(self, head: ChunkHead, data: memoryview) -> bytes:
-        """At once where the frame or the head has the right size, else in pieces."""
+        """Decompress at once if the frame or the head has the right size, else in pieces."""
         size = zstandard.frame_content_size(data)
         size = head.size if size < 0 else size
         if 0 < size <= LARGEST_CONTENT:
@@ -173,7 +173,7 @@ class ChunkUnpacker:
         return _whole(records, decompressor)
 
     def _unpacked_lz4(self, data: memoryview) -> bytes:
-        """In pieces: what the library does not take at once it copies at each call."""
+        """Decompress in pieces, since the library copies what it does not take at once."""
         decompressor = lz4.frame.LZ4FrameDecompressor()
         records = BytesIO()
         for start in range(0, len(data), _PIECE):

@@ -8,7 +8,7 @@ A place that the summary names counts only where a chunk of the listed length be
 import re
 import struct
 from array import array
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -89,8 +89,10 @@ class DataSection:
         self._offset = self._sound_end = self._chunk_end = 0
         self._is_guess = False
         # Without a checksum, where a chunk would begin is no reason to doubt the records before.
-        self._starts = array("Q", end.index.starts if end.has_checksum else ())
-        self._misses_chunks = not self._starts
+        starts = end.index.starts if end.has_checksum else ()
+        #: negative places of the chunks of the summary that are still ahead, the next one last
+        self._later = array("q", (-start for start in reversed(starts) if start < self._limit))
+        self._misses_chunks = len(self._later) < max(1, len(starts))
         self._has_chunks = bool(end.index.starts)
         self._offset = self._check_beginning()
 
@@ -149,14 +151,19 @@ class DataSection:
         return self._listed_chunk(self._offset + (opcode == _CHUNK), end) is None
 
     def _listed_chunk(self, start: int, end: int) -> int | None:
-        """The first chunk of the summary in [start, end) where a record of its length stands."""
-        at, index = bisect_left(self._starts, start), self._end.index
-        while at < len(self._starts) and self._starts[at] < end:
-            place = self._starts[at]
+        """Return the first chunk of the summary in [start, end) that stands in the file.
+
+        A record of the listed length must stand there. Places before `start`, and wrong ones, are
+        not tried again.
+        """
+        index = self._end.index
+        del self._later[bisect_right(self._later, -start) :]
+        while self._later and -self._later[-1] < end:
+            place = -self._later[-1]
             length = int.from_bytes(self._window.peek(place, RECORD_HEAD.size)[1:], "little")
             if RECORD_HEAD.size + length == index.length(bisect_left(index.starts, place)):
                 return place
-            del self._starts[at]
+            self._later.pop()
             self._misses_chunks = True
         return None
 
@@ -176,7 +183,7 @@ class DataSection:
 
     def _next_chunk(self) -> int:
         """The next chunk of the summary, or what begins like one; the end where there is none."""
-        if self._starts:
+        if self._later:
             self._sound_end = max(self._sound_end, self._offset + 1)
         listed = self._listed_chunk(self._sound_end, self._limit)
         limit = self._limit if listed is None else listed
@@ -189,7 +196,7 @@ class DataSection:
         return limit if self._has_chunks else self._next_run(limit)
 
     def _next_run(self, limit: int) -> int:
-        """Where, in a file without chunks, the next records follow each other."""
+        """Return where the next records follow each other, in a file without chunks."""
         place = self._sound_end
         while True:
             found = self._window.search(_RUN_PATTERN, place, RECORD_HEAD.size)
@@ -200,6 +207,7 @@ class DataSection:
             place = found + 1
 
     def _is_run(self, offset: int) -> bool:
+        """Whether some records of known kinds follow each other from there on."""
         for _ in range(_LEAST_RUN):
             if offset == self._limit:
                 return True
@@ -333,7 +341,7 @@ class DataSection:
         return end
 
     def _check_index(self) -> None:
-        """Compare what lists the messages of the last chunk, and what lists the chunk, with it."""
+        """Compare the last chunk with the index behind it and with its entry in the summary."""
         entry, self._entry = self._entry, None
         if self._indexes is None:
             return

@@ -23,7 +23,8 @@ _UNKNOWN = Schema(0, b"", "", "")
 class Definitions:
     """Numbers of channels and what they mean; one number never has two meanings.
 
-    other: the one of two meanings that it has, too, is kept, else the first.
+    other: definitions from another part of the file. Of two records with one number the one that
+    is also there is kept, otherwise the first one.
     """
 
     def __init__(self, other: "Definitions | None" = None) -> None:
@@ -63,7 +64,7 @@ class Definitions:
             self._first.setdefault(channel.topic, channel)
 
     def faults_of(self, other: "Definitions") -> Iterator[str]:
-        """Sentences about definitions of `other` that differ from those here."""
+        """Describe each number that `other` defines in another way."""
         for kind, own, others in (
             ("schema", self.schemas, other.schemas),
             ("channel", self.channels, other.channels),
@@ -73,7 +74,7 @@ class Definitions:
                     yield _DEFINED_TWICE.format(what=f"{kind} {number}")
 
     def missing(self, other: "Definitions") -> Iterator[str]:
-        """Sentences about what `other` has and these, if they have any of its kind, have not."""
+        """Describe each kind of definitions of which these have some, but not all of `other`."""
         for kind, own, others in (
             ("schemas", self.schemas, other.schemas),
             ("channels", self.channels, other.channels),

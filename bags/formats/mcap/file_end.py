@@ -44,9 +44,9 @@ _OF_DATA = frozenset(
 class FileEnd:
     """What the end of a file holds; everything is empty where there is no sound one.
 
-    complete: whether the file ends with a footer; data_limit: where the data section ends at the
-    latest, None where unknown; index_faults: of pointers within the summary, on which no message
-    depends.
+    complete: whether the file ends with a footer; has_checksum: whether the summary has one that
+    fits; data_limit: byte at which the data section ends at the latest, None without a footer;
+    index_faults: sentences about wrong pointers within the summary, on which no message depends.
     """
 
     def __init__(self, path: Path) -> None:
@@ -124,7 +124,7 @@ class FileEnd:
         self._check_offsets(summary, start, footer)
 
     def _end_of_data(self, window: FileWindow, start: int) -> int | None:
-        """Where the record begins that ends the data, if it stands right before `start`."""
+        """Return where the record begins that ends the data right before `start`, if one does."""
         before = window.read(max(0, start - _LONGEST_END), min(start, _LONGEST_END))
         at = _record_before(before, Opcode.DATA_END, _DATA_END_FIELDS.size)
         return None if at is None else start - len(before) + at
@@ -138,7 +138,7 @@ class FileEnd:
                 self.faults.note(None, f"in the summary, {fault}")
 
     def _fault_of(self, opcode: int, content: bytes, begin: int, end: int) -> str:
-        """Keep what the record has that is there in the summary; its fault, empty where sound."""
+        """Keep the content of a record of the summary; returns its fault, empty if it has none."""
         try:
             if opcode in DEFINITIONS:
                 return self.definitions.add(opcode, content)
@@ -151,7 +151,7 @@ class FileEnd:
         return ""
 
     def _check_offsets(self, summary: bytes, start: int, footer: Footer) -> None:
-        """Compare the records that point to groups of records in the summary with these groups."""
+        """Compare the summary's offsets with the groups of records that they point to."""
         groups: dict[int, list[int]] = {}
         for opcode, begin, end in _records(summary):
             group = groups.setdefault(opcode, [start + begin - RECORD_HEAD.size, 0])
@@ -173,7 +173,7 @@ class FileEnd:
 
 
 def _records(summary: bytes) -> Iterator[tuple[int, int, int]]:
-    """(opcode, where the content begins, where it ends) of each record, up to one cut off."""
+    """Yield opcode, begin and end of the content of each record; the last one may be cut off."""
     offset = 0
     while offset + RECORD_HEAD.size <= len(summary):
         opcode, length = RECORD_HEAD.unpack_from(summary, offset)
@@ -183,7 +183,7 @@ def _records(summary: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def _are_of_summary(summary: bytes) -> tuple[bool, bool]:
-    """(whether none of the records is one of the data, whether none is cut off)."""
+    """Return whether no record is one of the data section, and whether no record is cut off."""
     place = 0
     for opcode, _, end in _records(summary):
         if opcode in _OF_DATA:
@@ -193,7 +193,10 @@ def _are_of_summary(summary: bytes) -> tuple[bool, bool]:
 
 
 def _record_before(content: bytes, opcode: int, least: int) -> int | None:
-    """Where the record of this opcode begins with which the content ends; least: its fields."""
+    """Return where the record of this opcode begins that ends with the content, if one does.
+
+    least: bytes of its fields; later versions of the format may add some.
+    """
     for size in range(least, len(content) - RECORD_HEAD.size + 1):
         at = len(content) - size - RECORD_HEAD.size
         if RECORD_HEAD.unpack_from(content, at) == (opcode, size):

@@ -6,6 +6,7 @@ twice as long. Each kind of fault becomes a Damage.
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from itertools import groupby, pairwise
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -195,7 +196,8 @@ class McapScan:
         statistics, found = self._end.statistics, sum(self._counts.values())
         for fault in self._definitions.faults_of(self._end.definitions):
             section.note(f"in the summary, {fault}")
-        n_missing = len(set(self._end.index.starts) - section.visited)
+        starts = (start for start, _ in groupby(self._end.index.starts))
+        n_missing = sum(start not in section.visited for start in starts)
         if n_missing:
             section.note(f"{n_missing} chunks of the summary are missing")
         if statistics is None:
@@ -218,10 +220,10 @@ class McapScan:
             )
 
     def _compare_with_index(self, section: DataSection, window: FileWindow) -> None:
-        """Compare what players look up in the summary, on which no message read here depends."""
+        """Compare the summary's pointers and counts, which players use, with what was found."""
         for fault in (*self._end.index_faults, *self._end.definitions.missing(self._definitions)):
             section.note(fault)
-        if len(self._end.index.starts) > len(set(self._end.index.starts)):
+        if any(one == other for one, other in pairwise(self._end.index.starts)):
             section.note("the summary lists a chunk twice")
         copied = (index_of_record(window, *each) for each in self.copied)
         for fault in self._end.index.faults_of_copied(list(copied)):

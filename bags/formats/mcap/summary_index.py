@@ -36,9 +36,10 @@ _MESSAGE_INDEX_HEAD = RECORD_HEAD.size + INDEX_HEAD_SIZE
 
 
 class SummaryIndex:
-    """The entries of one summary; only what concerns them all is unpacked before it is asked for.
+    """The entries of one summary.
 
-    copied: entries of attachments and metadata records.
+    Entries of chunks, of which there may be many, stay packed until one is asked for. copied:
+    entries of attachments and metadata records.
     """
 
     def __init__(self, summary: bytes = b"") -> None:
@@ -48,7 +49,7 @@ class SummaryIndex:
         self._chunks = array("Q")
 
     def add(self, opcode: int, begin: int, end: int) -> None:
-        """Take the entry with its content there in the summary; BagError where it is damaged."""
+        """Add the entry between two places of the summary; raises BagError if it is damaged."""
         content = self._summary[begin:end]
         if opcode == Opcode.ATTACHMENT_INDEX and len(self.copied) < MOST_COPIED:
             self.copied.append(read_record(AttachmentIndex, content))
@@ -78,9 +79,9 @@ class SummaryIndex:
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
     def contents(self, begin: int, end: int) -> "IndexedContents | None":
-        """What the entries state of the data from `begin` to `end`.
+        """Return the messages that the entries list in the data from `begin` to `end`.
 
-        None where they contradict each other, or where the data holds anything that no entry lists.
+        Returns None if entries contradict each other, or if no entry lists a part of the data.
         """
         found = IndexedContents()
         copied = sorted((each.offset, each.offset + each.length) for each in self.copied)
@@ -95,9 +96,9 @@ class SummaryIndex:
         return found if begin == end else None
 
     def fault_of_chunk(self, found: ChunkIndex) -> str:
-        """How the entry of a chunk differs from the one that it should have, empty if it does not.
+        """Return how the entry of a chunk is wrong, and an empty text if it is right.
 
-        A summary without any entry of a chunk has no fault.
+        found: the entry that the chunk should have. A summary without entries of chunks is right.
         """
         number = bisect_left(self.starts, found.chunk_start_offset)
         if self.starts[number : number + 1] != array("Q", [found.chunk_start_offset]):
@@ -107,8 +108,10 @@ class SummaryIndex:
         return "the summary lists a chunk with places or sizes that it has not"
 
     def faults_of_copied(self, found: Iterable[CopiedIndex]) -> Iterator[str]:
-        """How the entries of attachments and metadata records differ from those that they should
-        have; a summary without any entry of such a kind has no fault."""
+        """Describe wrong entries of attachments and of metadata records.
+
+        found: the entries that they should have. A summary without entries of a kind is right.
+        """
         for kind, name in ((AttachmentIndex, "attachments"), (MetadataIndex, "metadata records")):
             listed, there = (
                 Counter(astuple(each) for each in some if isinstance(each, kind))
@@ -134,7 +137,7 @@ def entry_of_chunk(head: ChunkHead, start: int, length: int) -> ChunkIndex:
 
 
 def _chunk_index(content: bytes) -> ChunkIndex:
-    """The record with this content, in a fifth of the time of `read_record`; or BagError."""
+    """Read an entry of a chunk in a fifth of the time of `read_record`; BagError if damaged."""
     try:
         first_ns, last_ns, start, length, size = _CHUNK_FIELDS.unpack_from(content)
         at = _CHUNK_FIELDS.size + size
@@ -158,9 +161,10 @@ def _chunk_index(content: bytes) -> ChunkIndex:
 
 
 class IndexedContents:
-    """Messages of chunks. counts: by channel; first_ns, last_ns: log times, None without messages.
+    """The messages that entries of chunks list.
 
-    The size of a message index states how many messages of its channel the chunk has.
+    counts: by channel, since the size of a message index states how many it lists; first_ns,
+    last_ns: log times, None without messages.
     """
 
     def __init__(self) -> None:
@@ -169,8 +173,10 @@ class IndexedContents:
         self.last_ns: int | None = None
 
     def add(self, chunk: ChunkIndex) -> tuple[int, int]:
-        """(begin, end) of the chunk with its message indexes; BagError where the entry contradicts
-        itself or does not state how many messages the chunk has."""
+        """Count the messages of a chunk; returns begin and end of the chunk with its indexes.
+
+        Raises BagError if the entry contradicts itself or does not list all messages.
+        """
         begin = chunk.chunk_start_offset
         end = begin + chunk.chunk_length + chunk.message_index_length
         indexes = sorted((place, channel) for channel, place in chunk.message_index_offsets.items())

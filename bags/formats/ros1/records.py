@@ -36,7 +36,7 @@ Entry = tuple[int, int, int]
 
 
 class Record(NamedTuple):
-    """fields: of the header; start, end: of the data."""
+    """One record: the fields of its header, and where its data starts and ends."""
 
     fields: dict[bytes, bytes]
     start: int
@@ -48,14 +48,14 @@ class Record(NamedTuple):
         return self.number(b"op")
 
     def number(self, name: bytes) -> int:
-        """The whole number in a field; BagError where there is none."""
+        """Return the whole number in a field; raises BagError if there is none."""
         value = self.fields.get(name, b"")
         if not 0 < len(value) <= _TIME.size:
             raise BagError(f"a record lacks the number {name.decode()}")
         return int.from_bytes(value, "little")
 
     def time_ns(self) -> int:
-        """The time in the header; BagError where there is none."""
+        """Return the time in the header; raises BagError if there is none."""
         number = self.number(b"time")
         return (number & 0xFFFFFFFF) * _SECOND_NS + (number >> 32)
 
@@ -69,7 +69,7 @@ class Connection(NamedTuple):
 
 
 def header_size(block: bytes) -> int:
-    """Bytes of the header of a record and of its two lengths, by the first length."""
+    """Return how many bytes the header of a record and its two lengths have."""
     if len(block) < _SIZE.size:
         raise BagError("a record is cut off")
     (size,) = _SIZE.unpack_from(block)
@@ -79,7 +79,10 @@ def header_size(block: bytes) -> int:
 
 
 def record_at(block: bytes, at: int, end: int) -> Record:
-    """The record at that place of a block; its data, but not its header, may end beyond."""
+    """Read the record at that place of a block; its data may end beyond the block.
+
+    Raises BagError if no record with a whole header begins there.
+    """
     try:
         (size,) = _SIZE.unpack_from(block, at)
         start = at + _SIZE.size + size
@@ -109,7 +112,7 @@ def _fields(block: bytes, at: int, end: int) -> dict[bytes, bytes]:
 
 
 def connection_of(record: Record, data: bytes) -> tuple[int, Connection]:
-    """(number, connection) of a connection record; BagError where it is damaged."""
+    """Read a connection record; returns its number and the connection, or raises BagError."""
     try:
         fields = _fields(data, 0, len(data))
         topic = record.fields[b"topic"].decode()
@@ -121,14 +124,14 @@ def connection_of(record: Record, data: bytes) -> tuple[int, Connection]:
 
 
 def counts_of(record: Record, data: bytes) -> tuple[int, dict[int, int]]:
-    """(place of the chunk, messages by connection) of the entry of a chunk."""
+    """Read the entry of a chunk; returns the place of the chunk and its messages by connection."""
     rows = np.frombuffer(data[: len(data) // _COUNT.itemsize * _COUNT.itemsize], _COUNT)
     counts = dict(zip(rows["connection"].tolist(), rows["count"].tolist(), strict=True))
     return record.number(b"chunk_pos"), counts
 
 
 def entries_of(record: Record, data: bytes) -> list[Entry] | None:
-    """The entries of an index record; None where it has not as many as it states."""
+    """Read an index record; returns None if it has another number of entries than it states."""
     try:
         connection, count = record.number(b"conn"), record.number(b"count")
     except BagError:
@@ -145,10 +148,10 @@ def entries_of(record: Record, data: bytes) -> list[Entry] | None:
 def unpacked_chunk(
     record: Record, block: bytes, at: int, size: int, most: int
 ) -> tuple[bytes, int, int]:
-    """(bytes, where in them the records begin, where they end) of the chunk whose data is there.
+    """Unpack the data of a chunk at that place of a block, up to `most` bytes.
 
-    Not compressed, they stay where they are. BagError where they cannot be unpacked; of what is
-    larger than `most` the rest is left out.
+    Returns bytes, and where in them the records begin and end; without compression these are the
+    block. Raises BagError if the data cannot be unpacked.
     """
     compression = record.fields.get(b"compression", b"").decode(errors="replace")
     if compression == "none":

@@ -50,9 +50,9 @@ class _Converted:
 
 
 class _Found(NamedTuple):
-    """A message of a chunk: its entry in an index, its data, and the offset of what precedes it.
+    """A message of a chunk: the entry that an index should have of it, and its data.
 
-    before: of the connection records before it, to which an index may point, else its own.
+    before: offset of the connection records before it, to which an index may point, or its own.
     """
 
     entry: Entry
@@ -83,7 +83,7 @@ class Ros1Scan:
         return self._log.damage
 
     def topics(self) -> list[Topic]:
-        """Topics of the file, by its index where that is right; of several types the first."""
+        """Topics of the file, by its index if that is right; of several types the first."""
         log = DamageLog(self.path)
         with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
             walk = _ended(Walk(FileWindow(stream), log))
@@ -137,7 +137,7 @@ class Ros1Scan:
             self._note(f"{n_broken} messages do not fit the definition of their type")
 
     def _messages_of(self, part: Part, window: FileWindow, index: Walk) -> Iterator[_Found]:
-        """The messages of a chunk, or the one outside of chunks."""
+        """Yield the messages of a chunk, or the one outside of chunks."""
         place, record, entries = part
         size = min(record.end, window.size) - record.start
         try:
@@ -179,9 +179,9 @@ class Ros1Scan:
     def _records(
         self, block: bytes, begin: int, end: int, entries: list[Entry]
     ) -> Iterator[_Found | str]:
-        """The messages in these bytes of a block, and a sentence where no record begins.
+        """Yield the messages in these bytes of a block, and a sentence wherever no record begins.
 
-        entries: of the messages, in the order of their offsets from `begin`.
+        entries: those of the index, in the order of their offsets from `begin`.
         """
         offset = last = begin
         before: int | None = None
@@ -211,7 +211,7 @@ class Ros1Scan:
             last, offset = offset, record.end
 
     def _add(self, number: int, connection: Connection) -> None:
-        """Keep a connection; of two with one number the one that the index has, too."""
+        """Keep a connection; of two with one number the one that the index has."""
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
             self._note(f"connection {number} is defined twice, in different ways")
@@ -226,7 +226,7 @@ class Ros1Scan:
 
 
 def _ended(walk: Walk) -> Walk:
-    """The walk, once it has ended."""
+    """Go through all parts of a walk, and return the walk."""
     for _ in walk.parts():
         pass
     return walk
@@ -235,7 +235,11 @@ def _ended(walk: Walk) -> Walk:
 def _inner_record(
     block: bytes, offset: int, end: int
 ) -> tuple[Record, Connection | tuple[int, int]] | str:
-    """(record, connection, or connection and time of a message) there in a chunk, else why none."""
+    """Read the record there in a chunk; returns a sentence if none begins there.
+
+    Returned with the record is the connection, or the number of the connection and the time of a
+    message.
+    """
     try:
         record = record_at(block, offset, end)
         if record.end > end or record.kind not in (MESSAGE, CONNECTION):

@@ -91,7 +91,7 @@ class Walk:
                 self._keep(last, record)
 
     def faults(self) -> Iterator[str]:
-        """How the index differs from what was found."""
+        """Describe how the index of the file differs from what was found."""
         if self._header is None:
             yield "the bag header is missing"
             return
@@ -115,7 +115,7 @@ class Walk:
             yield "the index does not have all connections"
 
     def _beginning(self) -> int:
-        """Where the records begin; the end of the file where they cannot be read."""
+        """Return where the records begin, and the end of the file if they cannot be read."""
         size = self._window.size
         found = _MAGIC.match(self._window.peek(0, _LONGEST_MAGIC))
         if not size:
@@ -131,7 +131,7 @@ class Walk:
         return found.end() if found else size
 
     def _record(self, offset: int) -> Record:
-        """The record there; BagError where none begins, or where it is cut off and is no chunk."""
+        """Read the record there; raises BagError if none begins or one but a chunk is cut off."""
         head = self._window.peek(offset, LONGEST_CHUNK_HEAD)
         size = header_size(head)
         if size > len(head):
@@ -144,9 +144,9 @@ class Walk:
         return record
 
     def _sized(self, place: int, chunk: Record) -> tuple[Record, int]:
-        """(the chunk with all its data, where it ends), also where its length is wrong.
+        """Return the chunk with all its data, and where it ends, also if its length is wrong.
 
-        Where no record begins behind it, packed data may be longer: it has an end of its own.
+        If no record begins behind it, packed data may be longer, since it has an end of its own.
         """
         if self._begins_record(chunk.end):
             return chunk, chunk.end
@@ -163,7 +163,7 @@ class Walk:
         return offset == self._window.size or self._record_or_none(offset) is not None
 
     def _entries(self, place: int, offset: int) -> tuple[list[Entry], int]:
-        """(entries, where they end) of the index behind the chunk at that place."""
+        """Read the index behind the chunk at `place`; returns its entries and where it ends."""
         found: list[Entry] = []
         while (record := self._record_or_none(offset)) and record.kind == INDEX:
             offset = record.end
@@ -209,7 +209,7 @@ class Walk:
             self._log.note(place, str(error))
 
     def _next_chunk(self, start: int) -> int:
-        """Where the next chunk begins, else the index; the end of the file where neither does."""
+        """Return where the next chunk begins, or the index, or else the end of the file."""
         place = start
         while (found := self._window.search(CHUNK_PATTERN, place, 8)) is not None:
             for begin in range(max(start, found - LONGEST_CHUNK_HEAD), found):
@@ -236,5 +236,5 @@ class Walk:
 
 
 def _number(record: Record, name: bytes) -> int:
-    """The number in a field, 0 where there is none."""
+    """Return the number in a field, and 0 if there is none."""
     return int.from_bytes(record.fields.get(name, b""), "little")

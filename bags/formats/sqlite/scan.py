@@ -163,9 +163,9 @@ def _counts(path: Path, topics: dict[int, Topic], left_out: list[int]) -> Counte
 
 
 def _n_indexed(path: Path) -> int | None:
-    """Messages in the index that rosbag2 makes of their times, None without one.
+    """Count the messages in the index that rosbag2 makes of their times, if there is one.
 
-    SQLite reads it without the table, of which a wrong page may hide rows.
+    SQLite reads the index without the table, in which a wrong page may hide rows.
     """
     query = "SELECT COUNT(timestamp) FROM messages INDEXED BY timestamp_idx"
     with closing(_connection(path)) as connection, suppress(sqlite3.Error):
