@@ -13,12 +13,15 @@ Points are (n, m) free numbers (`serd_core.posterior.coordinates`) of n chains.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
+from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import transitions_of
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.derivatives.posterior_hessian import sensitivities
 from serd_core.posterior.parameters import Block
@@ -28,6 +31,8 @@ from serd_core.priors.prior import SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
 SOLVER = Newton(accuracy=1e-8)
+#: Most states of the copies of a problem that are solved together; it saves nothing for more.
+STACKED = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,7 @@ class Surrogate:
     """Both densities.
 
     posterior: its prior is N; groups: all but that of the rewards. mode: (m,); gradient, hessian:
-    (m,) and (m, m) of log N there; value: (S,) V*.
+    (m,) and (m, m) of log N there; value: (S,) V*. copies: of the MDP, which are solved together.
     pairs: (p,) observed s A + a; state: (p,) places of their states among the (v,) observed ones.
     q: (v, A) Q*; slopes: (v, A, l) its derivatives by l numbers, reward weights and believed
     probabilities; centre: (l,) these at the mode.
@@ -81,6 +86,7 @@ class Surrogate:
     gradient: FloatArray
     hessian: FloatArray
     value: FloatArray
+    copies: Mdp
     pairs: IntArray
     state: IntArray
     q: FloatArray
@@ -107,7 +113,7 @@ class Surrogate:
         """(n, M, K) log probabilities of the outcomes of a group."""
         shape = len(points), self.model.n_models, self.model.n_outcomes
         energies = self.model.beta * points[:, group.rows].reshape(shape)
-        return np.asarray(energies - logsumexp(energies, axis=2, keepdims=True))
+        return np.asarray(energies - np.logaddexp.reduce(energies, axis=2, keepdims=True))
 
     def log_policy(self, points: FloatArray) -> FloatArray:
         """(n, p) of the observed pairs by Q^."""
@@ -127,17 +133,58 @@ class Surrogate:
 
     def exact(self, points: FloatArray, values: FloatArray) -> ExactPart:
         """L and N at every point; values: (n, S) where solving Bellman's equation starts."""
-        found = []
-        for point, value in zip(points, values, strict=True):
-            parameters = self.space.belief.unpack(point, self.space.like)
-            _, _, solution, log_policy = self.posterior.solved(parameters, value)
-            log_others = self.posterior.prior.evaluate(self.model, parameters).value
-            found.append((log_policy.ravel()[self.pairs], solution.value, log_others))
-        return ExactPart(*map(np.array, zip(*found, strict=True)))
+        n, n_copies = len(points), self.copies.n_states // self.posterior.problem.mdp.n_states
+        parts = [
+            self._solved(points[rows], values[rows])
+            # The last part is filled up with the first points.
+            for rows in np.arange(-(-n // n_copies) * n_copies).reshape(-1, n_copies) % n
+        ]
+        log_policy, solved = (np.concatenate(each)[:n] for each in zip(*parts, strict=True))
+        prior, belief = self.posterior.prior, self.space.belief
+        log_others = [
+            prior.evaluate(self.model, belief.unpack(point, self.space.like)).value
+            for point in points
+        ]
+        return ExactPart(log_policy, solved, np.array(log_others))
+
+    def _solved(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
+        believed = np.exp(self.log_outcomes(points, self.group_of(Block.BELIEF)))
+        weights = points[:, : len(self.space.like.reward)]
+        rewards = np.concatenate([rewards_of(self.posterior.features, each) for each in weights])
+        table = believed.reshape(-1, self.model.n_outcomes)
+        transitions = transitions_of(self.copies.transitions, table)
+        policy_model = self.posterior.policy_model
+        problem = BellmanProblem(policy_model.equation, rewards, transitions, self.copies)
+        solution = SOLVER.solve(problem, values.ravel())
+        log_policy = policy_model.log_probabilities(self.space.like.policy, solution.q)
+        found = log_policy.reshape(len(points), -1)[:, self.pairs]
+        return found, solution.value.reshape(values.shape)
 
 
-def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray) -> Surrogate:
-    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
+def copies_of(mdp: Mdp, n: int) -> Mdp:
+    """n copies of an MDP of outcome models as one, each with states and models of its own."""
+    model = mdp.transitions
+    assert isinstance(model, OutcomeModels)
+    number = np.arange(n)[:, None, None]
+    once, (n_states, n_actions, size) = once_per_state(model.successors), model.successors.shape
+    successors = once + mdp.n_states * number[..., None]
+    shape = n * n_states, n_actions, size
+    copies = OutcomeModels(
+        successors=np.broadcast_to(successors.reshape(n * n_states, -1, size), shape),
+        model_of=(model.model_of + model.n_models * number).reshape(shape[:2]),
+        available=np.tile(model.available, (n, 1)),
+        n_models=n * model.n_models,
+        beta=model.beta,
+    )
+    return Mdp(copies, mdp.discount)
+
+
+def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
+    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
+
+    n: points that are evaluated at a time.
+    """
     mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
     others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
@@ -166,6 +213,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray) -> Sur
         gradient=belief.pull_back(gradient, at),
         hessian=jacobian.T @ without.prior.hessian(mdp.transitions, at) @ jacobian,
         value=solution.value,
+        copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),
         pairs=pairs,
         state=state,
         q=solution.q[states],

@@ -35,7 +35,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.special import logsumexp
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
 from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
@@ -94,7 +93,7 @@ def swept(
     mode, root: (d,) and (d, d) of that. Each draw starts a chain; draws beyond c are later states
     of the same chains. SerdError where no sweep is accepted.
     """
-    chains = _Chains(surrogate(posterior, space, mode), root, start, rng)
+    chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
     # The columns of the table are orthogonal; what they leave out is the gauge.
     columns = space.table / np.sum(space.table**2, axis=0)
     found: list[FloatArray] = []
@@ -215,7 +214,7 @@ class _Chains:
     def _redraw_outcomes(self, model: _Model) -> None:
         logs = self.near.log_outcomes(self.points, model.group)[:, model.number]
         of_sets = model.of_sets(logs)
-        shares = np.exp(of_sets - logsumexp(of_sets, axis=2, keepdims=True))
+        shares = np.exp(of_sets - np.logaddexp.reduce(of_sets, axis=2, keepdims=True))
         counts = self.set_counts[:, model.sets].astype(np.int64)
         completed = self.rng.multinomial(counts, shares).sum(axis=1)
         drawn = self._log_dirichlet(model.group.pseudo_count + completed)
@@ -229,7 +228,7 @@ class _Chains:
         """(n, K) logarithms of draws, which are finite for shapes far below 1, too."""
         log_gamma = np.log(self.rng.standard_gamma(shapes + 1.0))
         log_gamma += np.log(self.rng.random(shapes.shape)) / shapes
-        logs = log_gamma - logsumexp(log_gamma, axis=1, keepdims=True)
+        logs = log_gamma - np.logaddexp.reduce(log_gamma, axis=1, keepdims=True)
         return np.asarray(np.maximum(logs, LEAST_LOG))
 
     def _walk_weights(self) -> None:
@@ -242,7 +241,7 @@ class _Chains:
     def _log_outcomes(self, points: FloatArray, model: _Model) -> FloatArray:
         """(n,) log density of the transitions and the Dirichlet prior of one model."""
         logs = self.near.log_outcomes(points, model.group)[:, model.number]
-        observed = self.set_counts[:, model.sets] * logsumexp(model.of_sets(logs), axis=2)
+        observed = self.set_counts[:, model.sets] * np.logaddexp.reduce(model.of_sets(logs), axis=2)
         return np.asarray(observed.sum(axis=1) + model.group.pseudo_count * logs.sum(axis=1))
 
     def _draw_actions(self) -> None:

@@ -61,11 +61,12 @@ def drawn_actions(
 ) -> Observations:
     """Observations with a draw of the hidden actions, for an (S, A) log policy and P."""
     share, hidden = expected_counts(seen, log_policy, true).share, seen.hidden
-    drawn = np.zeros(len(share))
-    for move, count in enumerate(hidden.count):
-        mine = hidden.move == move
-        drawn[mine] = rng.multinomial(int(count), share[mine])
-    return _completed(seen, drawn)
+    n_states, n_actions = seen.state_action.shape
+    action = seen.key[hidden.place] // n_states % n_actions
+    shares = np.zeros((len(hidden.count), n_actions))
+    shares[hidden.move, action] = share
+    drawn = rng.multinomial(hidden.count.astype(np.int64), shares)
+    return _completed(seen, drawn[hidden.move, action])
 
 
 def _completed(seen: Observations, counts: FloatArray) -> Observations:

@@ -8,6 +8,7 @@ import pytest
 import scipy.special
 import scipy.stats
 
+from serd_core.bayes import surrogate as surrogate_module
 from serd_core.bayes.belief_comparison import compare_beliefs
 from serd_core.bayes.draws import (
     credible_intervals,
@@ -290,6 +291,34 @@ def test_draws_of_hidden_actions_are_those_of_the_sum_over_the_actions():
     odds = scipy.special.logit(draws.outcome_probabilities[:, :, 0])
     require_marginal(odds[:, 0], grid, density.sum(axis=(0, 2)))
     require_marginal(odds[:, 1], grid, density.sum(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("n_copies", [1, 2, 5])
+def test_points_that_are_solved_together_have_the_policy_of_each(gridworld, monkeypatch, n_copies):
+    monkeypatch.setattr(surrogate_module, "STACKED", n_copies * 25)
+    found = fitted(gridworld.problem, gridworld.decisions)
+    near = surrogate_module.surrogate(found.posterior, found.coordinates, found.mode, 5)
+    assert near.copies.n_states == n_copies * 25
+    points = found.sample(5, np.random.default_rng(0)) @ found.coordinates.table.T
+    together = near.exact(points, np.tile(near.value, (5, 1)))
+    for number, point in enumerate(points):
+        parameters = found.coordinates.belief.unpack(point, found.coordinates.like)
+        _, _, solution, log_policy = found.posterior.solved(parameters)
+        np.testing.assert_allclose(
+            together.log_policy[number], log_policy.ravel()[near.pairs], atol=1e-6
+        )
+        np.testing.assert_allclose(together.values[number], solution.value, rtol=1e-6)
+
+
+def test_the_linear_q_function_has_the_value_and_the_slope_at_the_mode(gridworld):
+    found = fitted(gridworld.problem, gridworld.decisions)
+    near = surrogate_module.surrogate(found.posterior, found.coordinates, found.mode, 2)
+    step = 1e-4 * found.coordinates.table @ np.random.default_rng(0).normal(size=len(found.mode))
+    points = np.stack([near.mode + step, near.mode - step])
+    exact = near.exact(points, np.tile(near.value, (2, 1))).log_policy
+    linear = near.log_policy(points)
+    np.testing.assert_allclose(linear, exact, atol=1e-5)
+    np.testing.assert_allclose(linear[0] - linear[1], exact[0] - exact[1], atol=1e-6)
 
 
 def ring(rng: np.random.Generator) -> tuple[TabularProblem, np.ndarray, Decisions]:

@@ -17,6 +17,7 @@ from serd_core.posterior.beliefs import (
     FreeBelief,
     TiedBelief,
 )
+from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import DirichletPrior
@@ -137,3 +138,22 @@ def test_dynamics_that_explain_a_hidden_move_by_no_action_are_rejected(minimum_e
     require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
     with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
         require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [1.0, 0.0]]))
+
+
+def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
+    posterior, parameters, _ = posterior_of(random_problem, 3, MdcePolicy(), TiedBelief(), 0.5)
+    seen = posterior.observations
+    assert seen.hidden
+    _, true, _, log_policy = posterior.solved(parameters)
+    expected = expected_counts(seen, log_policy, true).observations
+    rng, n = np.random.default_rng(0), 2000
+    drawn = [drawn_actions(seen, log_policy, true, rng) for _ in range(n)]
+    for name in ("state_action", "group_count"):
+        mean = np.mean([getattr(each, name) for each in drawn], axis=0)
+        np.testing.assert_allclose(mean, getattr(expected, name), atol=5 * 3 / np.sqrt(n))
+        assert all(getattr(each, name).sum() == len_of(seen) for each in drawn)
+
+
+def len_of(seen) -> float:
+    """Decisions with and without their action."""
+    return float(seen.n_decisions)
