@@ -112,8 +112,7 @@ class Laplace:
             normal = np.sqrt(counts) * (apart + total / np.sqrt(worth)[:, None])
             gamma = gammaincinv(counts, ndtr(normal))
             free[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
-        # The columns of the table are orthogonal; what they leave out is the gauge.
-        return np.asarray(free @ (table / np.sum(table**2, axis=0)))
+        return self.coordinates.of_free(free)
 
     @cached_property
     def covariance(self) -> FloatArray:

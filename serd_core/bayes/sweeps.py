@@ -94,14 +94,12 @@ def swept(
     of the same chains. SerdError where no sweep is accepted.
     """
     chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
-    # The columns of the table are orthogonal; what they leave out is the gauge.
-    columns = space.table / np.sum(space.table**2, axis=0)
     found: list[FloatArray] = []
     n_kept = -(-n // len(start))
     for number in range(1 - N_SWEEPS, n_kept):
         chains.sweep()
         if number >= 0:
-            found.append(chains.points @ columns)
+            found.append(space.of_free(chains.points))
     chains.require_accepted()
     return np.concatenate(found)[:n]
 
@@ -287,8 +285,7 @@ def _models(
 
 def _precision(space: Coordinates, root: FloatArray) -> FloatArray:
     """(m, m) inverse covariance of the free numbers in their units, 0 along the gauge."""
-    columns = space.units()[:, None] * space.table / np.sum(space.table**2, axis=0)
-    half = columns @ np.linalg.inv(root).T
+    half = space.of_free(np.diag(space.units())) @ np.linalg.inv(root).T
     return np.asarray(half @ half.T)
 
 

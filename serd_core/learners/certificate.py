@@ -4,30 +4,26 @@ The gradient alone does not show it. It is small where a feature has small value
 agree so well that the likelihood grows without end (separable data), and along directions that no
 decision informs. The Newton step in standard errors distinguishes these
 (`serd_core.ascent.newton_ascent`).
+
+Newton's method does not go on where an objective has kinks, or is no log density. There the ascent
+is taken at its word unless a direction is open (`serd_core.ascent.open_directions`).
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import (
-    AT_A_KINK,
-    AT_MAXIMUM,
-    AscentResult,
-    Objective,
-    Step,
-    StepCallback,
-)
-from serd_core.ascent.newton_ascent import STILL, Curvature, NewtonAscent, NewtonStep
+from serd_core.ascent.ascent import AT_A_KINK, AT_MAXIMUM, AscentResult, Step, StepCallback
+from serd_core.ascent.newton_ascent import Curvature, NewtonAscent
+from serd_core.ascent.open_directions import OpenDirections, open_directions
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import (
     Coordinates,
     LogPosterior,
     coordinates,
-    described,
     free_in_use,
+    free_scaling,
 )
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
@@ -36,13 +32,7 @@ from serd_core.posterior.posterior import Posterior
 CLOSE = 1e-3
 #: Newton steps from the end of an ascent; from a maximum three suffice.
 FINAL_STEPS = 20
-#: Length of a Newton step, relative to the one before, from which steps have no end.
-LASTING = 0.5
 _NO_EFFECT = 1e-8
-#: Relative error of second derivatives by differences of gradients.
-_DIFFERENCES = 1e-6
-#: Weights beyond, over the range of their feature, decide every choice.
-_FAR = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +55,17 @@ def certificate(
 
     Numbers on which nothing in the problem depends may be anything.
 
-    on_step: called once where the fit moves on to that maximum. An ascent that did not converge, or
-    ended at a kink, stays as it is. So do those of policies over optimal Q-values, whose log
-    posterior has kinks. One that rounding ended, as with features of 1e6, is judged by Newton's
-    method alone.
+    on_step: called once where the fit moves on to that maximum. An ascent that did not converge
+    stays as it is. One that rounding ended, as with features of 1e6, is judged by Newton's method
+    alone. Policies over optimal Q-values have a log posterior with kinks.
     """
-    smooth = posterior.policy_model.equation.curved
-    ended = ascended.converged or ascended.by_rounding
-    if not (ended and smooth) or ascended.message == AT_A_KINK:
+    if not (ascended.converged or ascended.by_rounding):
         return Certificate(parameters, ascended)
     space = coordinates(posterior.problem, belief, parameters)
     objective = LogPosterior(posterior, space)
     start = space.of(parameters)
+    if not posterior.policy_model.equation.curved or ascended.message == AT_A_KINK:
+        return _with_kinks(objective, parameters, ascended)
     found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, start)
     counted = replace(ascended, n_evaluations=ascended.n_evaluations + found.n_evaluations)
     curvature = Curvature(*np.linalg.eigh(-objective.hessian(found.vector)))
@@ -96,79 +85,39 @@ def certificate(
         return Certificate(
             space.parameters(found.vector), replace(counted, n_steps=number, objective_trace=trace)
         )
-    reason = _reason(objective, found.vector, step, space.describe, "the log posterior")
-    if not reason:
-        reason = f"Newton step of {step.standard_errors:.2g} standard errors"
-    flat = tuple(space.describe(each) for each in step.flat) if reason.startswith(_FLAT) else ()
-    failed = replace(counted, converged=False, message=f"not converged: {reason}")
-    return Certificate(parameters, failed, flat)
-
-
-def weights_certificate(
-    objective: Objective, names: Sequence[str], ascended: AscentResult
-) -> tuple[AscentResult, tuple[str, ...]]:
-    """The end of an ascent over weights alone, and the directions that nothing determines.
-
-    objective: of weights (F,) in units of one over the ranges of their features. An ascent that
-    ended where weights grow without end, or may be anything, did not converge. The second
-    derivatives are differences of gradients.
-    """
-
-    def describe(direction: FloatArray) -> str:
-        return described(direction, [f"reward {name}" for name in names])
-
-    if not ascended.converged:
-        if not np.max(np.abs(ascended.vector), initial=0.0) > _FAR:
-            return ascended, ()
-        reason = f"the objective grows on and on along {describe(ascended.vector)}"
-        return replace(ascended, message=f"not converged: {reason}; give these numbers a prior"), ()
-    values, vectors = np.linalg.eigh(-objective.hessian(ascended.vector))
-    values[np.abs(values) <= _DIFFERENCES * np.max(np.abs(values), initial=0.0)] = 0.0
-    step = Curvature(values, vectors).newton(objective.evaluate(ascended.vector)[1])
-    reason = _reason(objective, ascended.vector, step, describe, "the objective")
-    if not reason:
-        return ascended, ()
-    flat = tuple(map(describe, step.flat)) if reason.startswith(_FLAT) else ()
-    return replace(ascended, converged=False, message=f"not converged: {reason}"), flat
-
-
-_FLAT = "nothing determines"
-
-
-def _reason(
-    objective: Objective,
-    at: FloatArray,
-    step: NewtonStep,
-    describe: Callable[[FloatArray], str],
-    subject: str,
-) -> str:
-    """Why a point with a Newton step is no maximum; empty where the step does not show it."""
     if len(step.rising):
-        bent = describe(step.rising[0])
-        return f"{subject} bends up along {bent} (a saddle point); start elsewhere"
-    if _grows_without_end(objective, at, step):
-        return (
-            f"{subject} grows on and on along {describe(step.move)} (separable decisions); give"
-            " these numbers a prior"
-        )
-    if len(step.flat):
-        return f"{_FLAT} {describe(step.flat[0])}; give these numbers a prior"
-    return ""
+        bent = space.describe(step.rising[0])
+        reason = f"the log posterior bends up along {bent} (a saddle point); start elsewhere"
+        return Certificate(parameters, _failed(counted, reason))
+    failed = _failed(counted, f"Newton step of {step.standard_errors:.2g} standard errors")
+    # Farther on, growth would be lost in rounding.
+    growing = open_directions(objective, start).growing
+    return _judged(OpenDirections(growing, step.flat), space, parameters, failed)
 
 
-def _grows_without_end(objective: Objective, at: FloatArray, step: NewtonStep) -> bool:
-    """Whether a long Newton step leads to one as long and in the same direction.
+def _failed(ascended: AscentResult, reason: str) -> AscentResult:
+    return replace(ascended, converged=False, message=f"not converged: {reason}")
 
-    Near a maximum it would lead to a much shorter one.
-    """
-    length = float(np.linalg.norm(step.move))
-    if not np.any(np.abs(step.move) > STILL):
-        return False
-    there = at + step.move
-    curvature = Curvature(*np.linalg.eigh(-objective.hessian(there)))
-    following = curvature.newton(objective.evaluate(there)[1])
-    ahead = float(following.move @ step.move) / length
-    return not len(following.rising) and ahead >= LASTING * length
+
+def _judged(
+    found: OpenDirections, space: Coordinates, parameters: Parameters, ascended: AscentResult
+) -> Certificate:
+    judged = found.judge(ascended, space.describe, "give these numbers a prior")
+    return Certificate(parameters, judged, tuple(map(space.describe, found.flat)))
+
+
+def _with_kinks(
+    objective: LogPosterior, parameters: Parameters, ascended: AscentResult
+) -> Certificate:
+    """The end of the ascent, with the scale that weights and temperature have in common."""
+    posterior, space = objective.posterior, objective.coordinates
+    kinked = ascended.message == AT_A_KINK
+    found = open_directions(objective, space.of(parameters), kinked=kinked)
+    flat = _with_effect(posterior, space, found.flat)
+    scaling = free_scaling(posterior, parameters, space.belief.jacobian(parameters))
+    if scaling is not None:
+        flat = np.vstack([flat, space.of_free(scaling)])
+    return _judged(OpenDirections(found.growing, flat), space, parameters, ascended)
 
 
 def _with_effect(posterior: Posterior, space: Coordinates, directions: FloatArray) -> FloatArray:

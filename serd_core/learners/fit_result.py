@@ -52,9 +52,10 @@ class FitResult:
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
     converged: the gradient norm is within the ascent's tolerance, or as small as rounding lets it
-    be, the last Bellman solve certified, and where J is smooth Newton's method finds the only
-    maximum there (`learners.certificate`).
-    undetermined: directions along which J is constant; a fit that has any did not converge.
+    be, the last Bellman solve certified, and the objective neither grows without end nor is
+    constant along a direction that is found; where J is smooth, Newton's method finds the only
+    maximum there (`learners.certificate`). Otherwise the message names the direction.
+    undetermined: directions along which the objective is constant.
     residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
     assumptions: None where a file does not state them.
     """

@@ -1,18 +1,25 @@
 """What learners of rewards alone have in common: dynamics they take as known, and their result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
-from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, Scaled, StepCallback
+from serd_core.ascent.ascent import (
+    Ascent,
+    AscentResult,
+    FunctionObjective,
+    Objective,
+    Scaled,
+    StepCallback,
+)
+from serd_core.ascent.open_directions import judged_weights
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.transition_model import Transitions, transitions_of
-from serd_core.learners.certificate import weights_certificate
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
     dynamics_or_estimate,
@@ -27,6 +34,14 @@ from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
+
+#: What bounds or determines weights for which a learner has no prior.
+WITH_PRIOR = "use fit_mdce_irl_by_likelihood with prior=PriorByEvidence()"
+
+
+def reward_names(problem: Problem) -> list[str]:
+    """(F,) names of the weights."""
+    return [f"reward {name}" for name in problem.feature_names]
 
 
 @dataclass(eq=False)
@@ -66,23 +81,25 @@ class RewardSearch:
         objective: Callable[[FloatArray], tuple[float, FloatArray]],
         ascent: Ascent,
         on_step: StepCallback | None,
+        fix: str = WITH_PRIOR,
     ) -> FitResult:
-        """The fit at the maximum of a function of the (F,) weights with its gradient."""
+        """The fit at the maximum of a function of the (F,) weights with its gradient.
+
+        fix: what to do where it has none.
+        """
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
         scaled = Scaled(FunctionObjective(objective), self.scale)
-        found = scaled.maximum(ascent, self.start.reward, on_step)
-        return self.result(*self._judged(scaled, found))
+        return self.result(scaled.maximum(ascent, self.start.reward, on_step), scaled, fix)
 
-    def _judged(self, scaled: Scaled, found: AscentResult) -> tuple[AscentResult, tuple[str, ...]]:
-        """The end of the ascent in own units, as far as it is a maximum."""
-        in_ranges = replace(found, vector=found.vector / self.scale)
-        # Differences in these units, too.
-        objective = FunctionObjective(scaled.evaluate)
-        judged, flat = weights_certificate(objective, self.problem.feature_names, in_ranges)
-        return replace(judged, vector=found.vector), flat
+    def result(self, ascended: AscentResult, scaled: Objective, fix: str) -> FitResult:
+        """The fit of an ascent over the weights, with the likelihood of its policy.
 
-    def result(self, ascended: AscentResult, undetermined: tuple[str, ...] = ()) -> FitResult:
-        """The fit of an ascent over the weights, with the likelihood of its policy."""
+        scaled: what it maximised, over weights / scale. The fit has not converged where that has no
+        maximum.
+        """
+        ascended, undetermined = judged_weights(
+            scaled, ascended, self.scale, reward_names(self.problem), fix
+        )
         assumptions = Assumptions(
             self.policy_model, FixedBelief(), UniformPrior(), by_likelihood=False
         )

@@ -109,7 +109,7 @@ def fit_mdce_irl_by_entropy(
         gradient = wanted - expected - slack / average * weights
         return scale * (value - penalty), scale * gradient
 
-    return search.maximise(dual, ascent, on_step)
+    return search.maximise(dual, ascent, on_step, "allow some slack, for example 0.001")
 
 
 def feature_expectation(

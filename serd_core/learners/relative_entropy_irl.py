@@ -39,6 +39,7 @@ from serd_core.arrays import (
     weighted_counts,
 )
 from serd_core.ascent.ascent import Climb, FunctionObjective, Point, StepCallback, require_limits
+from serd_core.ascent.open_directions import described
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
@@ -46,10 +47,13 @@ from serd_core.demonstrations.trajectories import feature_counts, trajectories_o
 from serd_core.errors import SerdError
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_search
+from serd_core.learners.known_dynamics import reward_names, reward_search
 from serd_core.learners.start import dynamics_or_estimate
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
+
+#: What bounds or determines the weights.
+THRESHOLDS = "give thresholds above 0"
 
 
 def fit_relative_entropy_irl(
@@ -110,10 +114,14 @@ def fit_relative_entropy_irl(
         callback=lambda intermediate_result: _after_step(climb, dual, intermediate_result.x),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    stuck = bool(np.any(found.x >= largest_weight))
-    reason = "weights reached largest_weight; take more samples" if stuck else found.message
-    end, otherwise = dual.at(found.x), f"not converged: {reason}"
-    return search.result(climb.result(end, gradient_tolerance, otherwise))
+    end, reason = dual.at(found.x), found.message
+    stuck = np.max(found.x.reshape(2, -1), axis=0) >= largest_weight
+    if stuck.any():
+        bound = np.where(stuck, end.vector / scale, 0.0)
+        way = described(bound, reward_names(problem))
+        reason = f"weights reached largest_weight along {way}; take more samples"
+    ended = climb.result(end, gradient_tolerance, f"not converged: {reason}")
+    return search.result(ended, FunctionObjective(dual.evaluate_weights), THRESHOLDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +184,13 @@ class SampledDual:
         slack = float(np.tile(self.thresholds, 2) @ halves)
         both = np.concatenate([gradient - self.thresholds, -gradient - self.thresholds])
         return float(weights @ self.wanted) - log_z - slack, both
+
+    def evaluate_weights(self, weights: FloatArray) -> tuple[float, FloatArray]:
+        """g and a (F,) gradient by theta / scale."""
+        parts = np.maximum(np.concatenate([weights, -weights]), 0.0)
+        value, gradient = self.evaluate(parts)
+        above, below = np.split(gradient, 2)
+        return value, np.where(weights >= 0, above, -below)
 
     def _weights(self, halves: FloatArray) -> FloatArray:
         return halves[: len(self.wanted)] - halves[len(self.wanted) :]

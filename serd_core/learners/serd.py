@@ -10,8 +10,9 @@ Decisions whose action is `HIDDEN` count by the likelihood of their states alone
 MDCE SERD (section 4.4.1) has the maximum discounted causal entropy policy. PM SERD (section 4.4.2)
 has a Boltzmann policy over optimal Q-values, whose temperature theta_P is learned as well. Scaling
 all rewards and theta_P by one factor changes nothing, so demonstrations determine their ratio only.
-A prior that holds theta_P near a value fixes the scale and does not change the likelihood; one that
-only shrinks rewards and temperature has no maximum, as both then go to zero together.
+A prior that holds theta_P near a value fixes the scale and does not change the likelihood; without
+one a fit does not converge. One that only shrinks rewards and temperature has no maximum, as both
+then go to zero together.
 
     fit = fit_mdce_serd(problem, decisions)
     fit = fit_mdce_serd(problem, decisions, rng=rng, prior=KldPrior(weight=1.0))

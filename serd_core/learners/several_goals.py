@@ -14,9 +14,11 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.open_directions import judged_weights
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
+from serd_core.learners.known_dynamics import WITH_PRIOR, reward_names
 from serd_core.learners.start import dynamics_or_estimate, starting_parameters
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import MdcePolicy
@@ -68,7 +70,10 @@ def fit_several_goals(
     ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
     each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
     objective = SumOverGoals(each)
-    found = Scaled(objective, 1.0 / ranges).maximum(NewtonAscent(), start, on_step)
+    scaled = Scaled(objective, 1.0 / ranges)
+    found = scaled.maximum(NewtonAscent(), start, on_step)
+    of_weights = reward_names(goals[0][0])
+    found, _ = judged_weights(scaled, found, scaled.scale, of_weights, WITH_PRIOR)
     weights = found.vector
     return SharedRewards(
         feature_names=names,

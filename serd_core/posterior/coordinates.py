@@ -10,7 +10,6 @@ The range of a feature is its largest minus its smallest value over the availabl
 constant added to a feature changes no policy. So u_f counts nats of reward between the two.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ import scipy.linalg
 
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.ascent.ascent import Objective
+from serd_core.ascent.open_directions import described
 from serd_core.mdp.problem import Problem, usable_features
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
@@ -56,9 +56,12 @@ class Coordinates:
 
     def of(self, parameters: Parameters) -> FloatArray:
         """(d,) coordinates of parameters."""
-        # The columns of the table are orthogonal.
-        columns = self.table / np.sum(self.table**2, axis=0)
-        return np.asarray(columns.T @ self.belief.pack(parameters))
+        return self.of_free(self.belief.pack(parameters))
+
+    def of_free(self, free: FloatArray) -> FloatArray:
+        """(..., d) coordinates of (..., m) free numbers, or of moves of them."""
+        # The columns of the table are orthogonal; what they leave out is the gauge.
+        return np.asarray(free @ (self.table / np.sum(self.table**2, axis=0)))
 
     def units(self) -> FloatArray:
         """(m,) rewards in nats over the range of their feature, energies as they are."""
@@ -66,17 +69,9 @@ class Coordinates:
         units[len(self.like.reward) :] = 1.0
         return units
 
-    def describe(self, direction: FloatArray, share: float = 0.25) -> str:
+    def describe(self, direction: FloatArray) -> str:
         """A direction (d,) by what moves along it, as shares of the largest, largest first."""
-        return described((self.table @ direction) / self.units(), self.names, share)
-
-
-def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> str:
-    """Parts (m,) of a direction by name, as shares of the largest, largest first."""
-    parts = parts / np.max(np.abs(parts))
-    order = np.argsort(-np.abs(parts), kind="stable")
-    order = order[np.abs(parts[order]) >= share]
-    return ", ".join(f"{parts[i]:+.2f} {names[i]}" for i in order[:6])
+        return described((self.table @ direction) / self.units(), self.names)
 
 
 def coordinates(problem: Problem, belief: Belief, like: Parameters) -> Coordinates:
@@ -192,6 +187,21 @@ def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) 
         effect = transitions.local_jacobian(values)[np.unique(transitions.local_index)]
         in_use[parameters.place(block)] = np.any(effect != 0, axis=0)
     return np.asarray(np.any(jacobian[in_use] != 0, axis=0))
+
+
+def free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) -> FloatArray | None:
+    """(n,) direction in which all weights grow with the temperature, where nothing determines it.
+
+    Policies over optimal Q-values depend on the ratio alone; the prior may hold either.
+    """
+    if not len(at.policy):
+        return None
+    both = at.zeros().with_block(Block.REWARD, at.reward).with_block(Block.POLICY, at.policy)
+    model, prior = posterior.problem.mdp.transitions, posterior.prior
+    held = prior.hessian(model, at) @ both.vector
+    if np.any(held) or float(prior.evaluate(model, at).gradient.vector @ both.vector):
+        return None
+    return np.asarray(np.linalg.lstsq(jacobian, both.vector, rcond=None)[0])
 
 
 def free_gauge(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> FloatArray:

@@ -38,6 +38,7 @@ from serd_core.arrays import (
 )
 from serd_core.ascent.ascent import Objective, Scaled
 from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.open_directions import judged_weights
 from serd_core.errors import SerdError
 from serd_core.memory import require_memory
 from serd_core.routes.network import RouteNetwork, Trips
@@ -268,7 +269,9 @@ def fit_routes(
     start = _start(likelihood, initial_weights)
     sizes = np.abs(network.features).max(axis=0)
     scale = 1.0 / np.where(sizes > 0, sizes, 1.0)
-    found = Scaled(likelihood, scale).maximum(NewtonAscent(max_steps=max_steps), start)
+    scaled, names = Scaled(likelihood, scale), network.feature_names
+    found = scaled.maximum(NewtonAscent(max_steps=max_steps), start)
+    found, _ = judged_weights(scaled, found, scale, names, "leave these features out")
     weights = found.vector
     return RouteFit(
         feature_names=network.feature_names,

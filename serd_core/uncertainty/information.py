@@ -21,7 +21,7 @@ from serd_core.learners.fit_result import Assumptions, FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.coordinates import free_gauge, free_names
+from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
 from serd_core.posterior.derivatives.posterior_hessian import (
     posterior_hessian,
     sensitivities_at,
@@ -29,7 +29,7 @@ from serd_core.posterior.derivatives.posterior_hessian import (
     vector_hessian,
 )
 from serd_core.posterior.hidden_actions import move_scores
-from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
 
@@ -101,7 +101,7 @@ def fit_information(
     sizes = score_sizes(posterior, fit.parameters, at.solution.q, found.by_q)
     counts = np.concatenate([observations.group_count, observations.hidden.count])
     observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
-    scaling = _free_scaling(posterior, fit.parameters, jacobian)
+    scaling = free_scaling(posterior, fit.parameters, jacobian)
     return Information(
         names=free_names(problem, fit.parameters, jacobian),
         observed=observed if scaling is None else _flat_along(scaling, observed),
@@ -116,21 +116,6 @@ def fit_information(
         key=observations.key,
         scores=free_scores,
     )
-
-
-def _free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) -> FloatArray | None:
-    """(n,) direction in which all weights grow with the temperature, where nothing determines it.
-
-    Policies over optimal Q-values depend on the ratio alone; the prior may hold either.
-    """
-    if not len(at.policy):
-        return None
-    both = at.zeros().with_block(Block.REWARD, at.reward).with_block(Block.POLICY, at.policy)
-    model, prior = posterior.problem.mdp.transitions, posterior.prior
-    held = prior.hessian(model, at) @ both.vector
-    if np.any(held) or float(prior.evaluate(model, at).gradient.vector @ both.vector):
-        return None
-    return np.asarray(np.linalg.lstsq(jacobian, both.vector, rcond=None)[0])
 
 
 def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:

@@ -7,11 +7,14 @@ from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_pm_serd
 from serd_core.policies.solved_policy import boltzmann_policy
 from serd_core.posterior.parameters import Block
+from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 
 #: Does not affect the ratio of rewards and temperature, which is all that policies depend on.
 SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)
+#: Keeps probabilities of outcomes that were never seen from 0.
+UNSEEN = DirichletPrior(1.0)
 
 
 def test_rewards_dynamics_and_temperature_are_recovered_up_to_scale(make_gridworld):
@@ -59,11 +62,10 @@ def test_fits_that_end_on_a_kink_are_certified(make_gridworld, n_episodes):
         n_steps=30,
         rng=np.random.default_rng(n_episodes),
     )
-    fit = fit_pm_serd(case.problem, decisions, initial_weights=np.ones(2), prior=SCALE)
+    given = {"initial_weights": np.ones(2), "prior": SCALE + UNSEEN}
+    fit = fit_pm_serd(case.problem, decisions, **given)
     assert fit.converged, fit.message
-    smooth = fit_pm_serd(
-        case.problem, decisions, initial_weights=np.ones(2), prior=SCALE, ascent=TrustRegion()
-    )
+    smooth = fit_pm_serd(case.problem, decisions, ascent=TrustRegion(), **given)
     assert fit.objective >= smooth.objective
 
 

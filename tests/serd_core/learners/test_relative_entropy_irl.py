@@ -125,7 +125,10 @@ def test_features_that_no_sample_reaches_are_said_and_weights_stay_finite(case):
         largest_weight=40.0,
     )
     assert not fit.converged
-    assert fit.message == "not converged: weights reached largest_weight; take more samples"
+    assert fit.message == (
+        "not converged: weights reached largest_weight along -1.00 reward brightness, +1.00 reward"
+        " goal; take more samples"
+    )
     ranges = feature_ranges(case.problem)
     assert np.max(np.abs(ranges * fit.reward_weights)) == pytest.approx(40.0, rel=1e-12)
 

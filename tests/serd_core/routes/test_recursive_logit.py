@@ -1,5 +1,7 @@
 """Recursive logit: enumerated routes, derivatives, convergence of the series, and recovery."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -125,6 +127,7 @@ def test_a_feature_that_no_turn_has_is_named_as_undetermined_by_infinite_errors(
     features = np.concatenate([trips.features, np.zeros((len(trips), 1))], axis=1)
     fit = sc.fit_routes(wider, sc.Trips(trips.origin, trips.destinations, trips.to, features))
     assert not fit.converged
+    assert re.search("nothing determines [-+]1.00 bridge; leave these features out", fit.message)
     assert np.all(np.isinf(fit.standard_errors))
     assert fit.summary().startswith("converged: no")
 

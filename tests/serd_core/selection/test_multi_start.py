@@ -8,6 +8,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
+from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.selection.multi_start import describe, differences, multi_start
@@ -78,7 +79,10 @@ def test_no_starts_are_refused():
 
 def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
     """Rewards and temperature ten times as large choose alike."""
-    one = fit_pm_serd(minimum_example, always_a, initial_weights=np.ones(1))
+    prior = GaussianPrior(2.0, Block.REWARD) + GaussianPrior(0.1, Block.POLICY, 1.0)
+    one = fit_pm_serd(
+        minimum_example, always_a, initial_weights=np.ones(1), prior=prior + DirichletPrior(1.0)
+    )
     ten_times = one.parameters.with_block(Block.REWARD, 10 * one.reward_weights)
     large = replace(one, parameters=ten_times, temperature=10 * one.temperature)
     other = replace(one, parameters=ten_times)
