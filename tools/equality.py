@@ -87,7 +87,7 @@ def trajectories(_: Path) -> Found:
         update={"robot": hallway.robot.model_copy(update={"drive": "kinematic"})}
     )
     drive("kinematic", kinematic, "dwa", "given", 7)
-    for model in ("helbing", "collision_prediction"):
+    for model in ("helbing_molnar_1995", "collision_prediction"):
         people = hallway.pedestrians.model_copy(update={"model": model})
         crowd = hallway.model_copy(update={"pedestrians": people})
         drive(model, crowd, "dwa", "given", 8)
