@@ -485,19 +485,6 @@ class WatchPageConfig(FramesConfig):
     token_file: str = setting_of(TeleopPageConfig, "token_file")
 
 
-class FoxgloveServerConfig(NodeConfig):
-    """Parameters of foxglove_server."""
-
-    address: str = setting(
-        "127.0.0.1",
-        "address of the server; at any other than loopback every machine that reaches it can read"
-        " the topics",
-        min_length=1,
-    )
-    port: int = setting(8767, "port of the server; 0: any free one", ge=0, le=65535)
-    topics: tuple[str, ...] = setting(_NONE, "topics to show; those of the stack when empty")
-
-
 CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
@@ -514,5 +501,4 @@ CONFIGS: dict[str, type[NodeConfig]] = {
     "teleop_keyboard": TeleopKeyboardConfig,
     "teleop_page": TeleopPageConfig,
     "watch_page": WatchPageConfig,
-    "foxglove_server": FoxgloveServerConfig,
 }
