@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.crowd.robots import RobotBody, headings_around
 from sim.crowd.routes import Routes, offset_loop
@@ -185,7 +184,6 @@ class Crowd:
         self.velocity_y_mps[rows] -= inwards * away_y
 
 
-@compilable
 def total_force(
     rate: float,
     speed_mps: FloatArray,
@@ -200,7 +198,6 @@ def total_force(
     return force
 
 
-@compilable
 def walk(
     x_m: FloatArray,
     y_m: FloatArray,

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.compiled import compilable
 from sim.crowd.distances import WallGeometry
 from sim.crowd.social_force import Force
 
@@ -59,7 +58,6 @@ def headings_around(
     )
 
 
-@compilable
 def headings_past(
     to_x: FloatArray,
     to_y: FloatArray,

@@ -23,7 +23,6 @@ from serd_ros.endpoints.world.simulated_robot import SimulatedRobot
 from serd_ros.endpoints.world.world_publisher import ClockPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.compiled import DRIVEN
 from sim.world.command import STOP, Command, CommandGuard
 from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import is_decision_tick
@@ -127,7 +126,6 @@ class LockstepLoop(WorldLoop):
             return
         if self._commands:
             self.world.step([self._commands.get(each) or STOP for each in self.robots])
-            DRIVEN.add(1)
         self._begin_tick()
 
     def _leave_out_undriven(self) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 from sim.crowd.robots import RobotBody
 from sim.scenario.settings import LidarSettings
 from sim.world.observation import Pose
@@ -64,7 +63,6 @@ class Lidar:
         return np.where(ranges < settings.range_min_m, -np.inf, ranges).astype(np.float32)
 
 
-@compilable
 def range_to_lines(
     to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
@@ -82,7 +80,6 @@ def range_to_lines(
     return nearest
 
 
-@compilable
 def range_to_circles(
     to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
