@@ -61,8 +61,6 @@ TYPES = {
     topics.ODOM: TopicType("nav_msgs/msg/Odometry", qos.STATE),
     topics.ROBOT_POSE: TopicType(_POSE, qos.STATE),
     topics.SCAN: TopicType("sensor_msgs/msg/LaserScan", qos.STATE),
-    topics.IMU: TopicType("sensor_msgs/msg/Imu", qos.STATE),
-    topics.BUMPER: TopicType("sensor_msgs/msg/PointCloud2", qos.STATE),
     topics.PEDESTRIANS: TopicType("sensor_msgs/msg/PointCloud2", qos.STATE),
     topics.JOY: TopicType("sensor_msgs/msg/Joy", qos.COMMAND),
     topics.CMD_VEL: TopicType(_TWIST, qos.STATE),

@@ -298,8 +298,6 @@ class DemoRecorderConfig(ManagedConfig):
             "odom",
             "robot_pose",
             "scan",
-            "imu",
-            "bumper",
             "pedestrians",
             "map",
             "cmd_vel",

@@ -19,6 +19,7 @@ from sim.errors import SimError
 _STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 _WALL_THICKNESS_M = 0.1
 _WALL_HEIGHT_M = 0.8
+GRAVITY_MPS2 = 9.81
 
 
 @contextmanager

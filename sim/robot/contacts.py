@@ -62,12 +62,6 @@ class Touches:
         found = [*self.obstacles.values(), *([self.walls] if self.walls else [])]
         return max(found, key=lambda each: each.impulse_ns, default=None)
 
-    @property
-    def all(self) -> tuple[Touch, ...]:
-        """All contacts."""
-        walls = (self.walls,) if self.walls else ()
-        return (*self.people.values(), *self.obstacles.values(), *walls)
-
     def masks(self, n_people: int) -> tuple[BoolArray, BoolArray]:
         """(N,) who touches the robot, and with whom it closed in faster."""
         touch, by_robot = np.zeros((2, n_people), dtype=np.bool_)

@@ -13,6 +13,7 @@ import numpy as np
 
 from sim.errors import SimError
 from sim.robot.bullet import (
+    GRAVITY_MPS2,
     BulletClient,
     add_wall,
     close,
@@ -26,7 +27,6 @@ from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
 from sim.robot.quaternion import Quaternion, Vector, conjugate, product, rotated, yaw_of
 from sim.robot.robot import RobotState, standing_at
-from sim.robot.sensors.imu import GRAVITY_MPS2, Inertial
 from sim.scenario.scenario import Scenario
 
 Wheels = tuple[float, float]
@@ -41,7 +41,6 @@ _SETTLING_S = 0.3
 _FOOTPRINT_TOLERANCE_M = 0.02
 #: Of a link without <inertial>, for which PyBullet would assume 1 kg.
 _FRAME_MASS_KG, _FRAME_INERTIA_KGM2 = 1e-3, (1e-6, 1e-6, 1e-6)
-_AT_REST = Inertial((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -57,14 +56,12 @@ class History:
 class PhysicalState(RobotState):
     """Where the root link of a robot on wheels is, and what else a snapshot keeps.
 
-    velocity_mps: of the root link's centre of mass. inertial: orientation and velocity of the root
-    link. target: commanded (v, w) after the limits. history: what `Dynamics.load` takes, in
-    snapshots.
+    velocity_mps: of the root link's centre of mass. target: commanded (v, w) after the limits.
+    history: what `Dynamics.load` takes, in snapshots.
     """
 
     velocity_mps: Velocity = (0.0, 0.0)
     wheels_rad: Wheels = (0.0, 0.0)
-    inertial: Inertial = _AT_REST
     target: tuple[float, float] = (0.0, 0.0)
     history: History | None = field(default=None, repr=False)
 
@@ -160,8 +157,8 @@ class Dynamics:
     def state(self, target: tuple[float, float] = (0.0, 0.0)) -> PhysicalState:
         """Where the robot is and how it moves; target: that of the state."""
         (x_m, y_m, _), turn = self._root()
-        velocity, rates = self._client.getBaseVelocity(self._robot)
-        (vx_mps, vy_mps, _), yaw_rad = velocity, yaw_of(turn)
+        (vx_mps, vy_mps, _), rates = self._client.getBaseVelocity(self._robot)
+        yaw_rad = yaw_of(turn)
         wheels = self._client.getJointStates(self._robot, self._wheels)
         left, right = (
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
@@ -174,7 +171,6 @@ class Dynamics:
             rates[2],
             (vx_mps, vy_mps),
             (left, right),
-            Inertial(turn, self._root_mps(velocity, rates, turn)),
             target,
         )
 
@@ -184,12 +180,6 @@ class Dynamics:
         turn = product(turn, self._root_turn)
         x, y, z = rotated(turn, self._mass_in_root[0])
         return (place[0] - x, place[1] - y, place[2] - z), turn
-
-    def _root_mps(self, velocity: Vector, rates: Vector, turn: Quaternion) -> Vector:
-        """Velocity of the root link by that of its mass, which is at r from it: v - w x r."""
-        (vx, vy, vz), (wx, wy, wz) = velocity, rates
-        x, y, z = rotated(turn, self._mass_in_root[0])
-        return vx - (wy * z - wz * y), vy - (wz * x - wx * z), vz - (wx * y - wy * x)
 
     def save(self) -> History:
         """All that has acted since the robot was placed."""

@@ -11,9 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.robot.bullet import BulletClient, add_jointed, pybullet
+from sim.robot.bullet import GRAVITY_MPS2, BulletClient, add_jointed, pybullet
 from sim.robot.people_bodies import CONTACT_FRICTION
-from sim.robot.sensors.imu import GRAVITY_MPS2
 from sim.scenario.obstacle import Obstacle, Pose
 
 Motion = tuple[float, float, float]

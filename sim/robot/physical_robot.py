@@ -19,7 +19,6 @@ from sim.robot.dynamics import Dynamics, Impulses, PhysicalState, Push
 from sim.robot.movable_bodies import Motion
 from sim.robot.people_bodies import Moving, near_people
 from sim.robot.robot import RobotState
-from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import limited_velocity
 from sim.scenario.obstacle import Pose, segments_at
 from sim.scenario.polygon import distance_to_segments_m, edges_of
@@ -94,11 +93,6 @@ class PhysicalRobot:
         return RobotBody(
             self.state.x_m, self.state.y_m, *self.state.velocity_mps, self._settings.radius_m
         )
-
-    @property
-    def inertial(self) -> Inertial:
-        """Motion that an IMU measures."""
-        return self.state.inertial
 
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""

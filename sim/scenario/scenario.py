@@ -20,7 +20,6 @@ from sim.scenario import rules
 from sim.scenario.obstacle import Obstacle, require_free
 from sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from sim.scenario.settings import (
-    ImuSettings,
     LidarSettings,
     Loop,
     OdometrySettings,
@@ -99,7 +98,6 @@ class Scenario(StrictModel):
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
     odometry: OdometrySettings = OdometrySettings()
-    imu: ImuSettings = ImuSettings()
     local_planner: PlannerSettings = PlannerSettings()
 
     @model_validator(mode="after")

@@ -22,10 +22,9 @@ from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
 from sim.pictures.scene import Scene
-from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent, Touch
+from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
 from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.robot import KinematicRobot, RobotState, standing_at
-from sim.robot.sensors.imu import Imu, ImuReading
 from sim.robot.sensors.lidar import Lidar
 from sim.robot.sensors.odometry import Odometry
 from sim.scenario.goal import Area
@@ -37,7 +36,7 @@ from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation, make_observation
 from sim.world.other_robots import OtherRobots
-from sim.world.seeds import CROWD, IMU, LIDAR, ODOMETRY, START, episode_rng
+from sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 
 #: Robots that share a world start at least so far apart, measured between their hulls (m).
 _START_GAP_M = 0.5
@@ -54,7 +53,6 @@ _CHANGING = (
     "_crowd",
     "_contacts",
     "_odometry",
-    "_imu",
 )
 
 
@@ -105,7 +103,6 @@ class HallwayWorld:
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
-        self._imu = self._new_imu()
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
         self._scanned: tuple[Observation, NDArray[np.float32]] | None = None
@@ -145,7 +142,6 @@ class HallwayWorld:
         start = standing_at(self._draw_start(self._rng(START), start_area, keep_clear_of))
         self._robot.place(start)
         self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
-        self._imu = self._new_imu()
         if people is None:
             loops, walls_m = self.scenario.directed_loops, self._walls_of_people_m()
             people = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
@@ -184,7 +180,6 @@ class HallwayWorld:
             self._odometry.follow(self._robot.state.pose)
         else:
             self._odometry.add(*self._robot.wheel_motion)
-        self._imu.follow(self._robot.inertial)
         self._contacts.update(crowd, body, self._robot.wall_distance_m, touches)
         if self._robot.obstacle_poses:
             crowd.set_walls(self._walls_of_people_m())
@@ -244,18 +239,6 @@ class HallwayWorld:
         """(x_m, y_m, yaw_rad) by the wheels alone, from the true pose at the episode's start."""
         self._running()
         return self._odometry.pose
-
-    @property
-    def imu(self) -> ImuReading:
-        """Angular velocity and acceleration of the last control period."""
-        self._running()
-        return self._imu.reading
-
-    @property
-    def bumper(self) -> tuple[Touch, ...]:
-        """What touched the hull in the last control period; the physical drive alone has it."""
-        touches = self._contacts.touches
-        return touches.all if touches else ()
 
     @property
     def obstacle_poses(self) -> tuple[Pose, ...]:
@@ -359,10 +342,6 @@ class HallwayWorld:
         """Random numbers of this robot and episode; those of a robot alone have no number."""
         numbers = (*more, self._number) if self._number else more
         return episode_rng(self.seed, self._episode, purpose, *numbers)
-
-    def _new_imu(self) -> Imu:
-        period_s, inertial = self.scenario.control_period_s, self._robot.inertial
-        return Imu(self.scenario.imu, period_s, inertial, self._rng(IMU))
 
     def _draw_start(
         self, rng: np.random.Generator, area: str, keep_clear_of: Sequence[RobotBody]

@@ -25,14 +25,10 @@ from serd_ros.convert.pose import (
     to_waypoint_message,
 )
 from serd_ros.convert.sensors import (
-    to_bumper_message,
-    to_imu_message,
     to_people_message,
     to_scan,
 )
 from serd_ros.convert.stamp import to_stamp
-from sim.robot.contacts import Touch
-from sim.robot.sensors.imu import ImuReading
 from sim.scenario.goal import goal_at
 from sim.scenario.scenario import load_scenario
 from sim.world.command import Command
@@ -43,9 +39,7 @@ from support.transforms_message import transforms_message
 HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
 GOAL_M = 3.5, 18.5
-REST = ImuReading((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
 GOAL = goal_at(HALLWAY, *GOAL_M)
-TOUCH = Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)
 OBSTACLE_M = np.array([[1.0, 5.0], [1.4, 5.0], [1.0, 5.4]])
 
 
@@ -80,8 +74,6 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
             EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
         ),
         "diagnostics": lambda: _diagnostics(time_s),
-        "imu": lambda: to_imu_message(REST, HALLWAY.imu, HALLWAY.control_period_s, time_s),
-        "bumper": lambda: to_bumper_message([TOUCH], time_s),
         "markers/obstacles": lambda: to_obstacle_markers([OBSTACLE_M], time_s),
         "map": OccupancyGrid,
         "tf": lambda: transforms_message(

@@ -2,12 +2,12 @@
 
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu, LaserScan, PointCloud2
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
-from serd_ros.convert.sensors import to_bumper_message, to_imu_message, to_occupancy_grid, to_scan
+from serd_ros.convert.sensors import to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
@@ -39,15 +39,13 @@ class ClockPublisher:
 class WorldPublisher:
     """Publishes the present state of the world as a robot observes it.
 
-    Scan, IMU and markers only while there are subscribers; the bumper only while it is touched.
+    Scan and markers only while there are subscribers.
     """
 
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
         self._node, self._world = node, world
         self._observation = ObservationPublisher(node)
         self._scan = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
-        self._imu = node.create_publisher(Imu, topics.IMU, qos.STATE)
-        self._bumper = node.create_publisher(PointCloud2, topics.BUMPER, qos.STATE)
         self._people = node.create_publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
         self._obstacles = node.create_publisher(MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
@@ -70,12 +68,6 @@ class WorldPublisher:
             self._publish_rarely(observation)
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
             self.report()
-        if self._imu.get_subscription_count():
-            scenario, time_s = self._world.scenario, observation.time_s
-            period_s = scenario.control_period_s
-            self._imu.publish(to_imu_message(self._world.imu, scenario.imu, period_s, time_s))
-        if touches := self._world.bumper:
-            self._bumper.publish(to_bumper_message(touches, observation.time_s))
         if self._transforms is not None:
             self._transforms.publish(
                 observation.pose, self._world.odometry_pose, observation.time_s
