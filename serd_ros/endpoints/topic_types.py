@@ -82,7 +82,6 @@ TYPES = {
     topics.ARRIVAL: TopicType("std_msgs/msg/Float64MultiArray", qos.LATCHED),
     topics.MODEL: TopicType("std_msgs/msg/String", qos.LATCHED),
     topics.MARKERS_PEOPLE: TopicType(_MARKERS, qos.STATE),
-    topics.MARKERS_OBSTACLES: TopicType(_MARKERS, qos.STATE),
     topics.MARKERS_POLICY: TopicType(_MARKERS, qos.LATCHED),
     topics.MARKERS_VALUE: TopicType(_MARKERS, qos.LATCHED),
     topics.MARKERS_TRAPS: TopicType(_MARKERS, qos.LATCHED),

@@ -303,7 +303,6 @@ class DemoRecorderConfig(ManagedConfig):
             "cmd_vel",
             "intent",
             "waypoint",
-            "markers/obstacles",
             "episode",
         ),
         'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'

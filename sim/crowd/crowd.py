@@ -54,7 +54,7 @@ class Crowd:
         self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
         self._pairs = PairGeometry(count, count + 1, period_m)
-        self.set_walls(walls_m)
+        self._walls = WallGeometry(len(self), walls_m)
         heading_x, heading_y = self._headings(())
         self.velocity_x_mps = desired_speed_mps * heading_x
         self.velocity_y_mps = desired_speed_mps * heading_y
@@ -90,10 +90,6 @@ class Crowd:
         """Set where a person is and how fast, after a push."""
         self.x_m[person], self.y_m[person] = place_m
         self.velocity_x_mps[person], self.velocity_y_mps[person] = velocity_mps
-
-    def set_walls(self, walls_m: FloatArray) -> None:
-        """Keep clear of the walls (W, 2, 2) from the next step on."""
-        self._walls = WallGeometry(len(self), walls_m)
 
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""

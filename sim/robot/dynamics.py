@@ -6,14 +6,13 @@ which only a new world is free of.
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sim.errors import SimError
 from sim.robot.bullet import (
-    GRAVITY_MPS2,
     BulletClient,
     add_wall,
     close,
@@ -23,7 +22,6 @@ from sim.robot.bullet import (
     pybullet,
     turned,
 )
-from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
 from sim.robot.quaternion import Quaternion, Vector, conjugate, product, rotated, yaw_of
 from sim.robot.robot import RobotState, standing_at
@@ -31,6 +29,7 @@ from sim.scenario.scenario import Scenario
 
 Wheels = tuple[float, float]
 
+_GRAVITY_MPS2 = 9.81
 _LONGEST_SUBSTEP_S = 0.005
 _SOLVER_ITERATIONS = 20
 #: Share of a penetration that a substep corrects. The correction is a velocity: the default of 0.2
@@ -67,30 +66,11 @@ class PhysicalState(RobotState):
 
 
 @dataclass
-class Push:
-    """Normal impulse (N s) on the robot, and its moment: the sum of impulses times positions.
-
-    Positions are on the hull, in metres from the robot's root link along its heading and to the
-    left.
-    """
-
-    impulse_ns: float = 0.0
-    moment_nsm: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def place_m(self) -> tuple[float, float]:
-        """Mean position on the hull."""
-        along, left = self.moment_nsm
-        return along / self.impulse_ns, left / self.impulse_ns
-
-
-@dataclass
 class Impulses:
-    """Pushes on the robot during a control period, by who exerts them."""
+    """Normal impulses (N s) on the robot during a control period, by who exerts them."""
 
-    walls: Push = field(default_factory=Push)
-    people: dict[int, Push] = field(default_factory=dict)
-    obstacles: dict[int, Push] = field(default_factory=dict)
+    walls_ns: float = 0.0
+    people_ns: dict[int, float] = field(default_factory=dict)
 
 
 class Dynamics:
@@ -131,8 +111,8 @@ class Dynamics:
     ) -> Impulses:
         """Advance by one control period; the wheels' targets change linearly to those given.
 
-        people: those near the robot or an obstacle, with their motion at its beginning. near_walls:
-        whether contacts with walls and obstacles are looked for.
+        people: those near the robot, with their motion at its beginning. near_walls: whether
+        contacts with walls are looked for.
         """
         if people:
             self._people_log[len(self._wheel_log) // 2] = people
@@ -141,15 +121,10 @@ class Dynamics:
         more_left, more_right = wheels_radps[0] - left, wheels_radps[1] - right
         self.people.place(people)
         impulses = Impulses()
-        movable = self._scenario.movable_obstacles
         for substep in range(1, self._n_substeps + 1):
             share = substep / self._n_substeps
             self._turn_wheels((left + share * more_left, right + share * more_right))
-            if movable:
-                self.obstacles.brake()
             self._step()
-            if movable:
-                self.obstacles.stop_doors()
             if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
@@ -212,7 +187,7 @@ class Dynamics:
     def _add_bodies(self, client: BulletClient) -> None:
         # Called in every substep: a client looks a function up anew each time.
         self._step, self._set_motors = client.stepSimulation, client.setJointMotorControlArray
-        client.setGravity(0, 0, -GRAVITY_MPS2)
+        client.setGravity(0, 0, -_GRAVITY_MPS2)
         client.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,
             numSubSteps=0,
@@ -228,8 +203,6 @@ class Dynamics:
         self._walls = {add_wall(client, *segment) for segment in self._scenario.wall_segments_m}
         self._robot = self._load_robot(client)
         self._require_footprint()
-        movable = self._scenario.movable_obstacles
-        self.obstacles = MovableBodies(client, movable, walls=self._walls, floor=self._floor)
         self.people = PeopleBodies(
             client, self._person_radius_m, apart_from=(self._floor, *self._walls)
         )
@@ -301,29 +274,12 @@ class Dynamics:
 
     def _add_contacts(self, impulses: Impulses) -> None:
         for contact in self._client.getContactPoints(self._robot):
-            other, place_m, force_n = contact[2], contact[5], contact[9]
+            other, force_n = contact[2], contact[9]
             if other == self._floor or force_n <= 0.0:
                 continue
-            push = self._push_of(impulses, other)
-            impulse = force_n * self._substep_s
-            along, left = self._on_hull(place_m)
-            push.impulse_ns += impulse
-            moment = push.moment_nsm
-            push.moment_nsm = moment[0] + impulse * along, moment[1] + impulse * left
-
-    def _push_of(self, impulses: Impulses, other: int) -> Push:
-        """The sum to which a contact with a body belongs."""
-        if other in self._walls:
-            return impulses.walls
-        obstacle = self.obstacles.number_of(other)
-        if obstacle is not None:
-            return impulses.obstacles.setdefault(obstacle, Push())
-        return impulses.people.setdefault(self.people.person_in(other), Push())
-
-    def _on_hull(self, place_m: Sequence[float]) -> Velocity:
-        """A position on the map, seen from the robot."""
-        root_m, turn = self._root()
-        yaw_rad = yaw_of(turn)
-        x_m, y_m = place_m[0] - root_m[0], place_m[1] - root_m[1]
-        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-        return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m
+            impulse_ns = force_n * self._substep_s
+            if other in self._walls:
+                impulses.walls_ns += impulse_ns
+            else:
+                person = self.people.person_in(other)
+                impulses.people_ns[person] = impulses.people_ns.get(person, 0.0) + impulse_ns

@@ -52,10 +52,8 @@ class KinematicRobot:
     robot keeps it out of the walls.
     """
 
-    #: It has no wheels, and moves among walls only.
+    #: It has no wheels.
     wheel_motion: tuple[float, float] | None = None
-    obstacle_poses: tuple[Pose, ...] = ()
-    obstacle_segments_m: FloatArray = np.zeros((0, 2, 2))
 
     def __init__(self, scenario: Scenario) -> None:
         self._settings = robot = scenario.robot

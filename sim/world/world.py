@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.robots import RobotBody
@@ -29,8 +28,7 @@ from sim.robot.sensors.lidar import Lidar
 from sim.robot.sensors.odometry import Odometry
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
-from sim.scenario.obstacle import Pose
-from sim.scenario.polygon import contains_point, edges_of
+from sim.scenario.polygon import contains_point
 from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
@@ -143,7 +141,7 @@ class HallwayWorld:
         self._robot.place(start)
         self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
         if people is None:
-            loops, walls_m = self.scenario.directed_loops, self._walls_of_people_m()
+            loops, walls_m = self.scenario.directed_loops, self.scenario.wall_segments_m
             people = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
         self._crowd = people
         self._contacts = ContactCounter(len(self._crowd))
@@ -181,8 +179,6 @@ class HallwayWorld:
         else:
             self._odometry.add(*self._robot.wheel_motion)
         self._contacts.update(crowd, body, self._robot.wall_distance_m, touches)
-        if self._robot.obstacle_poses:
-            crowd.set_walls(self._walls_of_people_m())
 
     def keep_people_out_of(self, robots: Sequence[RobotBody]) -> None:
         """Put people who overlap a robot beside it; the physical drive does this itself."""
@@ -241,17 +237,6 @@ class HallwayWorld:
         return self._odometry.pose
 
     @property
-    def obstacle_poses(self) -> tuple[Pose, ...]:
-        """(x_m, y_m, yaw_rad) of the scenario's movable obstacles."""
-        return self._robot.obstacle_poses
-
-    @property
-    def obstacle_outlines_m(self) -> list[FloatArray]:
-        """(n, 2) corners of each movable obstacle as it is."""
-        pairs = zip(self.scenario.movable_obstacles, self.obstacle_poses, strict=True)
-        return [obstacle.outline_at(pose) for obstacle, pose in pairs]
-
-    @property
     def is_scan_tick(self) -> bool:
         """Whether the lidar has a new scan at this tick."""
         return self.tick % self.scenario.ticks_per_scan == 0
@@ -270,8 +255,7 @@ class HallwayWorld:
         if self.scenario.lidar.noise_deviation_m > 0:
             rng = self._rng(LIDAR, self.tick - self._first_tick)
         people = crowd.x_m, crowd.y_m
-        obstacles_m, robots = self._robot.obstacle_segments_m, self.others.bodies
-        ranges_m = self._lidar.scan(seen.pose, *people, rng, obstacles_m, robots)
+        ranges_m = self._lidar.scan(seen.pose, *people, rng, self.others.bodies)
         self._scanned = seen, ranges_m
         return ranges_m
 
@@ -329,14 +313,7 @@ class HallwayWorld:
         """Put robot and people of a scene where they are."""
         crowd = self._running()
         scene.place_robot(self._robot.state.pose)
-        scene.place_obstacles(self._robot.obstacle_poses)
         scene.place_people(crowd.position_m, crowd.velocity_mps)
-
-    def _walls_of_people_m(self) -> FloatArray:
-        """(W, 2, 2) what people keep clear of: walls and movable obstacles but doors."""
-        pairs = zip(self.scenario.movable_obstacles, self.obstacle_outlines_m, strict=True)
-        free = [edges_of(outline_m) for each, outline_m in pairs if each.hinge_m is None]
-        return np.concatenate([self.scenario.wall_segments_m, *free])
 
     def _rng(self, purpose: int, *more: int) -> np.random.Generator:
         """Random numbers of this robot and episode; those of a robot alone have no number."""

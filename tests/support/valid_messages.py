@@ -15,7 +15,6 @@ from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
-from serd_ros.convert.markers import to_obstacle_markers
 from serd_ros.convert.pose import (
     to_goal_area_message,
     to_odometry,
@@ -40,7 +39,6 @@ HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
 GOAL_M = 3.5, 18.5
 GOAL = goal_at(HALLWAY, *GOAL_M)
-OBSTACLE_M = np.array([[1.0, 5.0], [1.4, 5.0], [1.0, 5.4]])
 
 
 def valid_message(topic: str, time_s: float, message_type: type | None = None) -> Any:
@@ -74,7 +72,6 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
             EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
         ),
         "diagnostics": lambda: _diagnostics(time_s),
-        "markers/obstacles": lambda: to_obstacle_markers([OBSTACLE_M], time_s),
         "map": OccupancyGrid,
         "tf": lambda: transforms_message(
             ("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)

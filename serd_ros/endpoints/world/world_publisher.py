@@ -6,7 +6,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
+from serd_ros.convert.markers import to_people_markers
 from serd_ros.convert.sensors import to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
@@ -47,7 +47,6 @@ class WorldPublisher:
         self._observation = ObservationPublisher(node)
         self._scan = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
         self._people = node.create_publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
-        self._obstacles = node.create_publisher(MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(occupancy_raster(world.scenario), 0.0))
@@ -82,9 +81,6 @@ class WorldPublisher:
             self._people.publish(
                 to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
-        if self._world.obstacle_poses and self._obstacles.get_subscription_count():
-            outlines_m = self._world.obstacle_outlines_m
-            self._obstacles.publish(to_obstacle_markers(outlines_m, observation.time_s))
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""

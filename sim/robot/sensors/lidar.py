@@ -33,21 +33,17 @@ class Lidar:
         people_x_m: FloatArray,
         people_y_m: FloatArray,
         rng: np.random.Generator | None = None,
-        obstacles_m: FloatArray | None = None,
         robots: Sequence[RobotBody] = (),
     ) -> NDArray[np.float32]:
         """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit, -inf
         where it is nearer than range_min (REP 117).
 
-        obstacles_m: (S, 2, 2) edges of movable obstacles. robots: other ones. With an rng, every
-        range that hits something carries the sensor's noise.
+        robots: other ones. With an rng, every range that hits something carries the sensor's noise.
         """
         settings = self._settings
         angle = self.angles_rad + pose[2]
         ray_x, ray_y = np.cos(angle), np.sin(angle)
         walls_m = self._walls_m
-        if obstacles_m is not None and len(obstacles_m):
-            walls_m = np.concatenate([walls_m, obstacles_m])
         start_m, along_m = walls_m[:, 0] - pose[:2], walls_m[:, 1] - walls_m[:, 0]
         ranges = range_to_lines(start_m[:, 0], start_m[:, 1], along_m, ray_x, ray_y)
         circles = [(people_x_m, people_y_m, self._person_radius_m)]

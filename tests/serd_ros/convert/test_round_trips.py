@@ -30,8 +30,6 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
-    from_obstacle_markers,
-    to_obstacle_markers,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
@@ -407,18 +405,6 @@ def test_traps_are_one_list_of_cubes_and_none_takes_them_away():
     assert [(point.x, point.y) for point in shown[0].points] == [(0.5, 0.5), (1.5, 0.5)]
     (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
     assert gone.action == Marker.DELETEALL
-
-
-def test_outlines_of_obstacles_survive_and_one_that_is_not_finite_is_rejected():
-    outlines = [
-        [(0.0, 0.5), (1.0, 0.5), (1.0, 2.0)],
-        [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0), (3.0, 4.0)],
-    ]
-    message = to_obstacle_markers([np.array(each) for each in outlines], 3.0)
-    assert from_obstacle_markers(message) == outlines
-    message.markers[1].points[2].y = math.nan
-    with pytest.raises(MessageError, match="points must be finite"):
-        from_obstacle_markers(message)
 
 
 def test_words_stand_above_their_place():
