@@ -75,11 +75,6 @@ class HallwaySimConfig(FramesConfig):
         0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
     )
     publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
-    robots: tuple[str, ...] = setting(
-        _NONE,
-        "namespaces of robots that share the world, each with topics and services in its own, and"
-        " with its name and / as frame_prefix; one robot without a namespace when empty",
-    )
     required_nodes: tuple[str, ...] = setting(_NONE, "reset fails until these nodes subscribe")
 
 

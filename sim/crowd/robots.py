@@ -39,8 +39,7 @@ def headings_around(
     to_robot_m: x, y and length of the vectors from people to the robot. clearance_m: between the
     surfaces of robot and person on a circle. Those whose straight way leads through it, and whom
     the robot does not outrun, take the tangent on the nearer side, or on the other one where only
-    that has room between robot and walls. Within the circle they walk across its radius. Several
-    robots are passed one after the other.
+    that has room between robot and walls. Within the circle they walk across its radius.
     """
     return headings_past(
         *to_robot_m,

@@ -77,8 +77,6 @@ class ContactCounter:
         self.counts = ContactCounts()
         self.events: tuple[ContactEvent, ...] = ()
         self.minimum_distance_m = np.inf
-        #: Those of the last control period, by the physics.
-        self.touches: Touches | None = None
         self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
         self._touching_wall = False
         self._tick = 0
@@ -92,7 +90,6 @@ class ContactCounter:
     ) -> None:
         """Count what touches now; distances are between surfaces. touches: those of the physics."""
         self._tick += 1
-        self.touches = touches
         on_person = on_robot = 0
         if len(crowd):
             on_person, on_robot = self._update_people(crowd, robot, touches)

@@ -84,7 +84,7 @@ class WorldPublisher:
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""
-        contacts, others = self._world.contacts, self._world.others
+        contacts = self._world.contacts
         self._node.report(
             self._world.time_s,
             {
@@ -93,7 +93,5 @@ class WorldPublisher:
                 "robot_on_wall": contacts.robot_on_wall,
                 "minimum_person_distance_m": float(self._world.minimum_person_distance_m),
                 "rejected_commands": self._world.n_rejected_commands,
-                "robot_on_robot": others.n_contacts,
-                "minimum_robot_distance_m": others.minimum_distance_m,
             },
         )
