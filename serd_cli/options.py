@@ -23,7 +23,7 @@ EXECUTION = Execution()
 Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
 Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]
 Address = Annotated[
-    str, typer.Option(help="of a running Dask or Ray cluster; else a local one is started")
+    str, typer.Option(help="of a running Dask scheduler; else a local cluster is started")
 ]
 
 

@@ -237,7 +237,6 @@ def _episode_states() -> list[dict[str, Any]]:
                 "type": "state",
                 "world": world_state(observation, HALLWAY, world.scan(observation)),
                 "is_stale": False,
-                "obstacles_m": [],
                 "action": action.name.lower(),
                 "choice": action.name.lower(),
                 "waypoint": point(decisions[-1]),

@@ -24,7 +24,6 @@ from sim.planning.settings import PlannerSettings
 from sim.scenario.obstacle import Obstacle
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import (
-    ImuSettings,
     LidarSettings,
     Loop,
     OdometrySettings,
@@ -44,7 +43,6 @@ SCENARIO_PARTS: tuple[type[BaseModel], ...] = (
     RobotSettings,
     LidarSettings,
     OdometrySettings,
-    ImuSettings,
     PlannerSettings,
 )
 #: Likewise of docs/sources.md; a table leaves out the keys of those that its model extends.

@@ -1,20 +1,16 @@
 """How many times faster than real time the hallway runs: in process, and through ROS in lock-step.
 
 The same seed, the same expert, the same 30 people and trajectory; only what carries the messages
-differs. The profile gives the time of each part of a step. Compiled functions are used through ROS
-where numba is installed.
+differs. The profile gives the time of each part of a step.
 """
 
-import math
 import subprocess
-from unittest.mock import patch
 
 from benchmarks.driving.step_profile import StepProfile, profile_steps
 from benchmarks.faults.kill_matrix import place
 from benchmarks.report import Row, save
 from serd_cli.processes.node_commands import stack_processes
 from serd_ros.graph.graph import find_stack
-from sim import compiled
 from sim.planning.catalogue import planner_names
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.episode_table import load_episodes
@@ -22,8 +18,6 @@ from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
 
 PEOPLE, SEED, EPISODES = 30, 3, 5
-#: Through ROS: more, of which the last ones count, when compiled functions are in use.
-ROS_EPISODES = 10
 _WITHOUT_RECORDER = {
     "hallway_sim.required_nodes": ["local_planner", "guard", "scripted_expert"],
     "local_planner.required_nodes": ["guard"],
@@ -35,14 +29,7 @@ _WITHOUT_RECORDER = {
 def run() -> None:
     """Measure in process with a profile, then through ROS."""
     scenario = load_scenario("hallway").with_pedestrian_count(PEOPLE)
-    with patch.object(compiled, "MANY_TICKS", math.inf):
-        profiles, factors = _in_process(scenario, "")
-    if compiled.use_compiled():
-        for name in planner_names():  # loads what is compiled, or compiles it
-            profile_steps(scenario, seed=SEED, episodes=1, planner=name)
-        found, faster = _in_process(scenario, ", compiled")
-        profiles |= found
-        factors |= faster
+    profiles, factors = _in_process(scenario)
     factors |= {
         "ROS lock-step": _through_ros(scenario, recorded=False),
         "ROS lock-step, all topics recorded": _through_ros(scenario, recorded=True),
@@ -60,21 +47,20 @@ def run() -> None:
         for way, factor in factors.items()
     ]
     save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
-    alone = factors.get("in process, compiled", factors["in process"])
-    messages = factors["ROS lock-step, composed"] / alone
+    messages = factors["ROS lock-step, composed"] / factors["in process"]
     _save_profile(profiles, 1.0 - messages)
 
 
-def _in_process(scenario: Scenario, kind: str) -> tuple[dict[str, StepProfile], dict[str, float]]:
+def _in_process(scenario: Scenario) -> tuple[dict[str, StepProfile], dict[str, float]]:
     """By planner and way of driving: profiles, and times faster than real time."""
     profiles = {
-        f"{name}{kind}": profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
+        name: profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
         for name in planner_names()
     }
     unguarded = profile_steps(scenario, seed=SEED, episodes=EPISODES, guarded=False)
     return profiles, {
-        f"in process{kind}": profiles[f"dwa{kind}"].real_time_factor,
-        f"in process{kind}, no guard": unguarded.real_time_factor,
+        "in process": profiles["dwa"].real_time_factor,
+        "in process, no guard": unguarded.real_time_factor,
     }
 
 
@@ -103,7 +89,7 @@ def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) 
     with place() as (environment, folder):
         file = folder / "scenario.yaml"
         atomic_write_text(file, model_yaml(scenario))
-        given = {"scenario": str(file), "seed": SEED, "scripted_expert.episodes": ROS_EPISODES}
+        given = {"scenario": str(file), "seed": SEED, "scripted_expert.episodes": EPISODES}
         given["scripted_expert.output"] = str(folder)
         given |= {"demo_recorder.output": f"{folder}/bag"} if recorded else _WITHOUT_RECORDER
         running = [
@@ -115,5 +101,4 @@ def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) 
             process.terminate()
             process.wait()
         rows = load_episodes(folder / "episodes.csv")
-    rows = rows[-EPISODES:]
     return sum(row.duration_s for row in rows) / sum(row.wall_s for row in rows)

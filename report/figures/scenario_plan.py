@@ -5,7 +5,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
 
 from report import style
 from report.figures.map_axes import cell_squares, draw_areas, layout_of, map_figure
@@ -30,9 +29,6 @@ def draw_scenario_plan(scenario: Scenario) -> Figure:
         figure, (axes,) = map_figure(layout, height_in=7.3, width_in=7.3)
         _draw_cells(axes, scenario)
         draw_areas(axes, layout, filled=True)
-        look: Look = {"facecolor": style.HAIRLINE, "edgecolor": style.WALL, "zorder": 6}
-        for obstacle in scenario.movable_obstacles:
-            axes.add_patch(Polygon(obstacle.outline_m, gid="movable obstacle", **look))
         handles = []
         for number, loop in enumerate(loops):
             colour, line = _LOOKS[number % len(_LOOKS)]

@@ -13,8 +13,15 @@ from typing import Any
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
-from serd_ros.graph.graph import COMPOSABLE, COMPOSED, PACKAGE, Stack, load_graph
-from serd_ros.graph.placement import PlacedNode, placed_nodes
+from serd_ros.graph.graph import (
+    COMPOSABLE,
+    COMPOSED,
+    PACKAGE,
+    PlacedNode,
+    Stack,
+    load_graph,
+    placed_nodes,
+)
 from storage.errors import shortened
 from storage.nearest import hint
 from storage.yaml_text import read_yaml
@@ -97,7 +104,6 @@ def stack_processes(
     given: Mapping[str, Any],
     environment: Mapping[str, str],
     namespace: str = "",
-    robots: Sequence[str] = (),
     *,
     composed: bool = False,
 ) -> list[Process]:
@@ -105,20 +111,16 @@ def stack_processes(
 
     composed: COMPOSABLE nodes run in one process.
     """
-    placed = placed_nodes(stack, given, namespace, robots)
+    placed = placed_nodes(stack, given, namespace)
     together = [each for each in placed if composed and each.node in COMPOSABLE]
     in_lockstep = all(each.parameters.get("lockstep") for each in together)
-    if composed and (robots or namespace or len(together) < 2 or not in_lockstep):
+    if composed and (namespace or len(together) < 2 or not in_lockstep):
         raise UsageError(
-            f"composed needs a lock-step stack with two of {', '.join(COMPOSABLE)}, without robots"
-            " and namespace; leave it out"
+            f"composed needs a lock-step stack with two of {', '.join(COMPOSABLE)}, without a"
+            " namespace; leave it out"
         )
     processes = [
-        Process(
-            f"{each.robot}/{each.node}" if each.robot else each.node,
-            node_command(each.node, each.parameters, _remappings(each), environment),
-            each.robot,
-        )
+        Process(each.node, node_command(each.node, each.parameters, _remappings(each), environment))
         for each in placed
         if each not in together
     ]

@@ -18,7 +18,7 @@ from serd_cli.output.terminal import WorkProgress
 from serd_cli.processes.node_commands import stack_processes
 from serd_cli.processes.supervisor import Line, Process, run_together
 from serd_cli.processes.workspace import ros_environment
-from serd_ros.graph.graph import Stack, find_stack, full_namespace, load_graph
+from serd_ros.graph.graph import Stack, find_stack, load_graph
 from serd_ros.process.progress import VARIABLE, Progress, parse_progress
 
 _LONGEST = 62
@@ -36,14 +36,10 @@ def stack_environment(logs: Path) -> Iterator[dict[str, str]]:
         yield environment
 
 
-def require_free_domain(
-    stack: Stack, environment: Mapping[str, str], namespace: str = "", robots: Sequence[str] = ()
-) -> None:
+def require_free_domain(stack: Stack, environment: Mapping[str, str], namespace: str = "") -> None:
     """RunError names the nodes that publish a world where the stack would publish its own."""
     if load_graph().has_world(stack):
-        places = [full_namespace(robot) for robot in robots] or [namespace]
-        poses = (f"{place}/robot_pose" for place in places)
-        require_free(environment, f"{namespace}/clock", *poses)
+        require_free(environment, f"{namespace}/clock", f"{namespace}/robot_pose")
 
 
 def require_free(environment: Mapping[str, str], *names: str) -> None:

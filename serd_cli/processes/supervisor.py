@@ -34,11 +34,10 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True)
 class Process:
-    """One process of a stack. robot: the one of several that it works for."""
+    """One process of a stack."""
 
     name: str
     command: Sequence[str]
-    robot: str = ""
 
 
 class _Tap:
@@ -129,11 +128,9 @@ class _Manager(Manager):
     _looked_s = 0.0
     _ending_since_s: float | None = None
 
-    def __init__(self, printer: _Tap, robots: Mapping[str, str]) -> None:
-        """robots: the one that each process works for."""
+    def __init__(self, printer: _Tap) -> None:
         super().__init__(printer)
         self._process_ctor = _Keeper
-        self._robots = robots
 
     def terminate(self) -> None:
         """End all processes; once they have all been started."""
@@ -149,14 +146,6 @@ class _Manager(Manager):
             self._ending_since_s = now_s
         if now_s - self._ending_since_s > _ENDING_S:
             super().kill()
-
-    def _any_stopped(self) -> bool:
-        """Whether all are to end: one failed, or the drive of each robot has ended."""
-        codes = self.exit_codes()
-        done = {self._robots[name] for name in codes}
-        if not codes or any(codes.values()) or "" in done:
-            return bool(codes)
-        return done >= set(self._robots.values()) - {""}
 
     def _all_started(self) -> bool:
         started = bool(super()._all_started())
@@ -194,12 +183,11 @@ def run_together(
 ) -> None:
     """Run until one ends, then end the others; return when all have ended.
 
-    With several robots, until one of each has ended, or one fails.
     on_line: called with (process name, line) for everything they print. Raises KeyboardInterrupt
     when interrupted, RunError with the last lines of a process that failed of itself.
     """
     tap = _Tap(on_line)
-    manager = _Manager(tap, {each.name: each.robot for each in processes})
+    manager = _Manager(tap)
     for process in processes:
         command = "exec " + shlex.join(process.command)
         manager.add_process(process.name, command, env=environment)

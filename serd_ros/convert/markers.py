@@ -10,7 +10,6 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from serd_core.grid.grid import DIRECTION_VECTORS, Action
-from serd_ros.convert.checks import require_finite
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_header
 from serd_ros.endpoints import topics
@@ -19,7 +18,6 @@ from sim.world.observation import People
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
 _TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)
 _PEOPLE = ColorRGBA(r=0.85, g=0.48, b=0.15, a=1.0)
-_OBSTACLE = ColorRGBA(r=0.55, g=0.42, b=0.3, a=1.0)
 _TEXT = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
 _LOW, _HIGH = np.array([0.93, 0.95, 1.0]), np.array([0.10, 0.35, 0.65])
 
@@ -37,27 +35,6 @@ def to_people_markers(people: People, radius_m: float, time_s: float) -> MarkerA
         bodies.points.append(here)
         lines.points += [here, Point(x=float(soon_x_m), y=float(soon_y_m), z=radius_m)]
     return MarkerArray(markers=[bodies, lines])
-
-
-def to_obstacle_markers(outlines_m: Sequence[NDArray[np.float64]], time_s: float) -> MarkerArray:
-    """The outline (n, 2) of each movable obstacle as a closed line."""
-    markers = []
-    for number, outline_m in enumerate(outlines_m):
-        marker = _marker(number, "obstacles", Marker.LINE_STRIP, time_s)
-        marker.scale = Vector3(x=0.05, y=0.0, z=0.0)
-        marker.color = _OBSTACLE
-        corners = [*outline_m.tolist(), outline_m[0].tolist()]
-        marker.points = [Point(x=x_m, y=y_m, z=0.0) for x_m, y_m in corners]
-        markers.append(marker)
-    return MarkerArray(markers=markers)
-
-
-def from_obstacle_markers(message: MarkerArray) -> list[list[tuple[float, float]]]:
-    """The corners of each outline; MessageError where one is not finite."""
-    outlines = [[(each.x, each.y) for each in marker.points] for marker in message.markers]
-    for outline_m in outlines:
-        require_finite("points", np.array(outline_m))
-    return [outline_m[:-1] for outline_m in outlines]
 
 
 def to_policy_markers(

@@ -1,13 +1,12 @@
 """What is observed: people, lidar ranges and the map, to and from sensor_msgs and nav_msgs."""
 
 import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
-from geometry_msgs.msg import Vector3
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
-from sensor_msgs.msg import Imu, LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
@@ -15,29 +14,24 @@ from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import stamp_ns, to_header, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from sim.robot.contacts import Touch
-from sim.robot.sensors.imu import ImuReading
 from sim.safety.scan import ScanGeometry
 from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import ImuSettings, LidarSettings
+from sim.scenario.settings import LidarSettings
 from sim.world.observation import People
 
-_NAMES, _BUMPER_NAMES = ("x", "y", "z", "vx", "vy"), ("x", "y", "z", "impulse")
+_NAMES = ("x", "y", "z", "vx", "vy")
 #: Four times as many as the finest lidar of a robot, which has 0.02 degrees between rays.
 _MOST_RAYS = 72_000
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
 
 
-def _numbers(names: Sequence[str]) -> list[PointField]:
-    """Fields of four bytes, one after the other."""
-    return [
+_FIELDS = [
+    *(
         PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(names)
-    ]
-
-
-_FIELDS = [*_numbers(_NAMES), PointField(name="id", offset=20, datatype=PointField.INT32, count=1)]
-_BUMPER_FIELDS = _numbers(_BUMPER_NAMES)
+        for index, name in enumerate(_NAMES)
+    ),
+    PointField(name="id", offset=20, datatype=PointField.INT32, count=1),
+]
 
 
 def to_people_message(people: People, time_s: float) -> PointCloud2:
@@ -46,48 +40,17 @@ def to_people_message(people: People, time_s: float) -> PointCloud2:
     rows["x"], rows["y"] = people.position_m[:, 0], people.position_m[:, 1]
     rows["vx"], rows["vy"] = people.velocity_mps[:, 0], people.velocity_mps[:, 1]
     rows["id"] = people.identity
-    return _cloud(topics.MAP_FRAME, time_s, _FIELDS, len(rows), rows.tobytes())
-
-
-def to_bumper_message(touches: Sequence[Touch], time_s: float) -> PointCloud2:
-    """Contacts as points on the hull, with the normal impulse (N s) of each."""
-    rows = np.array(
-        [(*each.place_m, 0.0, each.impulse_ns) for each in touches], dtype=np.float32
-    ).reshape(-1, 4)
-    return _cloud(topics.BASE_FRAME, time_s, _BUMPER_FIELDS, len(rows), rows.tobytes())
-
-
-def _cloud(
-    frame: str, time_s: float, fields: list[PointField], n_points: int, data: bytes
-) -> PointCloud2:
-    """A cloud of points of whole 4-byte fields."""
     return PointCloud2(
-        header=to_header(frame, time_s),
+        header=to_header(topics.MAP_FRAME, time_s),
         height=1,
-        width=n_points,
-        fields=fields,
+        width=len(rows),
+        fields=_FIELDS,
         is_bigendian=False,
-        point_step=4 * len(fields),
-        row_step=4 * len(fields) * n_points,
-        data=array.array("B", data),
+        point_step=_ROW.itemsize,
+        row_step=_ROW.itemsize * len(rows),
+        data=array.array("B", rows.tobytes()),
         is_dense=True,
     )
-
-
-def to_imu_message(
-    reading: ImuReading, settings: ImuSettings, period_s: float, time_s: float
-) -> Imu:
-    """A reading with the variances of its noise; there is no orientation."""
-    message = Imu(header=to_header(topics.BASE_FRAME, time_s))
-    x, y, z = reading.angular_velocity_radps
-    message.angular_velocity = Vector3(x=x, y=y, z=z)
-    x, y, z = reading.acceleration_mps2
-    message.linear_acceleration = Vector3(x=x, y=y, z=z)
-    rate, force = (each**2 for each in settings.noise_deviations(period_s))
-    message.orientation_covariance[0] = -1.0  # none, by the definition of the message
-    message.angular_velocity_covariance[::4] = [rate] * 3
-    message.linear_acceleration_covariance[::4] = [force] * 3
-    return message
 
 
 def from_people_message(message: PointCloud2, frames: Frames = NO_FRAMES) -> tuple[int, People]:

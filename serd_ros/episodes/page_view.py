@@ -14,7 +14,6 @@ from serd_app.drives.episode_mark import START, EpisodeMark
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
-from serd_ros.convert.markers import from_obstacle_markers
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
 from serd_ros.convert.sensors import from_people_message, from_scan
 from serd_ros.endpoints import topics
@@ -40,7 +39,6 @@ class PageView:
         topics.SCAN,
         topics.INTENT,
         topics.WAYPOINT,
-        topics.MARKERS_OBSTACLES,
         topics.DIAGNOSTICS,
     )
 
@@ -51,7 +49,6 @@ class PageView:
         self._shown: Observation | None = None
         self._seen_wall_s = -math.inf
         self._ranges: NDArray[np.float32] | None = None
-        self._obstacles_m: list[list[tuple[float, float]]] = []
         self._action = Action.WAIT
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
@@ -71,8 +68,6 @@ class PageView:
             self._take_intent(message)
         elif topic == topics.WAYPOINT:
             _, self._waypoint = from_waypoint_message(message)
-        elif topic == topics.MARKERS_OBSTACLES:
-            self._obstacles_m = from_obstacle_markers(message)
         elif topic == topics.DIAGNOSTICS:
             self._take_diagnostics(message)
 
@@ -89,7 +84,6 @@ class PageView:
             "type": "state",
             "world": world,
             "is_stale": observation is None or wall_s - self._seen_wall_s > _STALE_S,
-            "obstacles_m": self._obstacles_m,
             "action": self._action.name.lower(),
             "waypoint": point(self._waypoint),
             "episode": episode,

@@ -75,11 +75,6 @@ class HallwaySimConfig(FramesConfig):
         0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
     )
     publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
-    robots: tuple[str, ...] = setting(
-        _NONE,
-        "namespaces of robots that share the world, each with topics and services in its own, and"
-        " with its name and / as frame_prefix; one robot without a namespace when empty",
-    )
     required_nodes: tuple[str, ...] = setting(_NONE, "reset fails until these nodes subscribe")
 
 
@@ -298,14 +293,11 @@ class DemoRecorderConfig(ManagedConfig):
             "odom",
             "robot_pose",
             "scan",
-            "imu",
-            "bumper",
             "pedestrians",
             "map",
             "cmd_vel",
             "intent",
             "waypoint",
-            "markers/obstacles",
             "episode",
         ),
         'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
@@ -485,19 +477,6 @@ class WatchPageConfig(FramesConfig):
     token_file: str = setting_of(TeleopPageConfig, "token_file")
 
 
-class FoxgloveServerConfig(NodeConfig):
-    """Parameters of foxglove_server."""
-
-    address: str = setting(
-        "127.0.0.1",
-        "address of the server; at any other than loopback every machine that reaches it can read"
-        " the topics",
-        min_length=1,
-    )
-    port: int = setting(8767, "port of the server; 0: any free one", ge=0, le=65535)
-    topics: tuple[str, ...] = setting(_NONE, "topics to show; those of the stack when empty")
-
-
 CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
@@ -514,5 +493,4 @@ CONFIGS: dict[str, type[NodeConfig]] = {
     "teleop_keyboard": TeleopKeyboardConfig,
     "teleop_page": TeleopPageConfig,
     "watch_page": WatchPageConfig,
-    "foxglove_server": FoxgloveServerConfig,
 }

@@ -5,6 +5,7 @@ No rclpy in here: the launcher, the ROS launch file and the pictures use it.
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,25 @@ def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parame
         for node, name in addressees(stack, key):
             layers[node][name] = value
     return layers
+
+
+@dataclass(frozen=True)
+class PlacedNode:
+    """A node of a stack with its parameters; namespace: in full, empty for none."""
+
+    node: str
+    parameters: Parameters
+    namespace: str
+    remappings: Mapping[str, str]
+
+
+def placed_nodes(stack: Stack, given: Mapping[str, Any], namespace: str = "") -> list[PlacedNode]:
+    """All nodes of a stack. given: as `stack_parameters` takes it; namespace: in full."""
+    shared = load_graph().namespace_remappings(stack, namespace)
+    return [
+        PlacedNode(node, parameters, namespace, shared | stack.remappings.get(node, {}))
+        for node, parameters in stack_parameters(stack, given).items()
+    ]
 
 
 def _known(node: str, values: Mapping[str, Any]) -> Parameters:

@@ -96,9 +96,8 @@ def _require_plain(node: SerdNode[Any]) -> None:
             f"{node.kind} must have no namespace to run in one process with others, got"
             f" {namespace}; leave it out or start the nodes apart"
         )
-    managed, robots = getattr(config, "managed", False), any(getattr(config, "robots", []))
-    if not config.lockstep or managed or robots or node.frames.prefix:
+    if not config.lockstep or getattr(config, "managed", False) or node.frames.prefix:
         raise NodeError(
-            f"{node.kind} must have lockstep: true, and neither managed, robots nor frame_prefix,"
-            " to run in one process with others; change them or start the nodes apart"
+            f"{node.kind} must have lockstep: true, and neither managed nor frame_prefix, to run in"
+            " one process with others; change them or start the nodes apart"
         )

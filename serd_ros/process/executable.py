@@ -21,7 +21,6 @@ NODES = {
     "bag_replay": "bags.bag_replay:BagReplayNode",
     "composed": "composed:nodes_of_arguments",
     "demo_recorder": "bags.demo_recorder:DemoRecorderNode",
-    "foxglove_server": "foxglove_server:FoxgloveServerNode",
     "guard": "guard:GuardNode",
     "hallway_sim": "hallway_sim:HallwaySim",
     "learner": "learner:LearnerNode",

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial, wraps
 from inspect import signature
-from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -40,31 +39,24 @@ _INPUT_REPORT_PERIOD_S = 1.0
 _NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 _FOLLOW_PERIOD_S = 1.0
 _CONFIRMED_WITHIN_S = 0.5
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback.
 
-    kind: of CONFIGS. namespace: where the command line gives none. given: parameters, which
-    override its. composition: of all nodes of this process, where it has several kinds.
+    kind: of CONFIGS. composition: of all nodes of this process, where it has several kinds.
     """
 
     composition: Composition | None = None
 
-    def __init__(self, kind: str, namespace: str = "", given: Mapping[str, Any] = NOTHING) -> None:
+    def __init__(self, kind: str) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
         self.callbacks, self.frames = CallbackGuard(self, self.fail), Frames()
         self.kind = kind
         self._reported_counts = (0, 0)
         self._subscribed: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
         try:
-            super().__init__(
-                kind,
-                namespace=namespace,
-                parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
-                automatically_declare_parameters_from_overrides=True,
-            )
+            super().__init__(kind, automatically_declare_parameters_from_overrides=True)
         except ValueError:
             _require_values(kind, self._parameter_overrides)
             raise

@@ -1,15 +1,12 @@
-"""A crowd that walks its loops under social forces, with each robot as one more body.
+"""A crowd that walks its loops under social forces, with the robot as one more body.
 
 One step of length dt is semi-implicit Euler: v += a dt, limited to the maximum speed; x += v dt;
 then people who are too close to a wall are put back, so that no one passes it.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.crowd.robots import RobotBody, headings_around
 from sim.crowd.routes import Routes, offset_loop
@@ -24,8 +21,8 @@ _AT_PLACE_M = 0.5
 _BACK_TO_PLACE_MPS = 0.5
 
 
-#: Stands in for robots where people see none.
-_NO_ROBOTS = (RobotBody(1e6, 1e6, 0.0, 0.0, 0.0),)
+#: Stands in for the robot where people see none.
+_NO_ROBOT = RobotBody(1e6, 1e6, 0.0, 0.0, 0.0)
 
 
 class Crowd:
@@ -55,8 +52,8 @@ class Crowd:
         self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
         self._pairs = PairGeometry(count, count + 1, period_m)
-        self.set_walls(walls_m)
-        heading_x, heading_y = self._headings(())
+        self._walls = WallGeometry(len(self), walls_m)
+        heading_x, heading_y = self._headings(None)
         self.velocity_x_mps = desired_speed_mps * heading_x
         self.velocity_y_mps = desired_speed_mps * heading_y
 
@@ -73,13 +70,13 @@ class Crowd:
         """(N, 2) how they move."""
         return _columns(self.velocity_x_mps, self.velocity_y_mps)
 
-    def step(self, step_s: float, *robots: RobotBody) -> None:
-        """Move all people by one step. robots: those that they see."""
+    def step(self, step_s: float, robot: RobotBody | None = None) -> None:
+        """Move all people by one step. robot: None where they see none."""
         if not len(self):
             return
         fastest_mps = self._model.maximum_speed_ratio * self.desired_speed_mps
         motion = self.x_m, self.y_m, self.velocity_x_mps, self.velocity_y_mps
-        walk(*motion, *self._forces(robots), fastest_mps, step_s)
+        walk(*motion, *self._forces(robot), fastest_mps, step_s)
         if self._period_m > 0.0:
             np.mod(self.x_m, self._period_m, out=self.x_m)
         if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
@@ -91,10 +88,6 @@ class Crowd:
         """Set where a person is and how fast, after a push."""
         self.x_m[person], self.y_m[person] = place_m
         self.velocity_x_mps[person], self.velocity_y_mps[person] = velocity_mps
-
-    def set_walls(self, walls_m: FloatArray) -> None:
-        """Keep clear of the walls (W, 2, 2) from the next step on."""
-        self._walls = WallGeometry(len(self), walls_m)
 
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""
@@ -111,18 +104,15 @@ class Crowd:
         self._walls.update(self.x_m, self.y_m)
         self._leave_walls()
 
-    def _forces(self, robots: Sequence[RobotBody]) -> tuple[FloatArray, FloatArray]:
+    def _forces(self, seen: RobotBody | None) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
-        seen, robots = robots, robots or _NO_ROBOTS
-        if len(robots) != self._pairs.dx_m.shape[1] - len(self):
-            self._pairs = PairGeometry(len(self), len(self) + len(robots), self._period_m)
+        robot = seen or _NO_ROBOT
         self._pairs.update(
-            np.concatenate([self.x_m, [each.x_m for each in robots]]),
-            np.concatenate([self.y_m, [each.y_m for each in robots]]),
+            np.concatenate([self.x_m, [robot.x_m]]), np.concatenate([self.y_m, [robot.y_m]])
         )
         self._walls.update(self.x_m, self.y_m)
         heading_x, heading_y = self._headings(seen)
-        bodies = self._bodies(heading_x, heading_y, robots)
+        bodies = self._bodies(heading_x, heading_y, robot)
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
@@ -131,14 +121,13 @@ class Crowd:
         given_y = speed_mps, heading_y, self.velocity_y_mps, people_y, wall_y, noise[1]
         return total_force(rate, *given_x), total_force(rate, *given_y)
 
-    def _headings(self, robots: Sequence[RobotBody]) -> Force:
+    def _headings(self, robot: RobotBody | None) -> Force:
         """(N,) x and y of where people want to go; at most 1 for those who stand, past no robot."""
         headings = self._routes.headings(self.x_m, self.y_m)
         clearance_m = self._model.evasion_clearance_m
-        for body, robot in enumerate(() if clearance_m is None else robots, len(self)):
-            assert clearance_m is not None
-            to_x, to_y = -self._pairs.dx_m[:, body], -self._pairs.dy_m[:, body]
-            to_robot_m = to_x, to_y, self._pairs.distance_m[:, body]
+        if robot is not None and clearance_m is not None:
+            to_x, to_y = -self._pairs.dx_m[:, -1], -self._pairs.dy_m[:, -1]
+            to_robot_m = to_x, to_y, self._pairs.distance_m[:, -1]
             given = headings, self.desired_speed_mps, self._walls, self.body_radius_m
             headings = headings_around(robot, to_robot_m, *given, clearance_m)
         heading_x, heading_y = headings
@@ -149,19 +138,16 @@ class Crowd:
             heading_x[-count:], heading_y[-count:] = (back_m / way_m[:, None]).T
         return heading_x, heading_y
 
-    def _bodies(
-        self, heading_x: FloatArray, heading_y: FloatArray, robots: Sequence[RobotBody]
-    ) -> Bodies:
-        """The people and, last, the robots; a robot at rest has no heading."""
-        velocities = [(each.velocity_x_mps, each.velocity_y_mps) for each in robots]
-        robots_x, robots_y = zip(*velocities, strict=True)
-        headings_x, headings_y = zip(*map(_heading_of, velocities), strict=True)
+    def _bodies(self, heading_x: FloatArray, heading_y: FloatArray, robot: RobotBody) -> Bodies:
+        """The people and, last, the robot; a robot at rest has no heading."""
+        robot_x, robot_y = robot.velocity_x_mps, robot.velocity_y_mps
+        robot_heading_x, robot_heading_y = _heading_of((robot_x, robot_y))
         return Bodies(
-            heading_x=np.concatenate([heading_x, headings_x]),
-            heading_y=np.concatenate([heading_y, headings_y]),
-            velocity_x_mps=np.concatenate([self.velocity_x_mps, robots_x]),
-            velocity_y_mps=np.concatenate([self.velocity_y_mps, robots_y]),
-            radius_m=np.concatenate([self._radius_m, [each.radius_m for each in robots]]),
+            heading_x=np.concatenate([heading_x, [robot_heading_x]]),
+            heading_y=np.concatenate([heading_y, [robot_heading_y]]),
+            velocity_x_mps=np.concatenate([self.velocity_x_mps, [robot_x]]),
+            velocity_y_mps=np.concatenate([self.velocity_y_mps, [robot_y]]),
+            radius_m=np.concatenate([self._radius_m, [robot.radius_m]]),
         )
 
     def _leave_walls(self) -> None:
@@ -185,7 +171,6 @@ class Crowd:
         self.velocity_y_mps[rows] -= inwards * away_y
 
 
-@compilable
 def total_force(
     rate: float,
     speed_mps: FloatArray,
@@ -200,7 +185,6 @@ def total_force(
     return force
 
 
-@compilable
 def walk(
     x_m: FloatArray,
     y_m: FloatArray,

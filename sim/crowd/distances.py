@@ -7,7 +7,6 @@ point from the body, or from the wall's nearest point, to the person.
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 
 _COINCIDENT_M = 1e-6
 
@@ -42,7 +41,6 @@ class PairGeometry:
         self.distance_m[self._own] = np.inf
 
 
-@compilable
 def measure_pairs(
     x_m: FloatArray,
     y_m: FloatArray,
@@ -83,7 +81,6 @@ class WallGeometry:
         measure_walls(x_m, y_m, *lines, self.dx_m, self.dy_m, self.distance_m, self.share)
 
 
-@compilable
 def measure_walls(
     x_m: FloatArray,
     y_m: FloatArray,

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.compiled import compilable
 from sim.crowd.distances import WallGeometry
 from sim.crowd.social_force import Force
 
@@ -40,8 +39,7 @@ def headings_around(
     to_robot_m: x, y and length of the vectors from people to the robot. clearance_m: between the
     surfaces of robot and person on a circle. Those whose straight way leads through it, and whom
     the robot does not outrun, take the tangent on the nearer side, or on the other one where only
-    that has room between robot and walls. Within the circle they walk across its radius. Several
-    robots are passed one after the other.
+    that has room between robot and walls. Within the circle they walk across its radius.
     """
     return headings_past(
         *to_robot_m,
@@ -59,7 +57,6 @@ def headings_around(
     )
 
 
-@compilable
 def headings_past(
     to_x: FloatArray,
     to_y: FloatArray,

@@ -6,7 +6,6 @@ All loops are padded to the same number of corners so that one step moves all wa
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from sim.compiled import compilable
 from sim.errors import SimError
 
 _LOOK_AHEAD_M = 5.0
@@ -82,7 +81,6 @@ class Routes:
         self._legs[:, rows] = *start.T, *(leg.T / length), length
 
 
-@compilable
 def headings_on_legs(
     x_m: FloatArray, y_m: FloatArray, legs: FloatArray, look_ahead_m: float, reached_m: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:

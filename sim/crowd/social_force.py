@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.errors import SimError
 from storage.nearest import choice_rule
@@ -255,7 +254,6 @@ def _weight_by_direction(
     return weight
 
 
-@compilable
 def predicted_repulsion(
     dx_m: FloatArray,
     dy_m: FloatArray,

@@ -11,7 +11,6 @@ import numpy as np
 
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
-from sim.compiled import DRIVEN
 from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
 from sim.errors import SimError
@@ -132,7 +131,6 @@ def run_episode(
         else:
             observation = world.step(command)
             outcome = progress.see(observation)
-    DRIVEN.add(progress.n_ticks)
     if outcome != "aborted":
         log.close(observation)
     return EpisodeRecord(

@@ -1,4 +1,4 @@
-"""Where many tasks run: processes of this machine (joblib's loky), or a Dask or Ray cluster."""
+"""Where many tasks run: processes of this machine (joblib's loky), or a Dask cluster."""
 
 import os
 import threading
@@ -14,7 +14,7 @@ import joblib
 from sim.errors import SimError
 from storage.nearest import choice_rule
 
-BACKENDS = ("loky", "dask", "ray")
+BACKENDS = ("loky", "dask")
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 _PARENT_LOOK_S = 0.5
@@ -24,7 +24,7 @@ _PARENT_LOOK_S = 0.5
 class Execution:
     """n_jobs: processes at a time, -1 for all cores; 1 with loky stays in this process.
 
-    address: of a running Dask scheduler or Ray cluster; a local one is started where it is empty.
+    address: of a running Dask scheduler; a local cluster is started where it is empty.
     """
 
     n_jobs: int = -1
@@ -37,9 +37,7 @@ class Execution:
         if self.n_jobs == 0 or self.n_jobs < -1:
             raise SimError(f"jobs must be at least 1, or -1 for all cores, got {self.n_jobs}")
         if self.address and self.backend == "loky":
-            raise SimError(
-                f"address must be left out with loky, got {self.address!r}; choose dask or ray"
-            )
+            raise SimError(f"address must be left out with loky, got {self.address!r}; choose dask")
 
     @property
     def n_processes(self) -> int:
@@ -52,9 +50,6 @@ class Execution:
         """function(task) of every task, as they come; closing the iterator ends the others."""
         if self.backend == "loky" and (self.n_jobs == 1 or len(tasks) <= 1):
             yield from map(function, tasks)
-            return
-        if self.backend == "ray":
-            yield from self._ray_results(function, tasks)
             return
         settings: dict[str, Any] = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
         with ExitStack() as stack:
@@ -79,7 +74,10 @@ class Execution:
         try:
             from distributed import Client
         except ImportError:
-            raise _not_installed("dask", "dask[distributed]") from None
+            raise SimError(
+                "backend dask needs the package dask[distributed], which is not installed"
+                "; run 'pip install \"dask[distributed]\"' or use loky"
+            ) from None
         if self.address:
             try:
                 return Client(self.address)
@@ -89,38 +87,6 @@ class Execution:
                     f" ({error}); start one with 'dask scheduler'"
                 ) from error
         return Client(n_workers=self.n_processes, threads_per_worker=1, dashboard_address=None)
-
-    def _ray_results(
-        self, function: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Generator[Result, None, None]:
-        """By Ray itself: its backend for joblib gives no result before all are there."""
-        try:
-            import ray
-        except ImportError:
-            raise _not_installed("ray", "ray") from None
-        if self.address:
-            try:
-                ray.init(address=self.address)
-            except (ConnectionError, ValueError, RuntimeError) as error:
-                raise SimError(
-                    f"address must be that of a running Ray cluster, got {self.address!r}"
-                    f" ({error}); start one with 'ray start --head'"
-                ) from error
-        else:
-            ray.init(num_cpus=self.n_processes, include_dashboard=False)
-        try:
-            # Ray takes functions only, and a task may be a partial or a method.
-            remote = ray.remote(_called)
-            pending = [remote.remote(function, task) for task in tasks]
-            while pending:
-                ready, pending = ray.wait(pending)
-                yield ray.get(ready[0])
-        finally:
-            ray.shutdown()
-
-
-def _called(function: Callable[[Task], Result], task: Task) -> Result:
-    return function(task)
 
 
 def end_with_parent(parent_pid: int) -> None:
@@ -132,10 +98,3 @@ def end_with_parent(parent_pid: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _not_installed(backend: str, package: str) -> SimError:
-    return SimError(
-        f"backend {backend} needs the package {package}, which is not installed"
-        f"; run 'pip install \"{package}\"' or use loky"
-    )

@@ -19,15 +19,12 @@ from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, Frame, overview_camera
 from sim.robot.bullet import add_wall, close, load_urdf, new_world, pybullet, turned
-from sim.robot.movable_bodies import HEIGHT_M
-from sim.scenario.obstacle import Obstacle, Pose
-from sim.scenario.polygon import counter_clockwise
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
+from sim.world.observation import Pose
 
 _PERSON_URDF = Path(__file__).with_name("person.urdf")
 _WALL_COLOUR = (0.80, 0.78, 0.74, 1.0)
-_OBSTACLE_COLOUR = (0.55, 0.42, 0.30, 1.0)
 _FLOOR_COLOUR, _LINE_COLOUR = (0.93, 0.92, 0.89, 1.0), (0.85, 0.84, 0.81, 1.0)
 _LINE_M, _MOST_LINES, _HALF_PLATE_M = 0.03, 200, 0.001
 _LIGHT_FROM = (3.0, -4.0, 8.0)
@@ -75,7 +72,6 @@ class Scene:
             wall = add_wall(self.client, start, end)
             self.client.changeVisualShape(wall, -1, rgbaColor=_WALL_COLOUR)
         self._add_floor(scenario)
-        self._obstacles = [self._add_obstacle(each) for each in scenario.movable_obstacles]
         self._robot = self._load_robot(scenario)
         count = scenario.pedestrians.n_people
         self._people = [self._load_person(number) for number in range(count)]
@@ -125,12 +121,6 @@ class Scene:
             for (left, right), angle in ((_LEGS, swing), (_ARMS, -0.7 * swing)):
                 self.client.resetJointState(body, left, angle, 0.0)
                 self.client.resetJointState(body, right, -angle, 0.0)
-
-    def place_obstacles(self, poses: ArrayLike) -> None:
-        """Put the movable obstacles at (K, 3) poses, in the order of the scenario."""
-        places = np.asarray(poses, dtype=np.float64).reshape(-1, 3).tolist()
-        for body, (x_m, y_m, yaw_rad) in zip(self._obstacles, places, strict=True):
-            self.client.resetBasePositionAndOrientation(body, (x_m, y_m, 0.0), turned(yaw_rad))
 
     def render(self, camera: Camera) -> Frame:
         """(height, width, 3) picture by PyBullet's software renderer."""
@@ -190,31 +180,6 @@ class Scene:
             pybullet.GEOM_BOX, halfExtents=(*half_m, _HALF_PLATE_M), rgbaColor=colour
         )
         self.client.createMultiBody(0.0, -1, shape, (*middle_m, top_m - _HALF_PLATE_M))
-
-    def _add_obstacle(self, obstacle: Obstacle) -> int:
-        """A prism of triangles: two on each side, and a fan on top."""
-        corners = counter_clockwise(obstacle.corners_m)
-        count = len(corners)
-        low, high = (np.column_stack([corners, np.full(count, z_m)]) for z_m in (0.0, HEIGHT_M))
-        vertices, normals, indices = [*high], [(0.0, 0.0, 1.0)] * count, []
-        for corner in range(1, count - 1):
-            indices += [0, corner, corner + 1]
-        for corner in range(count):
-            after = (corner + 1) % count
-            along = corners[after] - corners[corner]
-            first = len(vertices)
-            vertices += [low[corner], low[after], high[after], high[corner]]
-            normals += [(*(np.array([along[1], -along[0]]) / np.hypot(*along)), 0.0)] * 4
-            indices += [first, first + 1, first + 2, first, first + 2, first + 3]
-        shape = self.client.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=[tuple(map(float, each)) for each in vertices],
-            indices=indices,
-            normals=[tuple(map(float, each)) for each in normals],
-            rgbaColor=_OBSTACLE_COLOUR,
-        )
-        body: int = self.client.createMultiBody(0.0, -1, shape, (*obstacle.pose[:2], 0.0))
-        return body
 
     def _load_robot(self, scenario: Scenario) -> int:
         """The robot of the scenario; the kinematic one looks like the built-in robot."""

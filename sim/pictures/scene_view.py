@@ -21,5 +21,4 @@ class SceneView(Scene):
             x_m, y_m, yaw_rad = trajectory.robot_pose[shown].tolist()
             self.place_robot((x_m, y_m, yaw_rad))
             self.place_people(trajectory.people_position_m[shown])
-        self.place_obstacles(trajectory.obstacle_pose[tick])
         return self.render(self._overview or chase_camera((x_m, y_m, yaw_rad)))

@@ -18,7 +18,6 @@ from sim.scenario.scenario import Scenario
 Colour = tuple[int, int, int]
 
 _FLOOR, _WALL, _OUTSIDE = (250, 249, 246), (92, 90, 86), (226, 224, 219)
-_OBSTACLE = (140, 106, 76)
 _GOAL, _START = (214, 236, 214), (214, 226, 242)
 _PERSON, _NOSE = (232, 150, 72), (140, 78, 24)
 _ROBOT, _TRAIL, _ROBOT_NOSE = (38, 92, 180), (150, 182, 226), (240, 244, 252)
@@ -31,7 +30,6 @@ class TopView:
 
     def __init__(self, scenario: Scenario, pixels_per_m: float = 24.0) -> None:
         self._scale = pixels_per_m
-        self._obstacles = scenario.movable_obstacles
         self._robot_radius_m = scenario.robot.radius_m
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         x_min, y_min, x_max, y_max = scenario.bounds_m
@@ -47,17 +45,12 @@ class TopView:
         *,
         previous_people_m: ArrayLike | None = None,
         trail_m: ArrayLike = (),
-        obstacle_poses: ArrayLike = (),
     ) -> Frame:
         """The scenario with (N, 2) people, the robot and the (K, 2) way it has come.
 
-        obstacle_poses: (M, 3) of the movable obstacles.
         previous_people_m: where the people were a little before, to show which way they walk.
         """
         canvas = self._background.copy()
-        poses = np.asarray(obstacle_poses, dtype=np.float64).reshape(-1, 3)
-        for obstacle, pose in zip(self._obstacles, poses, strict=len(poses) > 0):
-            self._polygon(canvas, obstacle.outline_at(pose))
         for x_m, y_m in np.asarray(trail_m, dtype=np.float64).reshape(-1, 2):
             self._disc(canvas, x_m, y_m, 0.05, _TRAIL)
         people = np.asarray(people_m, dtype=np.float64).reshape(-1, 2)
@@ -82,7 +75,6 @@ class TopView:
             people[tick],
             previous_people_m=people[max(tick - 1, 0)],
             trail_m=trajectory.robot_pose[:tick:_TRAIL_TICKS, :2],
-            obstacle_poses=trajectory.obstacle_pose[tick],
         )
 
     def _draw_noses(self, canvas: FloatArray, people: FloatArray, before: FloatArray) -> None:
@@ -92,16 +84,6 @@ class TopView:
         for (x_m, y_m), way in zip(ahead, length[:, 0], strict=True):
             if way > 1e-4:
                 self._disc(canvas, x_m, y_m, 0.3 * self._person_radius_m, _NOSE)
-
-    def _polygon(self, canvas: FloatArray, outline_m: FloatArray) -> None:
-        columns, rows = ((outline_m - (self._left_m, self._top_m)) * (1, -1) * self._scale).T
-        low_row, low_column = max(int(rows.min()), 0), max(int(columns.min()), 0)
-        window = canvas[low_row : int(rows.max()) + 1, low_column : int(columns.max()) + 1]
-        height, width = window.shape[:2]
-        across, down = np.meshgrid(np.arange(width) + low_column, np.arange(height) + low_row)
-        points = np.stack([across.ravel(), down.ravel()], axis=1) + 0.5
-        inside = contains(np.stack([columns, rows], axis=1), points)
-        window[inside.reshape(height, width)] = _OBSTACLE
 
     def _disc(
         self, canvas: FloatArray, x_m: float, y_m: float, radius_m: float, colour: Colour

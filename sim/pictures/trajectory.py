@@ -7,37 +7,28 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
 from sim.errors import SimError
-from sim.scenario.obstacle import Pose
 from sim.world.command import Command
 from sim.world.observation import Observation
-from sim.world.world import HallwayWorld
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """time_s: (T,); robot_pose: (T, 3) x, y, yaw; people_position_m: (T, N, 2).
-
-    obstacle_pose: (T, K, 3) of the movable obstacles.
-    """
+    """time_s: (T,); robot_pose: (T, 3) x, y, yaw; people_position_m: (T, N, 2)."""
 
     time_s: FloatArray
     robot_pose: FloatArray
     people_position_m: FloatArray
-    obstacle_pose: FloatArray
 
 
 class TrajectoryRecorder:
-    """Pass `see` to run_episode of a world as its observer, then read `trajectory`."""
+    """Pass `see` to run_episode as its observer, then read `trajectory`."""
 
-    def __init__(self, world: HallwayWorld) -> None:
-        self._world = world
+    def __init__(self) -> None:
         self._seen: list[Observation] = []
-        self._obstacles: list[tuple[Pose, ...]] = []
 
     def see(self, observation: Observation, _command: Command, _action: Action) -> None:
         """Take one control tick."""
         self._seen.append(observation)
-        self._obstacles.append(self._world.obstacle_poses)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -48,5 +39,4 @@ class TrajectoryRecorder:
             time_s=np.array([seen.time_s for seen in self._seen]),
             robot_pose=np.array([seen.pose for seen in self._seen]),
             people_position_m=np.stack([seen.people_position_m for seen in self._seen]),
-            obstacle_pose=np.array(self._obstacles).reshape(len(self._seen), -1, 3),
         )

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.compiled import compilable
 from sim.world.observation import Observation
 
 
@@ -43,7 +42,6 @@ def predict_nearby(
     return PredictedPeople(*predicted(*people, *observation.pose[:2], range_m, most, time_s))
 
 
-@compilable
 def predicted(
     position_m: FloatArray,
     velocity_mps: FloatArray,
@@ -89,7 +87,6 @@ def gap_to_people_m(
     return gap
 
 
-@compilable
 def distance_to_nearest(
     x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
 ) -> FloatArray:

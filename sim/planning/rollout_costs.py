@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.compiled import compilable
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.planning.nearby_people import (
@@ -171,7 +170,6 @@ class RolloutCosts:
         return nearest_wall(raster.distance_m, x_m, y_m, raster.origin_m, scale, nearest_m, n_soon)
 
 
-@compilable
 def shortest_so_far(
     x_m: FloatArray, y_m: FloatArray, to_x_m: float, to_y_m: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -185,7 +183,6 @@ def shortest_so_far(
     return np.minimum.accumulate(distance, axis=-1, out=distance), last
 
 
-@compilable
 def nearest_wall(
     distance_m: FloatArray,
     x_m: FloatArray,
@@ -200,7 +197,6 @@ def nearest_wall(
     return away_m.min(axis=-1), away_m[..., :n_soon] < nearest_m
 
 
-@compilable
 def nearest_person(
     x_m: FloatArray,
     y_m: FloatArray,
@@ -218,7 +214,6 @@ def nearest_person(
     return gap_m, too_close
 
 
-@compilable
 def nearest_now(
     x_m: FloatArray,
     y_m: FloatArray,
@@ -238,14 +233,12 @@ def nearest_now(
     return too_close
 
 
-@compilable
 def largest_product(values: FloatArray, factors: FloatArray) -> FloatArray:
     """(...) maximum over the last axis of values times factors (T,)."""
     largest: FloatArray = (values * factors).max(axis=-1)
     return largest
 
 
-@compilable
 def any_before(at_wall: BoolArray, at_person: BoolArray, soon: BoolArray) -> BoolArray:
     """(...) whether a rollout is too close to a wall or a person at one of its times `soon`."""
     found: BoolArray = np.any((at_wall | at_person) & soon, axis=-1)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
 from sim.scenario.settings import RobotSettings
 
 
@@ -41,7 +40,6 @@ class Rollouts:
     yaw_rad: FloatArray
 
 
-@compilable
 def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
     """(n, T) values that go from `start` to each wanted one at the limited rate."""
     reach = limit * time_s
@@ -74,7 +72,6 @@ def roll_out(
     return Rollouts(x_m=x_m, y_m=y_m, speed_mps=speed, yaw_rad=yaw)
 
 
-@compilable
 def positions(
     start_m: float, speed_mps: FloatArray, direction: FloatArray, step_s: float
 ) -> FloatArray:

@@ -1,4 +1,4 @@
-"""PyBullet, and the walls, files and jointed bodies that its worlds share.
+"""PyBullet, and the walls, files and sliding bodies that its worlds share.
 
 A world is a `BulletClient`, which has PyBullet's functions as methods.
 """
@@ -44,12 +44,8 @@ with _silent():  # pybullet reports its build time on import
     from pybullet_utils.bullet_client import BulletClient as BulletClient
 
 _HERE, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-_JOINTS = {
-    "x": (pybullet.JOINT_PRISMATIC, (1.0, 0.0, 0.0)),
-    "y": (pybullet.JOINT_PRISMATIC, (0.0, 1.0, 0.0)),
-    "yaw": (pybullet.JOINT_REVOLUTE, (0.0, 0.0, 1.0)),
-}
-#: Mass of a link between two joints.
+_ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+#: Mass of the link between the two joints.
 _CARRIAGE_KG = 1e-3
 
 
@@ -96,30 +92,23 @@ def add_wall(client: BulletClient, start_m: FloatArray, end_m: FloatArray) -> in
     return body
 
 
-def add_jointed(
-    client: BulletClient,
-    joints: tuple[str, ...],
-    base_m: tuple[float, float, float],
-    shape: int,
-    mass_kg: float,
-    centre_m: tuple[float, float, float] = _HERE,
+def add_sliding(
+    client: BulletClient, base_m: tuple[float, float, float], shape: int, mass_kg: float
 ) -> int:
-    """Add a body that joints `x`, `y` and `yaw` join to a fixed base; centre_m: of its mass."""
-    carriages = len(joints) - 1
-    kinds, axes = zip(*(_JOINTS[each] for each in joints), strict=True)
+    """Add a body that slides along x and y, by two joints from a fixed base."""
     body: int = client.createMultiBody(
         0.0,
         basePosition=base_m,
-        linkMasses=[*[_CARRIAGE_KG] * carriages, mass_kg],
-        linkCollisionShapeIndices=[*[-1] * carriages, shape],
-        linkVisualShapeIndices=[-1] * len(joints),
-        linkPositions=[_HERE] * len(joints),
-        linkOrientations=[_LEVEL] * len(joints),
-        linkInertialFramePositions=[*[_HERE] * carriages, centre_m],
-        linkInertialFrameOrientations=[_LEVEL] * len(joints),
-        linkParentIndices=range(len(joints)),
-        linkJointTypes=kinds,
-        linkJointAxis=axes,
+        linkMasses=[_CARRIAGE_KG, mass_kg],
+        linkCollisionShapeIndices=[-1, shape],
+        linkVisualShapeIndices=[-1, -1],
+        linkPositions=[_HERE] * 2,
+        linkOrientations=[_LEVEL] * 2,
+        linkInertialFramePositions=[_HERE] * 2,
+        linkInertialFrameOrientations=[_LEVEL] * 2,
+        linkParentIndices=range(2),
+        linkJointTypes=[pybullet.JOINT_PRISMATIC] * 2,
+        linkJointAxis=[_ALONG_X, _ALONG_Y],
     )
     let_move_freely(client, body)
     return body

@@ -6,7 +6,7 @@ bodies touch when they overlap, and contacts have no impulse.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -34,39 +34,21 @@ class ContactCounts:
 class Touch:
     """A contact during one control period.
 
-    impulse_ns: normal impulse in N s. place_m: where on the hull, ahead of the robot's centre and
-    to the left. closing_mps: speed of approach before it. by_robot: whether the robot closed in
-    faster.
+    impulse_ns: normal impulse in N s. closing_mps: speed of approach before it. by_robot: whether
+    the robot closed in faster.
     """
 
     impulse_ns: float
-    place_m: tuple[float, float]
     closing_mps: float
     by_robot: bool
 
 
 @dataclass(frozen=True)
 class Touches:
-    """Contacts with people, by their index, and with walls and obstacles during a control period.
-
-    obstacles: by their number among the movable ones.
-    """
+    """Contacts with people, by their index, and with walls during a control period."""
 
     people: Mapping[int, Touch]
     walls: Touch | None
-    obstacles: Mapping[int, Touch] = field(default_factory=dict)
-
-    @property
-    def solids(self) -> Touch | None:
-        """The strongest of the contacts with walls and obstacles."""
-        found = [*self.obstacles.values(), *([self.walls] if self.walls else [])]
-        return max(found, key=lambda each: each.impulse_ns, default=None)
-
-    @property
-    def all(self) -> tuple[Touch, ...]:
-        """All contacts."""
-        walls = (self.walls,) if self.walls else ()
-        return (*self.people.values(), *self.obstacles.values(), *walls)
 
     def masks(self, n_people: int) -> tuple[BoolArray, BoolArray]:
         """(N,) who touches the robot, and with whom it closed in faster."""
@@ -80,8 +62,7 @@ class Touches:
 class ContactEvent(Touch):
     """A contact that began, as the physics has it, in its first control period.
 
-    tick: control periods since the episode began. Contacts with movable obstacles are
-    `robot_on_wall`.
+    tick: control periods since the episode began.
     """
 
     tick: int
@@ -96,8 +77,6 @@ class ContactCounter:
         self.counts = ContactCounts()
         self.events: tuple[ContactEvent, ...] = ()
         self.minimum_distance_m = np.inf
-        #: Those of the last control period, by the physics.
-        self.touches: Touches | None = None
         self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
         self._touching_wall = False
         self._tick = 0
@@ -111,17 +90,16 @@ class ContactCounter:
     ) -> None:
         """Count what touches now; distances are between surfaces. touches: those of the physics."""
         self._tick += 1
-        self.touches = touches
         on_person = on_robot = 0
         if len(crowd):
             on_person, on_robot = self._update_people(crowd, robot, touches)
         gap = wall_distance_m - robot.radius_m
-        solid = None if touches is None else touches.solids
-        touch = gap < _TOUCH_M if touches is None else solid is not None
+        wall = None if touches is None else touches.walls
+        touch = gap < _TOUCH_M if touches is None else wall is not None
         on_wall = int(touch and not self._touching_wall)
         self._touching_wall = touch or (self._touching_wall and gap < _APART_M)
-        if on_wall and solid is not None:
-            self._add_event("robot_on_wall", None, solid)
+        if on_wall and wall is not None:
+            self._add_event("robot_on_wall", None, wall)
         if on_person or on_robot or on_wall:
             self.counts = ContactCounts(
                 robot_on_person=self.counts.robot_on_person + on_person,

@@ -6,7 +6,7 @@ which only a new world is free of.
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,15 +22,14 @@ from sim.robot.bullet import (
     pybullet,
     turned,
 )
-from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
 from sim.robot.quaternion import Quaternion, Vector, conjugate, product, rotated, yaw_of
 from sim.robot.robot import RobotState, standing_at
-from sim.robot.sensors.imu import GRAVITY_MPS2, Inertial
 from sim.scenario.scenario import Scenario
 
 Wheels = tuple[float, float]
 
+_GRAVITY_MPS2 = 9.81
 _LONGEST_SUBSTEP_S = 0.005
 _SOLVER_ITERATIONS = 20
 #: Share of a penetration that a substep corrects. The correction is a velocity: the default of 0.2
@@ -41,7 +40,6 @@ _SETTLING_S = 0.3
 _FOOTPRINT_TOLERANCE_M = 0.02
 #: Of a link without <inertial>, for which PyBullet would assume 1 kg.
 _FRAME_MASS_KG, _FRAME_INERTIA_KGM2 = 1e-3, (1e-6, 1e-6, 1e-6)
-_AT_REST = Inertial((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -57,43 +55,22 @@ class History:
 class PhysicalState(RobotState):
     """Where the root link of a robot on wheels is, and what else a snapshot keeps.
 
-    velocity_mps: of the root link's centre of mass. inertial: orientation and velocity of the root
-    link. target: commanded (v, w) after the limits. history: what `Dynamics.load` takes, in
-    snapshots.
+    velocity_mps: of the root link's centre of mass. target: commanded (v, w) after the limits.
+    history: what `Dynamics.load` takes, in snapshots.
     """
 
     velocity_mps: Velocity = (0.0, 0.0)
     wheels_rad: Wheels = (0.0, 0.0)
-    inertial: Inertial = _AT_REST
     target: tuple[float, float] = (0.0, 0.0)
     history: History | None = field(default=None, repr=False)
 
 
 @dataclass
-class Push:
-    """Normal impulse (N s) on the robot, and its moment: the sum of impulses times positions.
-
-    Positions are on the hull, in metres from the robot's root link along its heading and to the
-    left.
-    """
-
-    impulse_ns: float = 0.0
-    moment_nsm: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def place_m(self) -> tuple[float, float]:
-        """Mean position on the hull."""
-        along, left = self.moment_nsm
-        return along / self.impulse_ns, left / self.impulse_ns
-
-
-@dataclass
 class Impulses:
-    """Pushes on the robot during a control period, by who exerts them."""
+    """Normal impulses (N s) on the robot during a control period, by who exerts them."""
 
-    walls: Push = field(default_factory=Push)
-    people: dict[int, Push] = field(default_factory=dict)
-    obstacles: dict[int, Push] = field(default_factory=dict)
+    walls_ns: float = 0.0
+    people_ns: dict[int, float] = field(default_factory=dict)
 
 
 class Dynamics:
@@ -134,8 +111,8 @@ class Dynamics:
     ) -> Impulses:
         """Advance by one control period; the wheels' targets change linearly to those given.
 
-        people: those near the robot or an obstacle, with their motion at its beginning. near_walls:
-        whether contacts with walls and obstacles are looked for.
+        people: those near the robot, with their motion at its beginning. near_walls: whether
+        contacts with walls are looked for.
         """
         if people:
             self._people_log[len(self._wheel_log) // 2] = people
@@ -144,15 +121,10 @@ class Dynamics:
         more_left, more_right = wheels_radps[0] - left, wheels_radps[1] - right
         self.people.place(people)
         impulses = Impulses()
-        movable = self._scenario.movable_obstacles
         for substep in range(1, self._n_substeps + 1):
             share = substep / self._n_substeps
             self._turn_wheels((left + share * more_left, right + share * more_right))
-            if movable:
-                self.obstacles.brake()
             self._step()
-            if movable:
-                self.obstacles.stop_doors()
             if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
@@ -160,8 +132,8 @@ class Dynamics:
     def state(self, target: tuple[float, float] = (0.0, 0.0)) -> PhysicalState:
         """Where the robot is and how it moves; target: that of the state."""
         (x_m, y_m, _), turn = self._root()
-        velocity, rates = self._client.getBaseVelocity(self._robot)
-        (vx_mps, vy_mps, _), yaw_rad = velocity, yaw_of(turn)
+        (vx_mps, vy_mps, _), rates = self._client.getBaseVelocity(self._robot)
+        yaw_rad = yaw_of(turn)
         wheels = self._client.getJointStates(self._robot, self._wheels)
         left, right = (
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
@@ -174,7 +146,6 @@ class Dynamics:
             rates[2],
             (vx_mps, vy_mps),
             (left, right),
-            Inertial(turn, self._root_mps(velocity, rates, turn)),
             target,
         )
 
@@ -184,12 +155,6 @@ class Dynamics:
         turn = product(turn, self._root_turn)
         x, y, z = rotated(turn, self._mass_in_root[0])
         return (place[0] - x, place[1] - y, place[2] - z), turn
-
-    def _root_mps(self, velocity: Vector, rates: Vector, turn: Quaternion) -> Vector:
-        """Velocity of the root link by that of its mass, which is at r from it: v - w x r."""
-        (vx, vy, vz), (wx, wy, wz) = velocity, rates
-        x, y, z = rotated(turn, self._mass_in_root[0])
-        return vx - (wy * z - wz * y), vy - (wz * x - wx * z), vz - (wx * y - wy * x)
 
     def save(self) -> History:
         """All that has acted since the robot was placed."""
@@ -222,7 +187,7 @@ class Dynamics:
     def _add_bodies(self, client: BulletClient) -> None:
         # Called in every substep: a client looks a function up anew each time.
         self._step, self._set_motors = client.stepSimulation, client.setJointMotorControlArray
-        client.setGravity(0, 0, -GRAVITY_MPS2)
+        client.setGravity(0, 0, -_GRAVITY_MPS2)
         client.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,
             numSubSteps=0,
@@ -238,8 +203,6 @@ class Dynamics:
         self._walls = {add_wall(client, *segment) for segment in self._scenario.wall_segments_m}
         self._robot = self._load_robot(client)
         self._require_footprint()
-        movable = self._scenario.movable_obstacles
-        self.obstacles = MovableBodies(client, movable, walls=self._walls, floor=self._floor)
         self.people = PeopleBodies(
             client, self._person_radius_m, apart_from=(self._floor, *self._walls)
         )
@@ -311,29 +274,12 @@ class Dynamics:
 
     def _add_contacts(self, impulses: Impulses) -> None:
         for contact in self._client.getContactPoints(self._robot):
-            other, place_m, force_n = contact[2], contact[5], contact[9]
+            other, force_n = contact[2], contact[9]
             if other == self._floor or force_n <= 0.0:
                 continue
-            push = self._push_of(impulses, other)
-            impulse = force_n * self._substep_s
-            along, left = self._on_hull(place_m)
-            push.impulse_ns += impulse
-            moment = push.moment_nsm
-            push.moment_nsm = moment[0] + impulse * along, moment[1] + impulse * left
-
-    def _push_of(self, impulses: Impulses, other: int) -> Push:
-        """The sum to which a contact with a body belongs."""
-        if other in self._walls:
-            return impulses.walls
-        obstacle = self.obstacles.number_of(other)
-        if obstacle is not None:
-            return impulses.obstacles.setdefault(obstacle, Push())
-        return impulses.people.setdefault(self.people.person_in(other), Push())
-
-    def _on_hull(self, place_m: Sequence[float]) -> Velocity:
-        """A position on the map, seen from the robot."""
-        root_m, turn = self._root()
-        yaw_rad = yaw_of(turn)
-        x_m, y_m = place_m[0] - root_m[0], place_m[1] - root_m[1]
-        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-        return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m
+            impulse_ns = force_n * self._substep_s
+            if other in self._walls:
+                impulses.walls_ns += impulse_ns
+            else:
+                person = self.people.person_in(other)
+                impulses.people_ns[person] = impulses.people_ns.get(person, 0.0) + impulse_ns

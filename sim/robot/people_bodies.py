@@ -1,14 +1,14 @@
-"""People whom the robot or a movable obstacle can touch, as rigid bodies.
+"""People whom the robot can touch, as rigid bodies.
 
 A person is an upright capsule on two prismatic joints without motors: it keeps its velocity unless
-the robot or an obstacle pushes it, and it pushes them. Walls and other people act on people in the
-crowd's model alone. There are as many capsules as people were near at once.
+the robot pushes it, and it pushes the robot. Walls and other people act on people in the crowd's
+model alone. There are as many capsules as people were near at once.
 """
 
 from collections.abc import Iterable, Mapping
 
 from serd_core.arrays import FloatArray
-from sim.robot.bullet import BulletClient, add_jointed, pybullet
+from sim.robot.bullet import BulletClient, add_sliding, pybullet
 
 Velocity = tuple[float, float]
 #: Position and velocity.
@@ -17,7 +17,7 @@ Moving = tuple[tuple[float, float], Velocity]
 MOST_NEAR = 12
 #: Mean of adults.
 PERSON_MASS_KG = 75.0
-CONTACT_FRICTION = 0.3
+_CONTACT_FRICTION = 0.3
 #: People who are this close to the robot's surface at the start of a control period of 0.05 s may
 #: touch it; the distance grows with the period.
 _REACH_M, _REACH_PERIOD_S = 0.3, 0.05
@@ -87,10 +87,10 @@ class PeopleBodies:
             if slot not in self._near:
                 return slot
         base_m = (0.0, 0.0, 0.5 * _SIDE_M)
-        body = add_jointed(self._client, ("x", "y"), base_m, self._capsule, PERSON_MASS_KG)
+        body = add_sliding(self._client, base_m, self._capsule, PERSON_MASS_KG)
         for joint in (0, 1):
             self._client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, force=0.0)
-        self._client.changeDynamics(body, 1, lateralFriction=CONTACT_FRICTION, restitution=0.0)
+        self._client.changeDynamics(body, 1, lateralFriction=_CONTACT_FRICTION, restitution=0.0)
         for other in self._apart_from:
             self._client.setCollisionFilterPair(body, other, 1, -1, _NO_COLLISION)
         for other in self._bodies:

@@ -10,19 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd
 from sim.crowd.distances import WallGeometry
 from sim.crowd.robots import RobotBody
 from sim.robot.contacts import Touch, Touches
-from sim.robot.dynamics import Dynamics, Impulses, PhysicalState, Push
-from sim.robot.movable_bodies import Motion
-from sim.robot.people_bodies import Moving, near_people
+from sim.robot.dynamics import Dynamics, Impulses, PhysicalState
+from sim.robot.people_bodies import near_people
 from sim.robot.robot import RobotState
-from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import limited_velocity
-from sim.scenario.obstacle import Pose, segments_at
-from sim.scenario.polygon import distance_to_segments_m, edges_of
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command
 
@@ -39,14 +34,11 @@ class PhysicalRobot:
         self._separation_m = settings.wheel_separation_m or drive.separation_m
         self._settings, self._step_s = settings, scenario.control_period_s
         self._person_radius_m = person_radius_m
-        self._obstacles = scenario.movable_obstacles
         self._dynamics = Dynamics(scenario, person_radius_m)
         self._walls = WallGeometry(1, scenario.wall_segments_m)
         self.state = PhysicalState(0.0, 0.0, (0.0, 1.0))
         self.wheel_motion: tuple[float, float] | None = None
         self.wall_distance_m = math.inf
-        self.obstacle_poses: tuple[Pose, ...] = tuple(each.pose for each in self._obstacles)
-        self.obstacle_segments_m = segments_at(self._obstacles, self.obstacle_poses)
 
     def place(self, state: RobotState) -> None:
         """Return to the state of a snapshot, or put the robot on the floor of a new world."""
@@ -65,7 +57,7 @@ class PhysicalRobot:
     def drive(self, command: Command, crowd: Crowd) -> Touches:
         """One control period towards the command; people whom the robot touches are pushed.
 
-        crowd: has made its step, and gets the motion of those people and of those at obstacles.
+        crowd: has made its step, and gets the motion of those people.
         """
         before = self.state
         target = limited_velocity(command, *before.target, self._settings, self._step_s)
@@ -74,14 +66,10 @@ class PhysicalRobot:
         reach_m = self._settings.radius_m + self._person_radius_m
         away_m = np.hypot(places[:, 0] - before.x_m, places[:, 1] - before.y_m)
         near = near_people(away_m, reach_m, self._step_s, places, velocities)
-        at_obstacles = self._people_at_obstacles(places, velocities)
-        motions = self._dynamics.obstacles.motions
         near_walls = self.wall_distance_m < self._settings.radius_m + _NEAR_WALLS_M
-        impulses = self._dynamics.drive(
-            self._wheel_speeds(target), near | at_obstacles, near_walls=near_walls
-        )
-        touches = self._touches(impulses, crowd, motions)
-        for person in {**impulses.people, **at_obstacles}:
+        impulses = self._dynamics.drive(self._wheel_speeds(target), near, near_walls=near_walls)
+        touches = self._touches(impulses, crowd)
+        for person in impulses.people_ns:
             crowd.move(person, *self._dynamics.people.motion(person))
         self.state = self._dynamics.state(target)
         self.wheel_motion = self._wheel_motion(before.wheels_rad)
@@ -94,11 +82,6 @@ class PhysicalRobot:
         return RobotBody(
             self.state.x_m, self.state.y_m, *self.state.velocity_mps, self._settings.radius_m
         )
-
-    @property
-    def inertial(self) -> Inertial:
-        """Motion that an IMU measures."""
-        return self.state.inertial
 
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
@@ -116,63 +99,27 @@ class PhysicalRobot:
         )
         return 0.5 * (left + right), (right - left) / self._separation_m
 
-    def _people_at_obstacles(self, places: FloatArray, velocities: FloatArray) -> dict[int, Moving]:
-        """Those of the (N, 2) people who may touch a movable obstacle."""
-        near: dict[int, Moving] = {}
-        for obstacle, pose in zip(self._obstacles, self.obstacle_poses, strict=True):
-            edges_m = edges_of(obstacle.outline_at(pose))
-            away_m = distance_to_segments_m(places, edges_m).min(axis=1, initial=np.inf)
-            near |= near_people(away_m, self._person_radius_m, self._step_s, places, velocities)
-        return near
-
-    def _touches(self, impulses: Impulses, crowd: Crowd, motions: tuple[Motion, ...]) -> Touches:
-        """Who touched, with the velocities before the control period; by its pose.
-
-        motions: of the obstacles, before.
-        """
+    def _touches(self, impulses: Impulses, crowd: Crowd) -> Touches:
+        """Who touched, with the velocities before the control period; by its pose."""
         x_m, y_m, _ = self.state.pose
         vx, vy = self.state.velocity_mps
         people = {}
-        for person, push in impulses.people.items():
+        for person, impulse_ns in impulses.people_ns.items():
             away = np.array([crowd.x_m[person] - x_m, crowd.y_m[person] - y_m])
             away /= max(float(np.hypot(*away)), 1e-9)
             robots = float(away @ (vx, vy))
             persons = -float(away @ (crowd.velocity_x_mps[person], crowd.velocity_y_mps[person]))
-            people[person] = Touch(
-                push.impulse_ns, push.place_m, robots + persons, robots > max(persons, 0.0)
-            )
+            people[person] = Touch(impulse_ns, robots + persons, robots > max(persons, 0.0))
         wall = None
-        if impulses.walls.impulse_ns > 0.0:
+        if impulses.walls_ns > 0.0:
             nearest = int(np.argmin(self._walls.distance_m[0]))
             distance = max(float(self._walls.distance_m[0, nearest]), 1e-9)
             dx, dy = float(self._walls.dx_m[0, nearest]), float(self._walls.dy_m[0, nearest])
             closing_mps = -(vx * dx + vy * dy) / distance
-            wall = Touch(impulses.walls.impulse_ns, impulses.walls.place_m, closing_mps, True)
-        obstacles = {
-            number: self._obstacle_touch(push, self.obstacle_poses[number], motions[number])
-            for number, push in impulses.obstacles.items()
-        }
-        return Touches(people, wall, obstacles)
-
-    def _obstacle_touch(self, push: Push, pose: Pose, motion: Motion) -> Touch:
-        """A contact with an obstacle that had this pose and motion; the hull is a circle."""
-        (x_m, y_m, yaw_rad), (vx, vy) = self.state.pose, self.state.velocity_mps
-        direction = yaw_rad + math.atan2(push.place_m[1], push.place_m[0])
-        along_x, along_y = math.cos(direction), math.sin(direction)
-        from_x = x_m + self._settings.radius_m * along_x - pose[0]
-        from_y = y_m + self._settings.radius_m * along_y - pose[1]
-        robots = vx * along_x + vy * along_y
-        its = (motion[0] - motion[2] * from_y) * along_x + (
-            motion[1] + motion[2] * from_x
-        ) * along_y
-        return Touch(push.impulse_ns, push.place_m, robots - its, robots > max(-its, 0.0))
+            wall = Touch(impulses.walls_ns, closing_mps, True)
+        return Touches(people, wall)
 
     def _measure_walls(self) -> None:
         here = np.array(self.state.pose[:2])
         self._walls.update(here[:1], here[1:])
         self.wall_distance_m = float(self._walls.distance_m.min())
-        if self._obstacles:
-            self.obstacle_poses = self._dynamics.obstacles.poses
-            self.obstacle_segments_m = segments_at(self._obstacles, self.obstacle_poses)
-            away_m = float(distance_to_segments_m(here, self.obstacle_segments_m).min())
-            self.wall_distance_m = min(self.wall_distance_m, away_m)

@@ -11,7 +11,6 @@ from sim.crowd.distances import WallGeometry
 from sim.crowd.robots import RobotBody
 from sim.robot.bullet import close, new_world, pybullet
 from sim.robot.contacts import Touches
-from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command
@@ -53,10 +52,8 @@ class KinematicRobot:
     robot keeps it out of the walls.
     """
 
-    #: It has no wheels, and moves among walls only.
+    #: It has no wheels.
     wheel_motion: tuple[float, float] | None = None
-    obstacle_poses: tuple[Pose, ...] = ()
-    obstacle_segments_m: FloatArray = np.zeros((0, 2, 2))
 
     def __init__(self, scenario: Scenario) -> None:
         self._settings = robot = scenario.robot
@@ -153,13 +150,6 @@ class KinematicRobot:
             velocity_y_mps=speed * math.sin(yaw_rad),
             radius_m=self._settings.radius_m,
         )
-
-    @property
-    def inertial(self) -> Inertial:
-        """Motion that an IMU measures."""
-        body = self.body
-        velocity = body.velocity_x_mps, body.velocity_y_mps, 0.0
-        return Inertial((0.0, 0.0, *self.state.half_turn), velocity)
 
     def _distance_to_walls_m(self) -> float:
         here: FloatArray = np.array(self.state.pose[:2])

@@ -17,10 +17,9 @@ from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.planning.settings import PlannerSettings
 from sim.scenario import rules
-from sim.scenario.obstacle import Obstacle, require_free
+from sim.scenario.obstacle import Obstacle
 from sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from sim.scenario.settings import (
-    ImuSettings,
     LidarSettings,
     Loop,
     OdometrySettings,
@@ -80,8 +79,7 @@ class Scenario(StrictModel):
     )
     obstacles: tuple[Obstacle, ...] = setting(
         (),
-        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls. With"
-        " `mass_kg` they are movable",
+        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls",
     )
     goal_area_m: Outline = setting(
         ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
@@ -99,7 +97,6 @@ class Scenario(StrictModel):
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
     odometry: OdometrySettings = OdometrySettings()
-    imu: ImuSettings = ImuSettings()
     local_planner: PlannerSettings = PlannerSettings()
 
     @model_validator(mode="after")
@@ -115,9 +112,8 @@ class Scenario(StrictModel):
         self.local_planner.require_within(self.robot, self.control_period_s)
         if "train" not in self.start_areas_m:
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
-        rules.require_in_place(self.walkable_area_m, [each.outline_m for each in self.obstacles])
-        require_free(self.obstacles, self.robot.drive, self.walkable_area_m, self.start_areas_m)
         solids = self.solids_m
+        rules.require_in_place(self.walkable_area_m, solids)
         rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
         self._require_usable_areas()
         rules.require_walkable_crowd(self.pedestrians.count, self.cells)
@@ -127,7 +123,7 @@ class Scenario(StrictModel):
             rules.require_standing(
                 f"pedestrians.standing_m[{number}]",
                 place,
-                [self.walkable_area_m, *(each.outline_m for each in self.obstacles)],
+                [self.walkable_area_m, *solids],
                 model_named(self.pedestrians.model).body_radius_m,
             )
         for number, loop in enumerate(self.pedestrians.loops):
@@ -171,7 +167,7 @@ class Scenario(StrictModel):
 
     @property
     def wall_polygons_m(self) -> list[FloatArray]:
-        """Outline of the walkable area, then of each obstacle that is no movable one, (n, 2).
+        """Outline of the walkable area, then of each obstacle, (n, 2).
 
         Corners are ordered so that the free side is to the left of every edge. Corners amid a
         straight wall are left out: people keep away from each edge, however a wall is cut.
@@ -187,15 +183,10 @@ class Scenario(StrictModel):
         """(W, 2, 2) start and end points of all walls."""
         return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
 
-    @cached_property
-    def movable_obstacles(self) -> tuple[Obstacle, ...]:
-        """The obstacles that can be pushed; the map does not have them."""
-        return tuple(each for each in self.obstacles if each.mass_kg is not None)
-
     @property
     def solids_m(self) -> list[Outline]:
-        """Outlines of the obstacles that are no movable ones."""
-        return [each.outline_m for each in self.obstacles if each.mass_kg is None]
+        """Outlines of the obstacles."""
+        return [each.outline_m for each in self.obstacles]
 
     @cached_property
     def cells(self) -> WalkableCells:

@@ -166,32 +166,6 @@ class OdometrySettings(StrictModel):
         return scales + self.distance_noise_m + self.turn_noise_rad > 0.0
 
 
-class ImuSettings(StrictModel):
-    """An inertial measurement unit.
-
-    The defaults are those of the ADIS16448 in the sensor files of EuRoC's recordings (Burri et al.,
-    The International Journal of Robotics Research, 2016).
-    """
-
-    gyroscope_noise_density: float = setting(
-        1.7e-4, "noise of the angular velocity", unit="rad/s/√Hz", ge=0
-    )
-    gyroscope_bias_walk: float = setting(
-        1.9e-5, "random walk of the gyroscope's bias, from 0", unit="rad/s²/√Hz", ge=0
-    )
-    accelerometer_noise_density: float = setting(
-        2.0e-3, "noise of the acceleration", unit="m/s²/√Hz", ge=0
-    )
-    accelerometer_bias_walk: float = setting(
-        3.0e-3, "random walk of the accelerometer's bias, from 0", unit="m/s³/√Hz", ge=0
-    )
-
-    def noise_deviations(self, period_s: float) -> tuple[float, float]:
-        """Standard deviations (rad/s, m/s²) of means over a period."""
-        scale = 1.0 / math.sqrt(period_s)
-        return scale * self.gyroscope_noise_density, scale * self.accelerometer_noise_density
-
-
 class Loop(StrictModel):
     """A closed line that people walk around, listed as right-hand traffic walks it."""
 

@@ -30,8 +30,8 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 def shortest_way_m(scenario: Scenario, x_m: float, y_m: float) -> float:
     """Length from a point to the goal area; inf where the robot does not fit through.
 
-    The free space is the walkable area less the obstacles that are not movable, shrunk by the
-    robot's radius. A point nearer to a wall than the radius starts from the nearest free one.
+    The free space is the walkable area less the obstacles, shrunk by the robot's radius. A point
+    nearer to a wall than the radius starts from the nearest free one.
     """
     if len(scenario.wall_segments_m) > _MOST_CORNERS:
         centers_m, of_centers_m = _raster_ways(_place_of(scenario))

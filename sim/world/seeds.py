@@ -3,7 +3,7 @@
 import numpy as np
 
 #: What a stream is for; part of its key, so that no two of them share numbers.
-CROWD, START, EXPERT, POLICY, LIDAR, ODOMETRY, FAULT, IMU = range(8)
+CROWD, START, EXPERT, POLICY, LIDAR, ODOMETRY, FAULT = range(7)
 
 
 def episode_rng(seed: int, episode: int, purpose: int, *more: int) -> np.random.Generator:

@@ -6,43 +6,32 @@ by which observations of it are distinguished from those of the last.
 """
 
 import math
-from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 from sim.crowd.crowd import Crowd, start_crowd
-from sim.crowd.robots import RobotBody
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
 from sim.pictures.scene import Scene
-from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent, Touch
+from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
 from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.robot import KinematicRobot, RobotState, standing_at
-from sim.robot.sensors.imu import Imu, ImuReading
 from sim.robot.sensors.lidar import Lidar
 from sim.robot.sensors.odometry import Odometry
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
-from sim.scenario.obstacle import Pose
-from sim.scenario.polygon import contains_point, edges_of
+from sim.scenario.polygon import contains_point
 from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation, make_observation
-from sim.world.other_robots import OtherRobots
-from sim.world.seeds import CROWD, IMU, LIDAR, ODOMETRY, START, episode_rng
-
-#: Robots that share a world start at least so far apart, measured between their hulls (m).
-_START_GAP_M = 0.5
-_START_DRAWS = 1000
-
+from sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 
 #: Attributes of a world that change, beside its robot.
 _CHANGING = (
@@ -54,7 +43,6 @@ _CHANGING = (
     "_crowd",
     "_contacts",
     "_odometry",
-    "_imu",
 )
 
 
@@ -77,10 +65,7 @@ class HallwayWorld:
     goal_area_m: may be set to another area at any time.
     """
 
-    def __init__(
-        self, scenario: Scenario, *, seed: int, gui: bool = False, number: int = 0
-    ) -> None:
-        """number: that of the robot in a `SharedWorld`, by which its random numbers differ."""
+    def __init__(self, scenario: Scenario, *, seed: int, gui: bool = False) -> None:
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self.scenario = scenario
         self.seed = seed
@@ -100,112 +85,61 @@ class HallwayWorld:
             self._robot.close()
             raise
         self._pictures: Scene | None = None
-        self._number = number
-        self.others = OtherRobots(lambda: ())
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
-        self._imu = self._new_imu()
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
         self._scanned: tuple[Observation, NDArray[np.float32]] | None = None
 
     def reset(self, episode: int, start_area: str = "train") -> Observation:
-        """Begin an episode: new people, warmed up, and the robot standing at a random start."""
-        self.place_robot(episode, start_area)
-        self.warm_up_people([self.body])
-        return self.observe()
-
-    def step(self, command: Command) -> Observation:
-        """Advance by one control period; a command that is not finite stops the robot."""
-        self.move_people([self.body])
-        self.drive(command)
-        self.keep_people_out_of([self.body])
-        self.tick += 1
-        return self.observe()
-
-    # The steps of which `reset` and `step` consist; `SharedWorld` calls them for several robots.
-
-    def place_robot(
-        self,
-        episode: int,
-        start_area: str,
-        people: Crowd | None = None,
-        keep_clear_of: Sequence[RobotBody] = (),
-    ) -> Crowd:
-        """Begin an episode after a gap in time, the robot standing at a random start.
-
-        people: those of the episode; new ones on their loops, not yet warmed up, when None. Returns
-        them.
-        """
+        """Begin an episode after a gap in time: new people, warmed up, and the robot standing at a
+        random start."""
         if self._crowd is not None:
             per_decision = self.scenario.ticks_per_decision
             self.tick = (self.tick // per_decision + 2) * per_decision
         self._episode, self._first_tick = episode, self.tick
-        start = standing_at(self._draw_start(self._rng(START), start_area, keep_clear_of))
+        start = standing_at(self._draw_start(self._rng(START), start_area))
         self._robot.place(start)
         self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
-        self._imu = self._new_imu()
-        if people is None:
-            loops, walls_m = self.scenario.directed_loops, self._walls_of_people_m()
-            people = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
-        self._crowd = people
+        loops, walls_m = self.scenario.directed_loops, self.scenario.wall_segments_m
+        self._crowd = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
         self._contacts = ContactCounter(len(self._crowd))
-        self.others.begin()
-        return self._crowd
+        for _ in range(round(self.scenario.pedestrians.warm_up_s / self.scenario.control_period_s)):
+            self._move_people(self._crowd)
+            self._crowd.push_out_of(self._robot.body)
+        return self._observed_now()
 
-    def warm_up_people(self, robots: Sequence[RobotBody]) -> None:
-        """Let the people walk among robots that stand."""
-        step_s = self.scenario.control_period_s
-        for _ in range(round(self.scenario.pedestrians.warm_up_s / step_s)):
-            self.move_people(robots)
-            for robot in robots:
-                self._running().push_out_of(robot)
-
-    def move_people(self, robots: Sequence[RobotBody]) -> None:
-        """One control period of the people."""
-        seen = robots if self.scenario.pedestrians.robot_visible else ()
-        self._running().step(self.scenario.control_period_s, *seen)
-
-    def drive(self, command: Command) -> None:
-        """One control period of the robot, after that of the people."""
+    def step(self, command: Command) -> Observation:
+        """Advance by one control period; a command that is not finite stops the robot."""
         crowd = self._running()
+        self._move_people(crowd)
         if not command.is_finite:
             self.n_rejected_commands += 1
             command = STOP
-        before, body_before = self._robot.state, self.body
         touches = self._robot.drive(command, crowd)
-        body = self.body
-        if self.others.block(body_before, body):
-            here = replace(self._robot.state, x_m=before.x_m, y_m=before.y_m, speed_mps=0.0)
-            self._robot.place(here)
-            body = self.body
+        body = self._robot.body
         if self._robot.wheel_motion is None:
             self._odometry.follow(self._robot.state.pose)
         else:
             self._odometry.add(*self._robot.wheel_motion)
-        self._imu.follow(self._robot.inertial)
         self._contacts.update(crowd, body, self._robot.wall_distance_m, touches)
-        if self._robot.obstacle_poses:
-            crowd.set_walls(self._walls_of_people_m())
+        if touches is None:  # the physical drive pushes people itself
+            crowd.push_out_of(body)
+        self.tick += 1
+        return self._observed_now()
 
-    def keep_people_out_of(self, robots: Sequence[RobotBody]) -> None:
-        """Put people who overlap a robot beside it; the physical drive does this itself."""
-        if self._contacts.touches is None:
-            for robot in robots:
-                self._running().push_out_of(robot)
+    def _move_people(self, crowd: Crowd) -> None:
+        """One control period of the people."""
+        seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
+        crowd.step(self.scenario.control_period_s, seen)
 
-    def observe(self) -> Observation:
+    def _observed_now(self) -> Observation:
         """Make the observation of the present tick, and show it in the window."""
         if self._window is not None:
             self._show_in(self._window)
         self._observation = self._observe()
         return self._observation
-
-    @property
-    def body(self) -> RobotBody:
-        """The robot as people and other robots meet it."""
-        return self._robot.body
 
     @property
     def observation(self) -> Observation:
@@ -246,29 +180,6 @@ class HallwayWorld:
         return self._odometry.pose
 
     @property
-    def imu(self) -> ImuReading:
-        """Angular velocity and acceleration of the last control period."""
-        self._running()
-        return self._imu.reading
-
-    @property
-    def bumper(self) -> tuple[Touch, ...]:
-        """What touched the hull in the last control period; the physical drive alone has it."""
-        touches = self._contacts.touches
-        return touches.all if touches else ()
-
-    @property
-    def obstacle_poses(self) -> tuple[Pose, ...]:
-        """(x_m, y_m, yaw_rad) of the scenario's movable obstacles."""
-        return self._robot.obstacle_poses
-
-    @property
-    def obstacle_outlines_m(self) -> list[FloatArray]:
-        """(n, 2) corners of each movable obstacle as it is."""
-        pairs = zip(self.scenario.movable_obstacles, self.obstacle_poses, strict=True)
-        return [obstacle.outline_at(pose) for obstacle, pose in pairs]
-
-    @property
     def is_scan_tick(self) -> bool:
         """Whether the lidar has a new scan at this tick."""
         return self.tick % self.scenario.ticks_per_scan == 0
@@ -287,8 +198,7 @@ class HallwayWorld:
         if self.scenario.lidar.noise_deviation_m > 0:
             rng = self._rng(LIDAR, self.tick - self._first_tick)
         people = crowd.x_m, crowd.y_m
-        obstacles_m, robots = self._robot.obstacle_segments_m, self.others.bodies
-        ranges_m = self._lidar.scan(seen.pose, *people, rng, obstacles_m, robots)
+        ranges_m = self._lidar.scan(seen.pose, *people, rng)
         self._scanned = seen, ranges_m
         return ranges_m
 
@@ -346,50 +256,27 @@ class HallwayWorld:
         """Put robot and people of a scene where they are."""
         crowd = self._running()
         scene.place_robot(self._robot.state.pose)
-        scene.place_obstacles(self._robot.obstacle_poses)
         scene.place_people(crowd.position_m, crowd.velocity_mps)
 
-    def _walls_of_people_m(self) -> FloatArray:
-        """(W, 2, 2) what people keep clear of: walls and movable obstacles but doors."""
-        pairs = zip(self.scenario.movable_obstacles, self.obstacle_outlines_m, strict=True)
-        free = [edges_of(outline_m) for each, outline_m in pairs if each.hinge_m is None]
-        return np.concatenate([self.scenario.wall_segments_m, *free])
-
     def _rng(self, purpose: int, *more: int) -> np.random.Generator:
-        """Random numbers of this robot and episode; those of a robot alone have no number."""
-        numbers = (*more, self._number) if self._number else more
-        return episode_rng(self.seed, self._episode, purpose, *numbers)
+        """Random numbers of this episode."""
+        return episode_rng(self.seed, self._episode, purpose, *more)
 
-    def _new_imu(self) -> Imu:
-        period_s, inertial = self.scenario.control_period_s, self._robot.inertial
-        return Imu(self.scenario.imu, period_s, inertial, self._rng(IMU))
-
-    def _draw_start(
-        self, rng: np.random.Generator, area: str, keep_clear_of: Sequence[RobotBody]
-    ) -> tuple[float, float, float]:
+    def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
         states = start_states_of(self.scenario, self.grid, area)
         spread = START_SPREAD * self.grid.cell_size_m
-        apart_m = 2 * self.scenario.robot.radius_m + _START_GAP_M
-        for _ in range(_START_DRAWS):
-            x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
-            yaw_rad = rng.uniform(-math.pi, math.pi)
-            if all(math.dist((x_m, y_m), (o.x_m, o.y_m)) >= apart_m for o in keep_clear_of):
-                return float(x_m), float(y_m), float(yaw_rad)
-        raise SimError(
-            f"start area {area!r} must have room for {len(keep_clear_of) + 1} robots"
-            f" {apart_m:g} m apart, got none in {_START_DRAWS} draws; start fewer robots"
-        )
+        x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
+        return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))
 
     def _observe(self) -> Observation:
         crowd, robot = self._running(), self._robot.state
-        places, velocities, identity = self.others.appended_to(crowd.position_m, crowd.velocity_mps)
         return make_observation(
             time_s=self.time_s,
             tick=self.tick,
             pose=robot.pose,
             speed_mps=robot.speed_mps,
             yaw_rate_radps=robot.yaw_rate_radps,
-            people_position_m=places,
-            people_velocity_mps=velocities,
-            people_id=identity,
+            people_position_m=crowd.position_m,
+            people_velocity_mps=crowd.velocity_mps,
+            people_id=np.arange(len(crowd)),
         )

@@ -178,7 +178,6 @@ def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(root, name):
         ("strategy.modle", "strategy has no parameter 'modle'; did you mean 'model'?"),
         ("learner.bag", "'learner.bag' names no node of this stack"),
         ("stack", "no node of this stack has a parameter 'stack'"),
-        ("robots", "several robots in one world are started by serd launch"),
     ],
 )
 @pytest.mark.usefixtures("launch_file")

@@ -15,7 +15,6 @@ from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
-from serd_ros.convert.markers import to_obstacle_markers
 from serd_ros.convert.pose import (
     to_goal_area_message,
     to_odometry,
@@ -25,14 +24,10 @@ from serd_ros.convert.pose import (
     to_waypoint_message,
 )
 from serd_ros.convert.sensors import (
-    to_bumper_message,
-    to_imu_message,
     to_people_message,
     to_scan,
 )
 from serd_ros.convert.stamp import to_stamp
-from sim.robot.contacts import Touch
-from sim.robot.sensors.imu import ImuReading
 from sim.scenario.goal import goal_at
 from sim.scenario.scenario import load_scenario
 from sim.world.command import Command
@@ -43,10 +38,7 @@ from support.transforms_message import transforms_message
 HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
 GOAL_M = 3.5, 18.5
-REST = ImuReading((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
 GOAL = goal_at(HALLWAY, *GOAL_M)
-TOUCH = Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)
-OBSTACLE_M = np.array([[1.0, 5.0], [1.4, 5.0], [1.0, 5.4]])
 
 
 def valid_message(topic: str, time_s: float, message_type: type | None = None) -> Any:
@@ -80,9 +72,6 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
             EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
         ),
         "diagnostics": lambda: _diagnostics(time_s),
-        "imu": lambda: to_imu_message(REST, HALLWAY.imu, HALLWAY.control_period_s, time_s),
-        "bumper": lambda: to_bumper_message([TOUCH], time_s),
-        "markers/obstacles": lambda: to_obstacle_markers([OBSTACLE_M], time_s),
         "map": OccupancyGrid,
         "tf": lambda: transforms_message(
             ("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)

@@ -47,7 +47,7 @@ def test_every_node_is_in_a_picture(drawing: ModuleType) -> None:
     shown = {name for picture in drawing.pictures().values() for name in picture.nodes}
     # The first takes the place of teleop_page, the second is for robots; the others stand beside
     # any stack.
-    others = {"teleop_keyboard", "people_tracker", "watch_page", "foxglove_server"}
+    others = {"teleop_keyboard", "people_tracker", "watch_page"}
     assert set(nodes) - shown == others
 
 

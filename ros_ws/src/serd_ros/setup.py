@@ -28,7 +28,6 @@ NODES = (
     'bag_replay',
     'composed',
     'demo_recorder',
-    'foxglove_server',
     'guard',
     'hallway_sim',
     'learner',

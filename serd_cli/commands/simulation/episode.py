@@ -103,7 +103,7 @@ def render(
 def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajectory]:
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
-        recorder = TrajectoryRecorder(world)
+        recorder = TrajectoryRecorder()
         planner = planner_in_world(task.planner, world, task.people_from)
         record = run_episode(
             world,

@@ -22,9 +22,8 @@ def launch(
     assignments: Annotated[
         list[str] | None,
         typer.Argument(
-            help="name:=value, node.name:=value, namespace:=name, robots:=[names] in one world"
-            " with robot.name:=value, or composed:=true for simulator, planner and guard of a"
-            " lock-step stack in one process, twice as fast"
+            help="name:=value, node.name:=value, namespace:=name, or composed:=true for simulator,"
+            " planner and guard of a lock-step stack in one process, twice as fast"
         ),
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
@@ -33,7 +32,7 @@ def launch(
     """Start a stack of nodes.
 
     serd launch live seed:=3 local_planner.planner:=dwa
-    serd launch goto robots:=[robot1,robot2] robot2.goal:=12,18 model:=model.yaml
+    serd launch goto namespace:=robot1 goal:=12,18 model:=model.yaml
 
     When one of its nodes ends, all end. Ctrl-C ends all.
     """
@@ -43,12 +42,9 @@ def launch(
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
     namespace = full_namespace(str(given.pop("namespace", "")))
-    robots = _names(given.pop("robots", []))
     composed = _is_true("composed", given.pop("composed", False))
-    processes = stack_processes(
-        find_stack(stack), given, environment, namespace, robots, composed=composed
-    )
-    require_free_domain(find_stack(stack), environment, namespace, robots)
+    processes = stack_processes(find_stack(stack), given, environment, namespace, composed=composed)
+    require_free_domain(find_stack(stack), environment, namespace)
     run_together(processes, environment, _print_line)
 
 
@@ -56,15 +52,6 @@ def _is_true(name: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise UsageError(f"{name} must be true or false, got {value!r}; write {name}:=true")
     return value
-
-
-def _names(value: object) -> list[str]:
-    """Names of robots, of a list or of one."""
-    written = map(str, value if isinstance(value, list) else [value])
-    names = [name for each in written if (name := full_namespace(each).strip("/"))]
-    if len(set(names)) < len(names):
-        raise UsageError(f"robots must be different names, got {', '.join(names)}; rename one")
-    return names
 
 
 def _list_stacks(*, as_json: bool) -> None:

@@ -2,12 +2,12 @@
 
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu, LaserScan, PointCloud2
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
-from serd_ros.convert.sensors import to_bumper_message, to_imu_message, to_occupancy_grid, to_scan
+from serd_ros.convert.markers import to_people_markers
+from serd_ros.convert.sensors import to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
@@ -39,17 +39,14 @@ class ClockPublisher:
 class WorldPublisher:
     """Publishes the present state of the world as a robot observes it.
 
-    Scan, IMU and markers only while there are subscribers; the bumper only while it is touched.
+    Scan and markers only while there are subscribers.
     """
 
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
         self._node, self._world = node, world
         self._observation = ObservationPublisher(node)
         self._scan = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
-        self._imu = node.create_publisher(Imu, topics.IMU, qos.STATE)
-        self._bumper = node.create_publisher(PointCloud2, topics.BUMPER, qos.STATE)
         self._people = node.create_publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
-        self._obstacles = node.create_publisher(MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(occupancy_raster(world.scenario), 0.0))
@@ -70,12 +67,6 @@ class WorldPublisher:
             self._publish_rarely(observation)
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
             self.report()
-        if self._imu.get_subscription_count():
-            scenario, time_s = self._world.scenario, observation.time_s
-            period_s = scenario.control_period_s
-            self._imu.publish(to_imu_message(self._world.imu, scenario.imu, period_s, time_s))
-        if touches := self._world.bumper:
-            self._bumper.publish(to_bumper_message(touches, observation.time_s))
         if self._transforms is not None:
             self._transforms.publish(
                 observation.pose, self._world.odometry_pose, observation.time_s
@@ -90,13 +81,10 @@ class WorldPublisher:
             self._people.publish(
                 to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
-        if self._world.obstacle_poses and self._obstacles.get_subscription_count():
-            outlines_m = self._world.obstacle_outlines_m
-            self._obstacles.publish(to_obstacle_markers(outlines_m, observation.time_s))
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""
-        contacts, others = self._world.contacts, self._world.others
+        contacts = self._world.contacts
         self._node.report(
             self._world.time_s,
             {
@@ -105,7 +93,5 @@ class WorldPublisher:
                 "robot_on_wall": contacts.robot_on_wall,
                 "minimum_person_distance_m": float(self._world.minimum_person_distance_m),
                 "rejected_commands": self._world.n_rejected_commands,
-                "robot_on_robot": others.n_contacts,
-                "minimum_robot_distance_m": others.minimum_distance_m,
             },
         )

@@ -1,1 +1,1 @@
-"""What the robot measures: laser scans, inertial measurements and odometry."""
+"""What the robot measures: laser scans and odometry."""

@@ -1,18 +1,14 @@
-"""A 2-D lidar: rays all around the robot against walls, obstacles, people and other robots.
+"""A 2-D lidar: rays all around the robot against walls, obstacles and people.
 
 A ray meets a wall segment where both parameters of the crossing are in range, and a body's circle
 at along - sqrt(r^2 - across^2). Tests compare it with the ray tests of the physics world, which
 agree to millimetres.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.compiled import compilable
-from sim.crowd.robots import RobotBody
 from sim.scenario.settings import LidarSettings
 from sim.world.observation import Pose
 
@@ -34,37 +30,28 @@ class Lidar:
         people_x_m: FloatArray,
         people_y_m: FloatArray,
         rng: np.random.Generator | None = None,
-        obstacles_m: FloatArray | None = None,
-        robots: Sequence[RobotBody] = (),
     ) -> NDArray[np.float32]:
         """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit, -inf
         where it is nearer than range_min (REP 117).
 
-        obstacles_m: (S, 2, 2) edges of movable obstacles. robots: other ones. With an rng, every
-        range that hits something carries the sensor's noise.
+        With an rng, every range that hits something carries the sensor's noise.
         """
         settings = self._settings
         angle = self.angles_rad + pose[2]
         ray_x, ray_y = np.cos(angle), np.sin(angle)
         walls_m = self._walls_m
-        if obstacles_m is not None and len(obstacles_m):
-            walls_m = np.concatenate([walls_m, obstacles_m])
         start_m, along_m = walls_m[:, 0] - pose[:2], walls_m[:, 1] - walls_m[:, 0]
         ranges = range_to_lines(start_m[:, 0], start_m[:, 1], along_m, ray_x, ray_y)
-        circles = [(people_x_m, people_y_m, self._person_radius_m)]
-        circles += [(np.array([o.x_m]), np.array([o.y_m]), o.radius_m) for o in robots]
-        for x_m, y_m, radius_m in circles:
-            to_x, to_y = x_m - pose[0], y_m - pose[1]
-            near = to_x * to_x + to_y * to_y < (settings.range_max_m + radius_m) ** 2
-            nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, ray_x, ray_y)
-            np.minimum(ranges, nearest, out=ranges)
+        to_x, to_y, radius_m = people_x_m - pose[0], people_y_m - pose[1], self._person_radius_m
+        near = to_x * to_x + to_y * to_y < (settings.range_max_m + radius_m) ** 2
+        nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, ray_x, ray_y)
+        np.minimum(ranges, nearest, out=ranges)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
         ranges = np.where(ranges > settings.range_max_m, np.inf, ranges)
         return np.where(ranges < settings.range_min_m, -np.inf, ranges).astype(np.float32)
 
 
-@compilable
 def range_to_lines(
     to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
@@ -82,7 +69,6 @@ def range_to_lines(
     return nearest
 
 
-@compilable
 def range_to_circles(
     to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:

@@ -133,7 +133,6 @@ export class View extends Brush {
 
   drawWorld(state) {
     const { world } = state;
-    for (const outline of state.obstacles_m) this.area(outline, COLOURS.wall);
     this.drawScan();
     this.drawChoice(state);
     this.drawNextStart(state);

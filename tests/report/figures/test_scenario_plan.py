@@ -7,7 +7,6 @@ from matplotlib.text import Annotation
 from report.figures.scenario_plan import draw_scenario_plan
 from report.style import png_bytes
 from sim.scenario.scenario import builtin_scenarios, load_scenario
-from support.movable_obstacles import CHAIR, DOOR, room
 
 HALLWAY = load_scenario("hallway")
 
@@ -50,13 +49,6 @@ def test_a_place_without_people_has_no_legend_and_can_be_drawn():
     assert not figure.legends
     assert not any(isinstance(each, Line2D) for each in loops_in(figure))
     assert png_bytes(figure) == png_bytes(draw_scenario_plan(empty))
-
-
-def test_movable_obstacles_are_drawn_where_the_scenario_has_them():
-    chair = CHAIR | {"outline_m": [[7, 5], [7.4, 5], [7.4, 5.4], [7, 5.4]]}
-    (axes,) = draw_scenario_plan(room(chair, DOOR | {"hinge_m": (5.025, 6.0)})).axes
-    drawn = [each.get_xy() for each in axes.patches if each.get_gid() == "movable obstacle"]
-    assert [shape[:-1].tolist() for shape in drawn] == [chair["outline_m"], DOOR["outline_m"]]
 
 
 def test_a_name_with_dollar_signs_is_no_formula():

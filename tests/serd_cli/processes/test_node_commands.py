@@ -69,7 +69,6 @@ def test_a_composed_stack_has_one_process_with_the_arguments_of_each_node():
         ("live", {}),
         ("learn", {}),
         ("demonstrate", {"namespace": "/floor1"}),
-        ("demonstrate", {"robots": ["a", "b"]}),
     ],
 )
 def test_stacks_whose_nodes_need_a_process_each_are_refused(stack, options):

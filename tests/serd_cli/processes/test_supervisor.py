@@ -43,25 +43,6 @@ def test_a_failing_process_is_named_with_its_last_output(code, passed_on):
     assert found.value.exit_code == passed_on
 
 
-def test_with_several_robots_all_end_when_one_process_of_each_has_ended(tmp_path):
-    done = tmp_path / "done"
-    first = Process("one/driver", [sys.executable, "-S", "-c", "pass"], "one")
-    second = Process(
-        "two/driver",
-        [sys.executable, "-S", "-c", f"import time; time.sleep(0.5); open({str(done)!r}, 'w')"],
-        "two",
-    )
-    sleepers = [Process(f"{robot}/sleeper", SLEEP, robot) for robot in ("one", "two")]
-    run_together([Process("world", SLEEP), *sleepers, first, second], os.environ, lambda *_: None)
-    assert done.exists()
-
-
-def test_a_failing_process_of_one_robot_ends_all():
-    failing = Process("one/bad", [sys.executable, "-S", "-c", "import sys; sys.exit(3)"], "one")
-    with pytest.raises(RunError, match="one/bad ended with exit code 3"):
-        run_together([failing, Process("two/sleeper", SLEEP, "two")], os.environ, lambda *_: None)
-
-
 def test_lines_of_progress_do_not_displace_the_reason_of_a_failure():
     line = "serd-progress " + Progress(text="step", done=1).model_dump_json()
     failing = python("bad", f"print('the reason'); [print('{line}') for _ in range(40)]; exit(1)")

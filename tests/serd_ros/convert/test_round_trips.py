@@ -30,8 +30,6 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
-    from_obstacle_markers,
-    to_obstacle_markers,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
@@ -56,8 +54,6 @@ from serd_ros.convert.sensors import (
     from_people_message,
     from_scan,
     scan_geometry_of,
-    to_bumper_message,
-    to_imu_message,
     to_occupancy_grid,
     to_people_message,
     to_scan,
@@ -65,10 +61,8 @@ from serd_ros.convert.sensors import (
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError, NodeError
 from sim.episodes.result import EpisodeStart
-from sim.robot.contacts import Touch
-from sim.robot.sensors.imu import ImuReading
 from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import ImuSettings, LidarSettings
+from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
 from sim.world.observation import People
 from sim.world.observation_inbox import ObservationInbox
@@ -411,44 +405,6 @@ def test_traps_are_one_list_of_cubes_and_none_takes_them_away():
     assert [(point.x, point.y) for point in shown[0].points] == [(0.5, 0.5), (1.5, 0.5)]
     (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
     assert gone.action == Marker.DELETEALL
-
-
-def test_an_imu_reading_has_the_variances_of_its_noise_and_no_orientation():
-    settings = ImuSettings(gyroscope_noise_density=0.01, accelerometer_noise_density=0.02)
-    reading = ImuReading((0.1, 0.2, 0.3), (1.0, 2.0, 9.8))
-    message = to_imu_message(reading, settings, 0.05, 3.0)
-    assert (message.header.frame_id, stamp_s(message.header.stamp)) == ("base_link", 3.0)
-    rate, force = message.angular_velocity, message.linear_acceleration
-    assert ((rate.x, rate.y, rate.z), (force.x, force.y, force.z)) == (
-        reading.angular_velocity_radps,
-        reading.acceleration_mps2,
-    )
-    assert message.orientation_covariance[0] == -1.0
-    assert list(message.angular_velocity_covariance) == pytest.approx(np.diag([2e-3] * 3).ravel())
-    assert list(message.linear_acceleration_covariance) == pytest.approx(
-        np.diag([8e-3] * 3).ravel()
-    )
-
-
-def test_contacts_are_points_on_the_hull_with_impulses():
-    touches = [Touch(4.0, (0.25, 0.0), 0.5, True), Touch(1.5, (0.0, -0.25), 0.1, False)]
-    message = to_bumper_message(touches, 3.0)
-    rows = np.frombuffer(bytes(message.data), dtype=np.float32).reshape(-1, 4)
-    assert [field.name for field in message.fields] == ["x", "y", "z", "impulse"]
-    assert rows.tolist() == [[0.25, 0.0, 0.0, 4.0], [0.0, -0.25, 0.0, 1.5]]
-    assert (message.width, message.row_step, message.header.frame_id) == (2, 32, "base_link")
-
-
-def test_outlines_of_obstacles_survive_and_one_that_is_not_finite_is_rejected():
-    outlines = [
-        [(0.0, 0.5), (1.0, 0.5), (1.0, 2.0)],
-        [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0), (3.0, 4.0)],
-    ]
-    message = to_obstacle_markers([np.array(each) for each in outlines], 3.0)
-    assert from_obstacle_markers(message) == outlines
-    message.markers[1].points[2].y = math.nan
-    with pytest.raises(MessageError, match="points must be finite"):
-        from_obstacle_markers(message)
 
 
 def test_words_stand_above_their_place():

@@ -14,6 +14,7 @@ from serd_ros.graph.graph import (
     find_stack,
     full_namespace,
     load_graph,
+    placed_nodes,
     stack_parameters,
 )
 from serd_ros.process.executable import NODES, module_of
@@ -138,6 +139,16 @@ def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_d
         own = {"/clock": "/robot1/clock"} if SIMULATORS & set(stack.nodes) else {}
         assert graph.namespace_remappings(stack, "/robot1") == own, name
         assert graph.namespace_remappings(stack, "") == {}
+
+
+def test_the_nodes_of_a_stack_in_a_namespace_have_its_clock():
+    nodes = {
+        each.node: each for each in placed_nodes(find_stack("demonstrate"), {"seed": 4}, "/robot1")
+    }
+    assert list(nodes) == list(find_stack("demonstrate").nodes)
+    assert {each.namespace for each in nodes.values()} == {"/robot1"}
+    assert nodes["guard"].remappings == {"/clock": "/robot1/clock"}
+    assert nodes["hallway_sim"].parameters["seed"] == 4
 
 
 @pytest.mark.parametrize(

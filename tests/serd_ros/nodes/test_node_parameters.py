@@ -34,7 +34,6 @@ def given(tmp_path, save_model_of, messages):
         "bag_replay": {"bag": str(tmp_path / "played"), "paused": True},
         "teleop_keyboard": {"terminal": os.ttyname(slave)},
         "teleop_page": {"port": 0},
-        "foxglove_server": {"port": 0},
         "hallway_sim": {"people": 0},
     }
     os.close(master)

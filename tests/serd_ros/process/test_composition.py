@@ -50,7 +50,7 @@ def test_topics_between_the_nodes_are_local_and_no_others(node):
     composition = Composition(TRIO)
     between = ("odom", "robot_pose", "scan", "pedestrians", "cmd_vel_raw", "cmd_vel")
     assert all(composition.has(node, topic, qos.STATE) for topic in between)
-    for outside in ("/clock", "diagnostics", "intent", "tf", "imu", "/odom", "floor1/odom"):
+    for outside in ("/clock", "diagnostics", "intent", "tf", "/odom", "floor1/odom"):
         assert not composition.has(node, outside, qos.STATE)
     assert composition.has(node, "/floor1/wheels", qos.STATE)  # its odom
     assert not composition.has(node, "odom", qos.LATCHED)

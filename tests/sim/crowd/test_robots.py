@@ -75,9 +75,9 @@ def test_people_pass_on_the_other_side_where_a_wall_leaves_no_room():
 @pytest.mark.parametrize(("clearance_m", "passes"), [(0.2, True), (None, False)])
 def test_who_meets_a_robot_in_line_walks_around_it_and_is_not_pushed_back(clearance_m, passes):
     """It comes at 0.3 m/s; on the left a wall leaves no room. Repulsion alone has no side here."""
-    crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]])
+    walls_m = wall_at_y(0.6) if passes else FAR_WALL
+    crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]], walls_m=walls_m)
     crowd._model = dataclasses.replace(crowd._model, evasion_clearance_m=clearance_m)
-    crowd.set_walls(wall_at_y(0.6) if passes else FAR_WALL)
     for x_m in 4.0 - 0.3 * 0.05 * np.arange(200):
         place = walk(crowd, 1, robot_at(x_m, 0.0, velocity_x_mps=-0.3))[0]
     assert bool(place[0] > x_m) is passes

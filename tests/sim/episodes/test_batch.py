@@ -139,13 +139,6 @@ def test_a_dask_cluster_gives_the_same_rows(table, tmp_path):
         assert run_batch(TASKS, tmp_path / "four.csv", execution=dask) == rows
 
 
-@pytest.mark.slow
-def test_a_ray_cluster_gives_the_same_rows(table, tmp_path):
-    pytest.importorskip("ray", reason="Ray is not installed")
-    _, rows, _ = table
-    assert run_batch(TASKS, tmp_path / "five.csv", execution=Execution(1, "ray")) == rows
-
-
 def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_one(tmp_path):
     file, path = tmp_path / "mine.yaml", tmp_path / "rows.csv"
     mine = load_scenario("crossing").with_pedestrian_count(0)
@@ -176,9 +169,9 @@ def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"backend": "daks"}, "backend must be one of loky, dask, ray, got 'daks'; did you mean"),
+        ({"backend": "daks"}, "backend must be one of loky, dask, got 'daks'; did you mean"),
         ({"n_jobs": 0}, "jobs must be at least 1, or -1 for all cores, got 0"),
-        ({"address": "localhost:8786"}, "choose dask or ray"),
+        ({"address": "localhost:8786"}, "choose dask"),
     ],
 )
 def test_a_bad_execution_is_refused(settings, sentence):

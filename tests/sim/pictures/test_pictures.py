@@ -52,7 +52,7 @@ def decoded(path):
 @pytest.fixture(scope="module")
 def trajectory():
     with HallwayWorld(HALLWAY, seed=1) as world:
-        recorder = TrajectoryRecorder(world)
+        recorder = TrajectoryRecorder()
         seen = world.reset(0)
         for _ in range(20):
             recorder.see(seen, STOP, 0)
@@ -138,7 +138,7 @@ def test_a_movie_of_nothing_is_refused(tmp_path):
     with pytest.raises(SerdError, match="record an episode first"):
         save_gif([], tmp_path / "none.gif")
     with pytest.raises(SerdError, match="nothing was recorded"):
-        _ = TrajectoryRecorder(None).trajectory
+        _ = TrajectoryRecorder().trajectory
 
 
 def test_the_three_dimensional_picture_shows_robot_and_people():

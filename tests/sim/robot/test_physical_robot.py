@@ -186,9 +186,7 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
     robot_kg = MASS_KG + 2.0 * WHEEL_INERTIA_KGM2 / WHEEL_RADIUS_M**2
     momentum = PERSON_MASS_KG * person_mps + robot_kg * motion.velocity_mps[0]
     assert momentum == pytest.approx(PERSON_MASS_KG * 1.0, rel=0.01)
-    assert impulses.people[0].impulse_ns == pytest.approx(
-        PERSON_MASS_KG * (1.0 - person_mps), rel=1e-4
-    )
+    assert impulses.people_ns[0] == pytest.approx(PERSON_MASS_KG * (1.0 - person_mps), rel=1e-4)
     common_mps = PERSON_MASS_KG / (PERSON_MASS_KG + robot_kg)
     assert motion.velocity_mps[0] == pytest.approx(common_mps, rel=0.1)
     assert person_mps == pytest.approx(common_mps, rel=0.1)

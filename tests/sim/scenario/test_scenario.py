@@ -227,6 +227,10 @@ def test_the_longest_control_period_is_allowed(tmp_path):
             r"obstacles\[0\]\.outline_m must bound an area",
         ),
         (
+            {"obstacles": one_obstacle([4, np.nan], [6, 4], [5, 5])},
+            r"obstacles\[0\]\.outline_m\[0\]\[1\] must be a finite number, got nan",
+        ),
+        (
             {
                 "obstacles": one_obstacle([-1, 4], [11, 4], [11, 6], [-1, 6]),
                 "pedestrians": {"count": 0},

@@ -8,7 +8,6 @@ import pytest
 from sim.scenario import shortest_way
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.shortest_way import shortest_way_m
-from support.movable_obstacles import DOOR, room
 
 ROOM = {
     "name": "room",
@@ -66,11 +65,6 @@ def test_a_wall_without_thickness_is_gone_round():
     beyond = {"walkable_area_m": [[0, 0], [10, 0], [10, 10], [10, 15], [10, 10], [0, 10]]}
     outside = Scenario.model_validate(ROOM | beyond)
     assert shortest_way_m(outside, 1.0, 5.0) == pytest.approx(7.0)
-
-
-def test_a_door_across_the_room_is_no_wall():
-    door = DOOR | {"outline_m": [[0, 5], [10, 5], [10, 5.05], [0, 5.05]], "hinge_m": [0, 5.025]}
-    assert shortest_way_m(room(door), 1.0, 1.0) == shortest_way_m(room(), 1.0, 1.0) < math.inf
 
 
 def test_from_within_the_radius_of_a_wall_the_way_starts_at_the_free_place():

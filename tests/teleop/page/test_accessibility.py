@@ -37,7 +37,6 @@ STATE = {
     "type": "state",
     "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), HALLWAY, None),
     "is_stale": False,
-    "obstacles_m": [[[2.0, 6.0], [2.4, 6.0], [2.4, 6.4], [2.0, 6.4]]],
     "action": "north",
     "waypoint": [2.5, 3.5],
     "episode": {

@@ -34,7 +34,6 @@ from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import (
     addressees,
@@ -42,8 +41,8 @@ from serd_ros.graph.graph import (
     full_namespace,
     load_graph,
     PACKAGE,
+    placed_nodes,
 )
-from serd_ros.graph.placement import placed_nodes
 from storage.settings import settings_of
 import yaml
 
@@ -102,8 +101,6 @@ def nodes_of_stack(context, name=''):
     own = OWN if name else ('stack', *OWN)
     stack = find_stack(name or LaunchConfiguration('stack').perform(context))
     given = given_parameters(context, own)
-    if 'robots' in given:
-        raise NodeError('several robots in one world are started by serd launch; leave robots out')
     layers = layers_of(context, stack, given)
     namespace = full_namespace(LaunchConfiguration('namespace').perform(context))
     return [

@@ -50,10 +50,7 @@ def test_work_of_another_version_of_the_code_is_named(tmp_path, capsys):
     [
         (("rust",), "--data must be given for rust: the folder of Rust's odometer files"),
         (("rust", "--data", ".", "--bins", "many"), "n_bins must be an integer, .*, got 'many'"),
-        (
-            ("priors", "--address", "tcp://127.0.0.1:8786"),
-            "left out with loky, .*; choose dask or ray",
-        ),
+        (("priors", "--address", "tcp://127.0.0.1:8786"), "left out with loky, .*; choose dask"),
         (("priors", "--backend", "spam"), "backend must be one of .* got 'spam'"),
         (("gridworld", "--discount", "1"), "discount must be less than 1, got '1'"),
         (("gridworld", "--seed", "-1"), "seed must be greater than or equal to 0, got '-1'"),
