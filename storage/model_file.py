@@ -1,7 +1,6 @@
 """The learned model as one YAML file people can read: rewards, outcome models, how it was fitted.
 
-Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1). Those that depend
-on the density of people have rows at 0 and at 1 person/m² (`serd_core.grid.density`).
+Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,6 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.crossing_chain import Kind
 from serd_core.bayes.draws import PosteriorDraws
-from serd_core.grid.density import DENSITY_MODEL_NAMES
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -227,6 +225,16 @@ class ModelFile(StrictModel):
         return self
 
     @model_validator(mode="after")
+    def _known_models(self) -> "ModelFile":
+        for model in self.outcome_models:
+            if model.name not in MODEL_NAMES:
+                raise ValueError(
+                    f"outcome_models must be among {', '.join(MODEL_NAMES)}, got {model.name!r};"
+                    " learn the model again"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _rows_are_distributions(self) -> "ModelFile":
         for model in self.outcome_models:
             for kind in ("learned", "believed", "initial"):
@@ -323,11 +331,6 @@ class ModelFile(StrictModel):
         return bool(self.flow) and set("".join(self.flow)) <= {WALKABLE, BLOCKED}
 
     @property
-    def with_density(self) -> bool:
-        """Whether outcome models depend on the density of people."""
-        return {model.name for model in self.outcome_models} == set(DENSITY_MODEL_NAMES)
-
-    @property
     def feature_names(self) -> tuple[str, ...]:
         """Names in the order of `weights`."""
         return tuple(self.reward_weights)
@@ -376,11 +379,10 @@ def model_of_fit(
         fit.believed_outcome_probabilities,
         fit.initial_outcome_probabilities,
     )
-    n_models = len(problem.model_names)
-    rows = zip(problem.model_names, *(table[:n_models].tolist() for table in tables), strict=True)
+    rows = zip(problem.model_names, *(table.tolist() for table in tables), strict=True)
     kept = ModelDraws()
     if draws is not None:
-        learned = draws.outcome_probabilities[:, :n_models].tolist()
+        learned = draws.outcome_probabilities.tolist()
         drawn = {"reward_weights": draws.reward.tolist(), "learned": learned}
         kept = ModelDraws.model_validate(drawn)
     values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}

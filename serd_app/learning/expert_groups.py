@@ -16,7 +16,6 @@ from serd_core.arrays import IntArray
 from serd_core.bayes.belief_comparison import NAMES, RELATIONS
 from serd_core.bayes.draws import N_DRAWS
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.mixtures.expert_types import (
     MOST_TYPES,
@@ -67,11 +66,6 @@ def learn_groups(
             f" types, got {settings.method}; leave out --method or --experts"
         )
     problem, decisions = task.problem, demonstrations.decisions
-    if isinstance(problem.outcome_models, CovariateModels):
-        raise AppError(
-            "--experts groups episodes under outcomes that do not depend on density, got"
-            " --density; leave out one of the two"
-        )
     choices = {
         NAMES[type(belief)]: _choice(problem, decisions, wanted, experts, belief)
         for belief in METHODS[settings.method]
@@ -80,7 +74,7 @@ def learn_groups(
     found, candidates = choices[relation].chosen, choices[relation].candidates
     if not np.isfinite(found.log_evidence):
         raise AppError(f"{found.n_types} types of experts: {found.message}; ask for fewer types")
-    kept = _types_of(found, demonstrations, experts, len(problem.model_names))
+    kept = _types_of(found, demonstrations, experts)
     groups = ExpertGroups(found, candidates, kept)
     if found.n_types == 1:
         return replace(learn(task, demonstrations, settings), groups=groups)
@@ -147,7 +141,7 @@ def _outcome(
 
 
 def _types_of(
-    found: ExpertTypes, demonstrations: Demonstrations, experts: IntArray | None, n_models: int
+    found: ExpertTypes, demonstrations: Demonstrations, experts: IntArray | None
 ) -> tuple[ModelType, ...]:
     """What a model file keeps of each type, without draws."""
     decisions = demonstrations.decisions
@@ -155,7 +149,7 @@ def _types_of(
     type_of = found.type_of_unit[np.searchsorted(found.units, labels)]
     names = found.objective.problem.feature_names
     tied = isinstance(found.objective.space.belief, TiedBelief)
-    believed = found.believed_outcome_probabilities[:, :n_models].tolist()
+    believed = found.believed_outcome_probabilities.tolist()
     deviations, factors = found.reward_deviations, [None] * found.n_types
     if has_enough_times(decisions):
         factors = pace_of_types(found, decisions, experts).factors.tolist()

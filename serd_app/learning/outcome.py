@@ -11,7 +11,6 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.learning.learned_traps import LearnedTraps
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_core.arrays import FloatArray
-from serd_core.grid.density import full_table
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -151,9 +150,8 @@ def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray)
     Weights are those of the features that the problem has.
     """
     model = model.with_features(problem.feature_names)
-    models, extended = problem.outcome_models, full_table if model.with_density else np.asarray
-    truth = models.parameters_of(extended(model.outcome_probabilities))
-    belief = models.parameters_of(extended(model.believed_outcome_probabilities))
+    truth = problem.outcome_models.parameters_of(model.outcome_probabilities)
+    belief = problem.outcome_models.parameters_of(model.believed_outcome_probabilities)
     record = model.fit.model_dump(exclude={"n_episodes"})
     return FitResult(
         feature_names=model.feature_names,

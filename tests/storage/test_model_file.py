@@ -135,6 +135,12 @@ def test_another_kind_of_file_is_named_as_such(tmp_path):
         ("beta: 1.0", "beta: 0.0", "beta must be greater than 0, got 0.0"),
         ("discount: 0.99", "discont: 0.99", "discont is not a known key; did you mean 'discount'"),
         ("0.6", "0.7", "with_flow.learned must sum to 1"),
+        (
+            "name: with_flow",
+            "name: with_flow_at_1_per_m2",
+            "outcome_models must be among with_flow, against_flow, across_flow, waiting, got"
+            " 'with_flow_at_1_per_m2'; learn the model again",
+        ),
         ("0.3333333333333333", ".nan", "reward_weights.goal must be a finite number"),
     ],
 )

@@ -61,10 +61,6 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    density: Annotated[
-        bool,
-        typer.Option("--density", help="outcomes depend on the density of the recorded people"),
-    ] = False,
     experts: Annotated[
         str,
         typer.Option(
@@ -103,10 +99,6 @@ def learn(
     under counted dynamics: mdce_irl, mdce_irl_entropy, maxent_irl,
     policy_matching, relative_entropy_irl.
 
-    With --density (mdce_serd_evidence and mdce_irl) the log odds of outcomes
-    are linear in the people per m² in the cell aimed at. Plans predict it
-    from the people of the scenario they are made in.
-
     --experts auto groups the episodes by types of experts, each with
     rewards of its own, as many as the evidence is in favour of, with
     --method mdce_serd_belief_evidence also with beliefs of their own.
@@ -141,7 +133,6 @@ def learn(
         scenario=scenario,
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
-        density=density,
     )
     decisions, problem = files.demonstrations.decisions, files.task.problem
     _require_left(files, settings.minimum_decisions)
