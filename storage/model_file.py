@@ -67,31 +67,6 @@ class ModelDraws(StrictModel):
     learned: tuple[tuple[Probabilities, ...], ...] = ()
 
 
-class ModelType(StrictModel):
-    """One of the types of experts in mixed demonstrations (docs/mixed_experts.md).
-
-    share: of the experts; reward_deviations: standard deviations of the posterior; episodes: those
-    that are likeliest of this type. pace: by which its times in cells are longer than usual, None
-    where that was not measured. drawn_weights: a row per draw of the model's outcome tables.
-    believed: a row per outcome model; none, and then not in the file, where it is the model's.
-    """
-
-    share: float = Field(gt=0, le=1)
-    reward_weights: dict[str, float]
-    reward_deviations: dict[str, float]
-    episodes: tuple[int, ...]
-    pace: float | None = Field(default=None, gt=0)
-    drawn_weights: tuple[tuple[float, ...], ...] = ()
-    believed: tuple[Probabilities, ...] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_no_belief(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = handler(self)
-        if not self.believed:
-            values.pop("believed", None)
-        return values
-
-
 #: Of mean times in cells.
 CROSSING_COVARIATES = (
     "intercept", "against_flow", "across_flow", "turning", "first", "people_pm2",
@@ -161,8 +136,6 @@ class ModelFile(StrictModel):
     goals_m: centres of the goal cells.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
-    types: of experts, the most frequent first, whose weights `reward_weights` are; none where all
-    demonstrations are of one type, and then not in the file.
     crossing_times: of drives, one per look-ahead; without, and then not in the file, arrivals are
     predicted by decision periods.
     """
@@ -185,15 +158,13 @@ class ModelFile(StrictModel):
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
-    types: tuple[ModelType, ...] = ()
     crossing_times: tuple[CrossingTimes, ...] = ()
 
     @model_serializer(mode="wrap")
-    def _without_what_is_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_no_times(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values: dict[str, Any] = handler(self)
-        for name in ("types", "crossing_times"):
-            if not getattr(self, name):
-                values.pop(name, None)
+        if not self.crossing_times:
+            values.pop("crossing_times", None)
         return values
 
     @model_validator(mode="after")
@@ -201,27 +172,6 @@ class ModelFile(StrictModel):
         cells = [each.lookahead_cells for each in self.crossing_times]
         if len(set(cells)) < len(cells):
             raise ValueError(f"crossing_times must have each lookahead_cells once, got {cells}")
-        return self
-
-    @model_validator(mode="after")
-    def _types_fit(self) -> "ModelFile":
-        for number, each in enumerate(self.types):
-            for key in ("reward_weights", "reward_deviations"):
-                if tuple(getattr(each, key)) != self.feature_names:
-                    raise ValueError(f"types[{number}].{key} must have the model's features")
-            rows = each.drawn_weights
-            if len(rows) != len(self.draws.learned) or any(
-                len(row) != len(self.reward_weights) for row in rows
-            ):
-                raise ValueError(
-                    f"types[{number}].drawn_weights must have a row of weights per draw"
-                )
-            if each.believed and len(each.believed) != len(self.outcome_models):
-                raise ValueError(f"types[{number}].believed must have a row per outcome model")
-            for row in each.believed:
-                _require_distribution(f"types[{number}].believed", row, self)
-        if self.types and abs(sum(each.share for each in self.types) - 1.0) > _SUM_TOLERANCE:
-            raise ValueError("types must have shares that sum to 1")
         return self
 
     @model_validator(mode="after")
@@ -254,59 +204,15 @@ class ModelFile(StrictModel):
                 _require_distribution(f"draws.learned {number}", row, self)
         return self
 
-    def of_expert(self, path: str | Path, number: int) -> "ModelFile":
-        """The model with rewards and belief of one type of experts, 1 for the most frequent."""
-        if number == 1:
-            return self
-        if not 1 <= number <= len(self.types):
-            raise FileError(
-                f"{path}: expert must be from 1 to {max(len(self.types), 1)}, the number of types"
-                f" of experts in the model, got {number}; 'serd learn --experts auto' finds types"
-            )
-        chosen = self.types[number - 1]
-        draws = self.draws.model_copy(update={"reward_weights": chosen.drawn_weights})
-        models = tuple(
-            model.model_copy(update={"believed": believed})
-            for model, believed in zip(self.outcome_models, chosen.believed, strict=False)
-        )
-        return self.model_copy(
-            update={
-                "reward_weights": chosen.reward_weights,
-                "draws": draws,
-                "outcome_models": models or self.outcome_models,
-            }
-        )
-
     def with_features(self, names: Sequence[str]) -> "ModelFile":
         """The model without the weights of all features but the named ones."""
         kept = [row for row, name in enumerate(self.feature_names) if name in names]
         if len(kept) == len(self.feature_names):
             return self
-
-        def chosen(weights: dict[str, float]) -> dict[str, float]:
-            return {name: weights[name] for name in self.feature_names if name in names}
-
-        def columns(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-            return tuple(tuple(row[column] for column in kept) for row in rows)
-
-        types = tuple(
-            each.model_copy(
-                update={
-                    "reward_weights": chosen(each.reward_weights),
-                    "reward_deviations": chosen(each.reward_deviations),
-                    "drawn_weights": columns(each.drawn_weights),
-                }
-            )
-            for each in self.types
-        )
-        draws = {"reward_weights": columns(self.draws.reward_weights)}
-        return self.model_copy(
-            update={
-                "reward_weights": chosen(self.reward_weights),
-                "draws": self.draws.model_copy(update=draws),
-                "types": types,
-            }
-        )
+        chosen = {name: weight for name, weight in self.reward_weights.items() if name in names}
+        drawn = tuple(tuple(row[column] for column in kept) for row in self.draws.reward_weights)
+        draws = self.draws.model_copy(update={"reward_weights": drawn})
+        return self.model_copy(update={"reward_weights": chosen, "draws": draws})
 
     def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
         """The crossing times of a look-ahead; None where none are known."""
@@ -368,7 +274,6 @@ def model_of_fit(
     goal_entry_s: Sequence[float] = (),
     own_flow: bool = False,
     draws: PosteriorDraws | None = None,
-    types: Sequence[ModelType] = (),
 ) -> ModelFile:
     """The fit of a navigation problem as a model file.
 
@@ -406,7 +311,6 @@ def model_of_fit(
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
         draws=kept,
-        types=tuple(types),
     )
 
 

@@ -2,7 +2,7 @@
 
 The gridworld of two terrains of `experiments.latent.hidden_actions`. Experts of one to three types,
 who differ in what they seek, demonstrate in one world. `choose_expert_types` searches the number of
-types as `serd learn --experts auto` does; BIC and ICL choose among the mixtures that it fitted.
+types with its defaults; BIC and ICL choose among the mixtures that it fitted.
 """
 
 from dataclasses import replace

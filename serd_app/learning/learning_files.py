@@ -146,20 +146,6 @@ def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in grid.centers_m[states])
 
 
-def experts_of_recordings(table: Path, decisions: Decisions) -> IntArray:
-    """(N,) number of the recording of each decision; FileError where the table is another."""
-    record = load_yaml_model(files_beside(table)["record"], DemonstrationRecord)
-    whole, counts = load_decisions(table), [each.n_decisions for each in record.bags]
-    if sum(counts) != len(whole):
-        raise FileError(
-            f"{table}: must have the {sum(counts)} decisions of its recordings, got {len(whole)};"
-            " run 'serd demos' again"
-        )
-    number = np.repeat(np.arange(len(counts)), counts)
-    episodes, first = np.unique(whole.episode, return_index=True)
-    return np.asarray(number[first][np.searchsorted(episodes, decisions.episode)])
-
-
 def _scenario_yaml(
     scenario: Scenario | None, problem: NavigationProblem, decisions: Decisions, period_s: float
 ) -> str:

@@ -219,25 +219,23 @@ def load_strategy(
     transfer: bool = False,
     timeout_s: float | None = None,
     file: ModelFile | None = None,
-    expert: int = 1,
     lookahead_cells: int = 1,
 ) -> Strategy:
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
     the stochastic policy of the expert. transfer: whether to accept a model of another grid.
-    timeout_s: the scenario's when None. file: the content of the file, read when None. expert: type
-    of experts whose rewards count, of a model with several. lookahead_cells: how it is driven.
+    timeout_s: the scenario's when None. file: the content of the file, read when None.
+    lookahead_cells: how it is driven.
     """
     file = load_model(path) if file is None else file
-    own = file.of_expert(path, expert)
     grid = grid_of(scenario)
     transferred = file.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
         require_grid(path, file, grid)
     here = scenario.cell_size_m, scenario.decision_period_s
     require_same_scale(path, file, scenario.name, *here)
-    problem, own = problem_of_model(path, own, scenario, grid, transferred=transferred)
+    problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
     rows = tuple(each.learned for each in file.outcome_models)
     tables = (rows, *own.draws.learned)
     planned = np.array([outcome_probabilities_of(path, file, problem, each) for each in tables])

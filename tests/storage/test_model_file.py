@@ -13,7 +13,6 @@ from storage.model_file import (
     GridSummary,
     ModelDraws,
     ModelFile,
-    ModelType,
     OutcomeModel,
     load_model,
 )
@@ -64,23 +63,13 @@ def test_draws_survive_a_round_trip(tmp_path):
     assert load_model(tmp_path / "model.yaml").draws == draws
 
 
-def test_a_feature_that_does_not_count_leaves_weights_draws_and_types_together():
-    kind = ModelType(
-        share=1.0,
-        reward_weights={"goal": 3.0, "social_norm": 4.0},
-        reward_deviations={"goal": 0.1, "social_norm": 0.2},
-        episodes=(0,),
-        drawn_weights=((5.0, 6.0),),
-    )
+def test_a_feature_that_does_not_count_leaves_weights_and_draws_together():
     draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW,),))
-    whole = model(draws=draws, types=(kind,))
+    whole = model(draws=draws)
     left = whole.with_features(("goal", "inverse_wall_distance"))
     assert left.reward_weights == {"goal": 1 / 3}
     assert left.draws.reward_weights == ((1.0,),)
     assert left.draws.learned == draws.learned
-    assert left.types[0].reward_weights == {"goal": 3.0}
-    assert left.types[0].reward_deviations == {"goal": 0.1}
-    assert left.types[0].drawn_weights == ((5.0,),)
     assert ModelFile(**left.model_dump()) == left
     assert whole.with_features(("social_norm", "goal")) is whole
 
