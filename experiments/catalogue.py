@@ -9,7 +9,6 @@ from experiments.gridworld.experiment import run_gridworld
 from experiments.information.avoidance import run_avoidance
 from experiments.information.next_demonstration import run_next_demonstration
 from experiments.latent.hidden_actions import run_hidden_actions
-from experiments.latent.mixed_experts import run_mixed_experts
 from experiments.minimum_example.explanations import run_minimum_example
 from experiments.minimum_example.multi_start import run_multi_start
 from experiments.policy_cost import run_policy_cost
@@ -29,7 +28,6 @@ _SUBJECTS: dict[Callable[[Any, Session], Findings], str] = {
     run_ascents: "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
     run_avoidance: "what choices reveal of a move that is avoided",
     run_hidden_actions: "rewards and dynamics from states alone",
-    run_mixed_experts: "types of experts found among mixed demonstrations",
     run_next_demonstration: "what choosing the next demonstration saves",
     run_routes: "route choice with many destinations (recursive logit)",
     run_rust: "bus engine replacement (Rust 1987)",

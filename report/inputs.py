@@ -13,7 +13,7 @@ from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
-from serd_core.arrays import BoolArray, FloatArray, float_array, require_index
+from serd_core.arrays import FloatArray, float_array, require_index
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
@@ -22,7 +22,6 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
 from sim.scenario.scenario import Scenario
 from storage.episode_table import EpisodeResult
-from storage.model_file import ModelType
 
 
 @dataclass(frozen=True)
@@ -144,16 +143,6 @@ class Forecast:
 
 
 @dataclass(frozen=True, eq=False)
-class ExpertGroup:
-    """A type of experts; policy: the one to drive by its rewards; traps: (S,) states from which the
-    learned one does not arrive."""
-
-    kept: ModelType
-    policy: Policy
-    traps: BoolArray
-
-
-@dataclass(frozen=True, eq=False)
 class ReportInputs:
     """A learned model: demonstrations, what was learned from them, and how it then drove.
 
@@ -163,10 +152,9 @@ class ReportInputs:
     episodes: empty where it has not driven. snapshot: None where people were not recorded.
     knowledge: None where the fit has no posterior. forecasts: from chosen starts. familiarity: how
     likely demonstrations are for the model; advice: on cells and periods; discretised: what became
-    of the intents.
-    groups: types of experts, none where there is one. driven: where the policy is not the learned
-    one, None where it is everywhere; remarks: on that. recorded: times of arrival of the
-    demonstrations, None where they are not known.
+    of the intents. driven: where the policy is not the learned one, None where it is everywhere;
+    remarks: on that. recorded: times of arrival of the demonstrations, None where they are not
+    known.
     """
 
     title: str
@@ -188,7 +176,6 @@ class ReportInputs:
     advice: ResolutionAdvice | None = None
     discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
-    groups: tuple[ExpertGroup, ...] = ()
     driven: ArrivingPolicy | None = None
     remarks: tuple[str, ...] = ()
     recorded: RecordedTimes | None = None

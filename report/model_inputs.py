@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from report.errors import ReportError
-from report.inputs import ExpertGroup, Forecast, ReportInputs, RunFacts
+from report.inputs import Forecast, ReportInputs, RunFacts
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.recorded import files_beside, load_advice, report_of_table
 from serd_app.drives.mapped.mapping import DriveMapping
@@ -26,7 +26,7 @@ from serd_app.places.kept_scenario import scenario_of_model
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from sim.scenario.goal import goal_cell
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import load_scenario
 from storage.episode_table import EpisodeResult, load_episodes
 from storage.model_file import ModelFile, load_model
 
@@ -83,7 +83,6 @@ def inputs_of_model(
         advice=_advice(demonstrations),
         discretised=None if demonstrations is None else report_of_table(demonstrations),
         n_demonstrations=file.fit.n_episodes,
-        groups=_groups(model, place, kind, file.with_features(problem.feature_names)),
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
         recorded=None
@@ -95,16 +94,6 @@ def inputs_of_model(
 def _start(name: str, file: ModelFile) -> str:
     """A start area; a fitted grid has one, where demonstrations began."""
     return f"area {name}" if file.scenario else "where demonstrations began"
-
-
-def _groups(model: Path, place: Scenario, kind: str, file: ModelFile) -> tuple[ExpertGroup, ...]:
-    """The policy of each type of experts."""
-    found = []
-    for number, each in enumerate(file.types, start=1):
-        strategy = load_strategy(str(model), place, kind, file=file, expert=number)
-        learned = strategy.driven.learned_traps
-        found.append(ExpertGroup(each, strategy.policy, learned.looping | learned.unlikely))
-    return tuple(found)
 
 
 def forecasts_of(

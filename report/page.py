@@ -46,7 +46,6 @@ def render_page(
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
         surprises=surprise_rows(inputs),
-        groups=[each.kept for each in inputs.groups],
     )
 
 

@@ -16,7 +16,7 @@ from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.navigation import MODEL_NAMES, NavigationProblem
+from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import start_states_of
 from storage.quantities import counted, seconds_in_words
 
@@ -233,12 +233,8 @@ def known_decisions(inputs: ReportInputs) -> IntArray:
 
 
 def decisions_per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
-    """(M,) number of decisions with their action that each outcome model applies to.
-
-    Rows of one model at several densities share its decisions.
-    """
+    """(M,) number of decisions with their action that each outcome model applies to."""
     models = problem.outcome_models
     decisions = decisions.select(~decisions.hidden)
-    used = models.model_of[decisions.state, decisions.action] % len(MODEL_NAMES)
-    counts = np.bincount(used, minlength=len(MODEL_NAMES))
-    return np.resize(counts, len(problem.model_names))
+    used = models.model_of[decisions.state, decisions.action]
+    return np.bincount(used, minlength=models.n_models)

@@ -73,8 +73,6 @@ def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
     own = _OWN_FILES + (_FILES_OF_EPISODES if inputs.episodes else ())
-    if inputs.groups:
-        own += (FileLink("experts.csv", "type of the expert of each episode"),)
     return inputs.files + tuple(link for link in own if link.path not in given)
 
 
@@ -84,8 +82,6 @@ def all_tables(inputs: ReportInputs) -> dict[str, str]:
     if inputs.episodes:
         driven["episodes.csv"] = episodes_table(inputs.episodes)
         driven["arrival_times.csv"] = arrival_table(inputs)
-    if inputs.groups:
-        driven["experts.csv"] = experts_table(inputs)
     return driven | {
         "reward_weights.csv": weights_table(inputs),
         "outcome_models.csv": outcomes_table(inputs),
@@ -130,16 +126,6 @@ def weights_table(inputs: ReportInputs) -> str:
     return csv_text(["feature", "reward_weight"], rows)
 
 
-def experts_table(inputs: ReportInputs) -> str:
-    """The type of the expert of each episode."""
-    rows = [
-        (episode, number)
-        for number, group in enumerate(inputs.groups, start=1)
-        for episode in group.kept.episodes
-    ]
-    return csv_text(["episode", "expert_type"], sorted(rows))
-
-
 def outcomes_table(inputs: ReportInputs) -> str:
     """One row per model and outcome: number of decisions, initial and learned probability."""
     counts = known_decisions(inputs).tolist()
@@ -172,13 +158,11 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.familiarity is not None:
         surprising = inputs.familiarity.surprising(SURPRISING)
         found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
-    policies = {f"expert_{i}": (each.policy, each.traps) for i, each in enumerate(inputs.groups, 1)}
-    policies["policy"] = inputs.policy, trapped_states(inputs)
     whose = "" if inputs.driven is None else " of the learned policy"
-    for name, (policy, traps) in policies.items():
-        found[name] = draw_policy_map(
-            layout, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
-        )
+    policy, traps = inputs.policy, trapped_states(inputs)
+    found["policy"] = draw_policy_map(
+        layout, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
+    )
     found["features"] = draw_features(
         layout, grid, problem.features, problem.feature_names, problem.mdp.available
     )

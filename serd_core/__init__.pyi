@@ -39,8 +39,6 @@ from serd_core.dynamics.sparse_model import SparseModel as SparseModel
 from serd_core.dynamics.sparse_model import fixed_transitions as fixed_transitions
 from serd_core.dynamics.sparse_model import learned_transitions as learned_transitions
 from serd_core.errors import SerdError as SerdError
-from serd_core.files import load as load
-from serd_core.files import save as save
 from serd_core.learners.behavioural_cloning import clone_behaviour as clone_behaviour
 from serd_core.learners.fit_result import FitResult as FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl as fit_maxent_irl
@@ -61,7 +59,6 @@ from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
 from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types
 from serd_core.mixtures.expert_types import fit_expert_types as fit_expert_types
-from serd_core.policies.counterfactual import counterfactual_policy as counterfactual_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy
@@ -92,13 +89,10 @@ from serd_core.selection.evaluation import validation_log_likelihood as validati
 from serd_core.selection.multi_start import multi_start as multi_start
 from serd_core.uncertainty.bootstrap import bootstrap as bootstrap
 from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
-from serd_core.uncertainty.hypothesis_tests import score_test as score_test
-from serd_core.uncertainty.hypothesis_tests import vuong_test as vuong_test
 from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information
 from serd_core.uncertainty.standard_errors import clustered_outer_product as clustered_outer_product
 from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
-from serd_core.uncertainty.two_step import two_step_standard_errors as two_step_standard_errors
 
 __version__: str

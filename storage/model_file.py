@@ -1,7 +1,6 @@
 """The learned model as one YAML file people can read: rewards, outcome models, how it was fitted.
 
-Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1). Those that depend
-on the density of people have rows at 0 and at 1 person/m² (`serd_core.grid.density`).
+Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,6 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.crossing_chain import Kind
 from serd_core.bayes.draws import PosteriorDraws
-from serd_core.grid.density import DENSITY_MODEL_NAMES
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -67,31 +65,6 @@ class ModelDraws(StrictModel):
 
     reward_weights: tuple[tuple[float, ...], ...] = ()
     learned: tuple[tuple[Probabilities, ...], ...] = ()
-
-
-class ModelType(StrictModel):
-    """One of the types of experts in mixed demonstrations (docs/mixed_experts.md).
-
-    share: of the experts; reward_deviations: standard deviations of the posterior; episodes: those
-    that are likeliest of this type. pace: by which its times in cells are longer than usual, None
-    where that was not measured. drawn_weights: a row per draw of the model's outcome tables.
-    believed: a row per outcome model; none, and then not in the file, where it is the model's.
-    """
-
-    share: float = Field(gt=0, le=1)
-    reward_weights: dict[str, float]
-    reward_deviations: dict[str, float]
-    episodes: tuple[int, ...]
-    pace: float | None = Field(default=None, gt=0)
-    drawn_weights: tuple[tuple[float, ...], ...] = ()
-    believed: tuple[Probabilities, ...] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_no_belief(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = handler(self)
-        if not self.believed:
-            values.pop("believed", None)
-        return values
 
 
 #: Of mean times in cells.
@@ -163,8 +136,6 @@ class ModelFile(StrictModel):
     goals_m: centres of the goal cells.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
-    types: of experts, the most frequent first, whose weights `reward_weights` are; none where all
-    demonstrations are of one type, and then not in the file.
     crossing_times: of drives, one per look-ahead; without, and then not in the file, arrivals are
     predicted by decision periods.
     """
@@ -187,15 +158,13 @@ class ModelFile(StrictModel):
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
-    types: tuple[ModelType, ...] = ()
     crossing_times: tuple[CrossingTimes, ...] = ()
 
     @model_serializer(mode="wrap")
-    def _without_what_is_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_no_times(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values: dict[str, Any] = handler(self)
-        for name in ("types", "crossing_times"):
-            if not getattr(self, name):
-                values.pop(name, None)
+        if not self.crossing_times:
+            values.pop("crossing_times", None)
         return values
 
     @model_validator(mode="after")
@@ -206,24 +175,13 @@ class ModelFile(StrictModel):
         return self
 
     @model_validator(mode="after")
-    def _types_fit(self) -> "ModelFile":
-        for number, each in enumerate(self.types):
-            for key in ("reward_weights", "reward_deviations"):
-                if tuple(getattr(each, key)) != self.feature_names:
-                    raise ValueError(f"types[{number}].{key} must have the model's features")
-            rows = each.drawn_weights
-            if len(rows) != len(self.draws.learned) or any(
-                len(row) != len(self.reward_weights) for row in rows
-            ):
+    def _known_models(self) -> "ModelFile":
+        for model in self.outcome_models:
+            if model.name not in MODEL_NAMES:
                 raise ValueError(
-                    f"types[{number}].drawn_weights must have a row of weights per draw"
+                    f"outcome_models must be among {', '.join(MODEL_NAMES)}, got {model.name!r};"
+                    " learn the model again"
                 )
-            if each.believed and len(each.believed) != len(self.outcome_models):
-                raise ValueError(f"types[{number}].believed must have a row per outcome model")
-            for row in each.believed:
-                _require_distribution(f"types[{number}].believed", row, self)
-        if self.types and abs(sum(each.share for each in self.types) - 1.0) > _SUM_TOLERANCE:
-            raise ValueError("types must have shares that sum to 1")
         return self
 
     @model_validator(mode="after")
@@ -246,59 +204,15 @@ class ModelFile(StrictModel):
                 _require_distribution(f"draws.learned {number}", row, self)
         return self
 
-    def of_expert(self, path: str | Path, number: int) -> "ModelFile":
-        """The model with rewards and belief of one type of experts, 1 for the most frequent."""
-        if number == 1:
-            return self
-        if not 1 <= number <= len(self.types):
-            raise FileError(
-                f"{path}: expert must be from 1 to {max(len(self.types), 1)}, the number of types"
-                f" of experts in the model, got {number}; 'serd learn --experts auto' finds types"
-            )
-        chosen = self.types[number - 1]
-        draws = self.draws.model_copy(update={"reward_weights": chosen.drawn_weights})
-        models = tuple(
-            model.model_copy(update={"believed": believed})
-            for model, believed in zip(self.outcome_models, chosen.believed, strict=False)
-        )
-        return self.model_copy(
-            update={
-                "reward_weights": chosen.reward_weights,
-                "draws": draws,
-                "outcome_models": models or self.outcome_models,
-            }
-        )
-
     def with_features(self, names: Sequence[str]) -> "ModelFile":
         """The model without the weights of all features but the named ones."""
         kept = [row for row, name in enumerate(self.feature_names) if name in names]
         if len(kept) == len(self.feature_names):
             return self
-
-        def chosen(weights: dict[str, float]) -> dict[str, float]:
-            return {name: weights[name] for name in self.feature_names if name in names}
-
-        def columns(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-            return tuple(tuple(row[column] for column in kept) for row in rows)
-
-        types = tuple(
-            each.model_copy(
-                update={
-                    "reward_weights": chosen(each.reward_weights),
-                    "reward_deviations": chosen(each.reward_deviations),
-                    "drawn_weights": columns(each.drawn_weights),
-                }
-            )
-            for each in self.types
-        )
-        draws = {"reward_weights": columns(self.draws.reward_weights)}
-        return self.model_copy(
-            update={
-                "reward_weights": chosen(self.reward_weights),
-                "draws": self.draws.model_copy(update=draws),
-                "types": types,
-            }
-        )
+        chosen = {name: weight for name, weight in self.reward_weights.items() if name in names}
+        drawn = tuple(tuple(row[column] for column in kept) for row in self.draws.reward_weights)
+        draws = self.draws.model_copy(update={"reward_weights": drawn})
+        return self.model_copy(update={"reward_weights": chosen, "draws": draws})
 
     def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
         """The crossing times of a look-ahead; None where none are known."""
@@ -321,11 +235,6 @@ class ModelFile(StrictModel):
     def without_flow(self) -> bool:
         """Whether it was learned in a place without flow, as far as the file has the flow."""
         return bool(self.flow) and set("".join(self.flow)) <= {WALKABLE, BLOCKED}
-
-    @property
-    def with_density(self) -> bool:
-        """Whether outcome models depend on the density of people."""
-        return {model.name for model in self.outcome_models} == set(DENSITY_MODEL_NAMES)
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -365,7 +274,6 @@ def model_of_fit(
     goal_entry_s: Sequence[float] = (),
     own_flow: bool = False,
     draws: PosteriorDraws | None = None,
-    types: Sequence[ModelType] = (),
 ) -> ModelFile:
     """The fit of a navigation problem as a model file.
 
@@ -376,11 +284,10 @@ def model_of_fit(
         fit.believed_outcome_probabilities,
         fit.initial_outcome_probabilities,
     )
-    n_models = len(problem.model_names)
-    rows = zip(problem.model_names, *(table[:n_models].tolist() for table in tables), strict=True)
+    rows = zip(problem.model_names, *(table.tolist() for table in tables), strict=True)
     kept = ModelDraws()
     if draws is not None:
-        learned = draws.outcome_probabilities[:, :n_models].tolist()
+        learned = draws.outcome_probabilities.tolist()
         drawn = {"reward_weights": draws.reward.tolist(), "learned": learned}
         kept = ModelDraws.model_validate(drawn)
     values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}
@@ -404,7 +311,6 @@ def model_of_fit(
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
         draws=kept,
-        types=tuple(types),
     )
 
 

@@ -1,1 +1,1 @@
-"""Latent variables: actions that are hidden, types of experts that are not labelled."""
+"""Latent variables: actions that are hidden."""

@@ -1,7 +1,6 @@
 """Charts of the fit: reward weights, outcome models, and the objective after each step."""
 
 from collections.abc import Sequence
-from math import ceil
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -49,8 +48,6 @@ OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
 _BAR_WIDTH = 0.38
 #: Of the legend below the panels of outcomes.
 _LEGEND_WIDTH_IN = 6.0
-#: Outcome models side by side; with density there are eight.
-_MOST_COLUMNS = 4
 
 
 def draw_outcomes(
@@ -68,13 +65,9 @@ def draw_outcomes(
     before = float_array("initial outcome probabilities", initial, shape)
     after = float_array("learned outcome probabilities", learned, shape)
     with style.report_style():
-        n_columns = min(len(model_names), _MOST_COLUMNS)
-        n_rows = ceil(len(model_names) / n_columns)
-        figure = new_figure(max(2.35 * n_columns, _LEGEND_WIDTH_IN), 2.9 * n_rows)
-        panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False)
-        for each in panels.flat[len(model_names) :]:
-            each.set_axis_off()
-        for i, axes in enumerate(panels.flat[: len(model_names)]):
+        figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
+        panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
+        for i, axes in enumerate(panels):
             rows = () if knowledge is None else knowledge.by_model[model_names[i]]
             tops = [row.upper for row in rows] or after[i]
             only_prior = bool(rows) and rows[0].known_from == PRIOR_ONLY
@@ -86,9 +79,8 @@ def draw_outcomes(
             pad = 28 if rows else 16
             axes.set_title(in_words(model_names[i]), loc="left", pad=pad, parse_math=False)
             axes.text(0, 1.02, decided, transform=axes.transAxes, fontsize=8, color=style.MUTED)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("probability")
-        shown = panels[0, 0].get_legend_handles_labels()
+        panels[0].set_ylabel("probability")
+        shown = panels[0].get_legend_handles_labels()
         figure.legend(*shown, loc="outside lower center", ncols=3)
     return figure
 

@@ -206,8 +206,6 @@ def files_beside(table: Path) -> dict[str, Path]:
         "picture": table.with_suffix(".png"),
         "flow": table.with_suffix(".flow.csv"),
         "flow picture": table.with_suffix(".flow.png"),
-        "density": table.with_suffix(".density.csv"),
-        "mean density": table.with_suffix(".mean_density.csv"),
         "crossings": table.with_suffix(".crossings.csv"),
         "resolution": table.with_suffix(".resolution.csv"),
         "resolution picture": table.with_suffix(".resolution.png"),

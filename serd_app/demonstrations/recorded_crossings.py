@@ -15,17 +15,20 @@ from serd_app.demonstrations.crossing_table import (
     crossings_of_track,
     people_per_m2,
 )
-from serd_app.demonstrations.measured_density import people_around
 from serd_app.demonstrations.recorded import RecordedDemonstrations
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recorded_people import Sighting
+from serd_app.drives.recording import Recording
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import Grid
 
 #: Of demonstrations, which stop in no cell further ahead.
 _LOOKAHEAD_CELLS = 1
 _LEAST_POSES = 2
+#: Age of a sighting from which on the people around a robot are not known.
+_LONGEST_AGE_S = 1.0
+_TOLERANCE_S = 1e-6
 
 
 def crossings_of_recordings(
@@ -52,6 +55,35 @@ def crossings_of_recordings(
                 rows += _of_episode(place, number, drive, track, span, around)
                 number += 1
     return rows
+
+
+def people_around(
+    recording: Recording, drive: int, sightings: Sequence[Sighting]
+) -> Callable[[FloatArray], list[FloatArray | None]]:
+    """From times (T,) to the people (n, 2) around the agent of a drive, None where not known.
+
+    sightings: of a bag; they count where the clock does not go back. A sighting is known until
+    `_LONGEST_AGE_S` after it.
+    """
+    crowd = recording.crowd
+    if crowd is not None:
+        return lambda asked_s: list(crowd.others_at(drive, asked_s))
+    time_s = np.array([one.time_s for one in sightings])
+    places_m = (one.people.position_m[:, :2] for one in sightings)
+    people_m = [each[np.isfinite(each).all(axis=1)] for each in places_m]
+    if np.any(np.diff(time_s) < 0):
+        time_s = np.zeros(0)
+    return lambda asked_s: _last_seen(asked_s, time_s, people_m)
+
+
+def _last_seen(
+    asked_s: FloatArray, time_s: FloatArray, people_m: Sequence[FloatArray]
+) -> list[FloatArray | None]:
+    last = np.searchsorted(time_s, asked_s + _TOLERANCE_S, side="right") - 1
+    return [
+        None if moment < 0 or at_s - time_s[moment] > _LONGEST_AGE_S else people_m[moment]
+        for moment, at_s in zip(last.tolist(), asked_s.tolist(), strict=True)
+    ]
 
 
 def _track(drive: RecordedDrive, span: EpisodeSpan, grid: Grid) -> FloatArray:

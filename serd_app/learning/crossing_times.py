@@ -21,7 +21,6 @@ from serd_core.arrival.crossing_chain import Kind
 from serd_core.arrival.dwell_times import DwellModel, Pace, fit_dwell_times
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
-from serd_core.grid.navigation import MODEL_NAMES
 from storage.model_file import CROSSING_COVARIATES as COVARIATES
 from storage.model_file import CrossingTimes
 from storage.quantities import counted
@@ -129,18 +128,17 @@ def _counts(rows: Sequence[Crossing], flow: str) -> tuple[int, int, int, int]:
 def leaving_outcomes(times: CrossingTimes, table: FloatArray) -> FloatArray:
     """(M, K) outcomes given that the cell is left: counted in drives, the model's as prior.
 
-    table: (M, K) outcomes of a decision period, or of several densities one below the other. The
-    prior counts as much as one crossing.
+    table: (M, K) outcomes of a decision period. The prior counts as much as one crossing.
     """
-    leaving = np.array(table, dtype=np.float64).reshape(-1, len(MODEL_NAMES), table.shape[1])
-    leaving[:, :, Outcome.STAY] = 0.0
-    leaving /= np.maximum(leaving.sum(axis=2, keepdims=True), np.finfo(float).tiny)
+    leaving = np.array(table, dtype=np.float64)
+    leaving[:, Outcome.STAY] = 0.0
+    leaving /= np.maximum(leaving.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     for model, flow in enumerate(FLOWS):
         counts = np.array([0, *times.left_towards[flow]])
-        leaving[:, model] = (counts + leaving[:, model]) / (counts.sum() + 1.0)
-    stays = 1.0 - leaving.sum(axis=2)
-    leaving[:, :, Outcome.STAY] += np.maximum(stays, 0.0)
-    return leaving.reshape(table.shape)
+        leaving[model] = (counts + leaving[model]) / (counts.sum() + 1.0)
+    stays = 1.0 - leaving.sum(axis=1)
+    leaving[:, Outcome.STAY] += np.maximum(stays, 0.0)
+    return leaving
 
 
 def dwell_model(times: CrossingTimes) -> DwellModel:

@@ -7,7 +7,6 @@ import numpy as np
 from serd_core.arrival.arriving_policy import NEVER_PERIODS, least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
@@ -49,13 +48,12 @@ def learned_traps(problem: NavigationProblem, decisions: Decisions, fit: FitResu
     decisions: in states of the problem, as the fit learned from them.
     """
     grid, outcomes = problem.grid, fit.outcome_probabilities
-    cells = slice(grid.n_states)  # states of decisions are behind them where density counts
-    greedy = optimal_policy(problem, fit.reward_weights, outcomes).greedy[cells]
-    least = -least_time_policy(problem, outcomes).value[cells]
+    greedy = optimal_policy(problem, fit.reward_weights, outcomes).greedy
+    least = -least_time_policy(problem, outcomes).value
     reaching = least < 0.5 * NEVER_PERIODS
     looping = trap_states(grid.neighbours, greedy, problem.goal_states) & reaching
-    first = decisions.state[np.unique(decisions.episode, return_index=True)[1]]
-    starts = np.unique(problem.outcome_models.successors[first, Action.WAIT, Outcome.STAY])
+    first = np.unique(decisions.episode, return_index=True)[1]
+    starts = np.unique(decisions.state[first])
     return LearnedTraps(
         n_looping_cells=int(looping.sum()),
         n_reaching_cells=int(reaching.sum()),

@@ -17,7 +17,6 @@ from serd_app.demonstrations.goal import (
 )
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
-from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
@@ -25,7 +24,6 @@ from serd_app.places.kept_scenario import own_scenario_yaml, scenario_beside
 from serd_app.places.map_scenario import grid_scenario
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.density import at_decisions, with_density
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
@@ -44,8 +42,7 @@ class LearningFiles:
     n_left_out: episodes of which nothing is left;
     elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
-    None where the grid was fitted. cells: the decisions on the cells of the grid; with density the
-    demonstrations have them in states of their own, see `serd_core.grid.density.at_decisions`.
+    None where the grid was fitted.
     """
 
     task: LearningTask
@@ -57,7 +54,6 @@ class LearningFiles:
     n_left_out: int
     elsewhere_m: tuple[tuple[float, float], ...]
     reaching: IntArray
-    cells: Decisions
     scenario: Scenario | None = None
 
     @property
@@ -90,13 +86,11 @@ def read_learning_files(
     scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
-    density: bool = False,
 ) -> LearningFiles:
     """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
-    scenario's goal area, or without a scenario where most of the episodes end. density: whether
-    outcome models depend on the density of people.
+    scenario's goal area, or without a scenario where most of the episodes end.
     """
     files = files_beside(table)
     decisions = load_decisions(table)
@@ -125,9 +119,6 @@ def read_learning_files(
         wall_distance_m=wall_distance_of(known, grid) if known else grid_wall_distance_m(grid),
         discount=discount,
     )
-    cells = kept
-    if density:
-        problem, kept = _with_density(table, problem, all_decisions, cells)
     name = known.name if known else ""
     as_recorded = name == record.scenario and np.array_equal(goals, usual)
     return LearningFiles(
@@ -136,7 +127,7 @@ def read_learning_files(
             name,
             record.decision_period_s,
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(known, problem, cells, record.decision_period_s),
+            scenario_yaml=_scenario_yaml(known, problem, kept, record.decision_period_s),
         ),
         # Entry times hold for the recorded goal area only.
         demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
@@ -147,42 +138,12 @@ def read_learning_files(
         n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
         reaching=episodes_reaching(decisions, goals),
-        cells=cells,
         scenario=known,
     )
 
 
 def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in grid.centers_m[states])
-
-
-def _with_density(
-    table: Path, problem: NavigationProblem, every: Decisions, kept: Decisions
-) -> tuple[NavigationProblem, Decisions]:
-    """Problem and decisions of `at_decisions`; where no people were seen, the mean is taken."""
-    found = load_density(table, problem.grid, every)
-    rows = {
-        moment: row
-        for row, moment in enumerate(zip(every.episode.tolist(), every.time_s, strict=True))
-    }
-    place = [rows[moment] for moment in zip(kept.episode.tolist(), kept.time_s, strict=True)]
-    seen, usual = found.aimed_at_pm2[place], found.mean_pm2[problem.grid.neighbours[kept.state]]
-    crowded = with_density(problem, found.mean_pm2)
-    return at_decisions(crowded, kept, np.where(np.isnan(seen), usual, seen))
-
-
-def experts_of_recordings(table: Path, decisions: Decisions) -> IntArray:
-    """(N,) number of the recording of each decision; FileError where the table is another."""
-    record = load_yaml_model(files_beside(table)["record"], DemonstrationRecord)
-    whole, counts = load_decisions(table), [each.n_decisions for each in record.bags]
-    if sum(counts) != len(whole):
-        raise FileError(
-            f"{table}: must have the {sum(counts)} decisions of its recordings, got {len(whole)};"
-            " run 'serd demos' again"
-        )
-    number = np.repeat(np.arange(len(counts)), counts)
-    episodes, first = np.unique(whole.episode, return_index=True)
-    return np.asarray(number[first][np.searchsorted(episodes, decisions.episode)])
 
 
 def _scenario_yaml(

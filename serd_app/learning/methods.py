@@ -24,7 +24,6 @@ from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
@@ -49,8 +48,6 @@ LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
-#: Methods that learn outcome models which depend on density.
-LEARN_WITH_DENSITY: tuple[MethodName, ...] = ("mdce_serd_evidence", "mdce_irl")
 #: Policy matching has its maxima on kinks.
 KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
 #: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
@@ -186,18 +183,12 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
 
 def fit_by(method: MethodName, data: FitData) -> MethodResult:
     """Fit with a method; AppError where it cannot learn from such decisions."""
-    density = isinstance(data.problem.outcome_models, CovariateModels)
-    require_learnable(method, hidden=bool(data.decisions.hidden.any()), density=density)
+    require_learnable(method, hidden=bool(data.decisions.hidden.any()))
     return METHODS[method](data)
 
 
-def require_learnable(method: MethodName, *, hidden: bool, density: bool = False) -> None:
-    """AppError where the method counts actions and some are hidden, or has no density."""
-    if density and method not in LEARN_WITH_DENSITY:
-        raise AppError(
-            f"method must be one of {', '.join(LEARN_WITH_DENSITY)} with density, got {method};"
-            f" take {LEARN_WITH_DENSITY[0]}"
-        )
+def require_learnable(method: MethodName, *, hidden: bool) -> None:
+    """AppError where the method counts actions and some are hidden."""
     if method in LEARN_FROM_STATES or not hidden:
         return
     raise AppError(

@@ -1,7 +1,6 @@
 """What learning returns: the fit, its model file and how the fit went."""
 
 from dataclasses import asdict, dataclass
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -11,47 +10,14 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.learning.learned_traps import LearnedTraps
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_core.arrays import FloatArray
-from serd_core.grid.density import full_table
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.mixtures.expert_types import ExpertTypes
 from serd_core.posterior.parameters import Parameters
 from storage.files import atomic_write_text, delete_file
-from storage.model_file import ModelFile, ModelType
-from storage.quantities import counted
+from storage.model_file import ModelFile
 from storage.table import Column, csv_text, read_table
 from storage.yaml_config import save_yaml_model
-
-
-@dataclass(frozen=True, eq=False)
-class ExpertGroups:
-    """Types of experts that were found; candidates: mixtures of all numbers of types compared;
-    kept: of each type, what the model file has."""
-
-    types: ExpertTypes
-    candidates: tuple[ExpertTypes, ...]
-    kept: tuple[ModelType, ...]
-
-    def values(self) -> dict[str, object]:
-        """Evidence of each number of types, and the types, by name."""
-        return {
-            "log_evidence_by_types": {
-                each.n_types: each.log_evidence if isfinite(each.log_evidence) else None
-                for each in self.candidates
-            },
-            "experts": [each.model_dump(exclude={"drawn_weights"}) for each in self.kept],
-        }
-
-    def sentence(self) -> str:
-        """How many types were found, and the evidence of each number."""
-        compared = ", ".join(f"{each.n_types}: {_evidence(each)}" for each in self.candidates)
-        found = counted(self.types.n_types, "type")
-        return f"{found} of experts; log evidence by number of types: {compared}"
-
-
-def _evidence(types: ExpertTypes) -> str:
-    return f"{types.log_evidence:.1f}" if isfinite(types.log_evidence) else "not converged"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +26,9 @@ class FitOutcome:
 
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
     validation decision of each candidate weight, empty where none was chosen. knowledge: None where
-    the fit has no posterior. scenario_yaml: see `LearningTask`. groups: None where types of experts
-    were not asked for; with several types, fit and weights are those of the most frequent. belief:
-    the evidence about the expert's belief, empty where relations were not compared. traps: from
-    where the learned policy never arrives.
+    the fit has no posterior. scenario_yaml: see `LearningTask`. belief: the evidence about the
+    expert's belief, empty where relations were not compared. traps: from where the learned policy
+    never arrives.
     """
 
     fit: FitResult
@@ -73,7 +38,6 @@ class FitOutcome:
     validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
-    groups: ExpertGroups | None = None
     belief: str = ""
 
     def trace_table(self) -> str:
@@ -109,8 +73,6 @@ class FitOutcome:
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
         if known is not None:
             found |= {f"next_{name}": each for name, each in asdict(known.next_start).items()}
-        if self.groups is not None:
-            found |= self.groups.values()
         found |= asdict(self.traps)
         return found | ({"belief": self.belief} if self.belief else {})
 
@@ -151,9 +113,8 @@ def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray)
     Weights are those of the features that the problem has.
     """
     model = model.with_features(problem.feature_names)
-    models, extended = problem.outcome_models, full_table if model.with_density else np.asarray
-    truth = models.parameters_of(extended(model.outcome_probabilities))
-    belief = models.parameters_of(extended(model.believed_outcome_probabilities))
+    truth = problem.outcome_models.parameters_of(model.outcome_probabilities)
+    belief = problem.outcome_models.parameters_of(model.believed_outcome_probabilities)
     record = model.fit.model_dump(exclude={"n_episodes"})
     return FitResult(
         feature_names=model.feature_names,

@@ -177,7 +177,6 @@ class Navigator:
             transfer=self._settings.transfer,
             timeout_s=self._settings.timeout_s,
             file=file,
-            expert=self._settings.expert,
             lookahead_cells=self._settings.lookahead_cells,
         )
 

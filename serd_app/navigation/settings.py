@@ -18,9 +18,6 @@ class NavigationSettings(EpisodeSettings):
         "optimal: the optimum of the learned rewards; soft: the stochastic policy of the expert",
     )
     transfer: bool = setting(False, "also accept a model that was learned on another grid")
-    expert: int = setting(
-        1, "type of experts to drive like, of a model with several; 1: the most frequent", ge=1
-    )
     goal: str = setting(
         "", "x,y (m) of the cell to drive to; the goal area of the scenario when empty"
     )

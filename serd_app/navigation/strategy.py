@@ -5,8 +5,7 @@ least expected time (`serd_core.arrival.arriving_policy`). All that is predicted
 
 A model that was learned on another grid transfers its reward weights by feature name and its
 outcome probabilities by model name; they mean the same only for cells and decision periods of the
-same size. Grid, flow, walls and goal are the scenario's own, and so is the density of people, which
-is predicted where outcome probabilities depend on it.
+same size. Grid, flow, walls and goal are the scenario's own.
 """
 
 from collections.abc import Sequence
@@ -18,7 +17,6 @@ import numpy as np
 
 from serd_app.learning.crossing_times import leaving_outcomes
 from serd_app.navigation.crossing_forecast import STEP_S, CrossingForecast
-from serd_app.navigation.predicted_density import predicted_density
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
 from serd_core.arrival.chain import (
@@ -32,7 +30,6 @@ from serd_core.arrival.crossing_chain import crossing_moves
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds, steps_within
 from serd_core.arrival.trap_states import Traps
 from serd_core.bayes.draws import averaged_policy
-from serd_core.grid.density import full_table, in_random_crowds, with_density
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
@@ -222,32 +219,26 @@ def load_strategy(
     transfer: bool = False,
     timeout_s: float | None = None,
     file: ModelFile | None = None,
-    expert: int = 1,
     lookahead_cells: int = 1,
 ) -> Strategy:
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
     the stochastic policy of the expert. transfer: whether to accept a model of another grid.
-    timeout_s: the scenario's when None. file: the content of the file, read when None. expert: type
-    of experts whose rewards count, of a model with several. lookahead_cells: how it is driven.
+    timeout_s: the scenario's when None. file: the content of the file, read when None.
+    lookahead_cells: how it is driven.
     """
     file = load_model(path) if file is None else file
-    own = file.of_expert(path, expert)
     grid = grid_of(scenario)
     transferred = file.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
         require_grid(path, file, grid)
     here = scenario.cell_size_m, scenario.decision_period_s
     require_same_scale(path, file, scenario.name, *here)
-    problem, own = problem_of_model(path, own, scenario, grid, transferred=transferred)
-    if file.with_density:
-        problem = with_density(problem, predicted_density(scenario, grid))
+    problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
     rows = tuple(each.learned for each in file.outcome_models)
     tables = (rows, *own.draws.learned)
     planned = np.array([outcome_probabilities_of(path, file, problem, each) for each in tables])
-    if file.with_density:
-        planned = in_random_crowds(planned)
     probabilities, draws = planned[0], planned[1:] if own.draws.learned else planned
     policy = SOLVERS[kind](problem, own.weights, probabilities)
     if kind == "soft" and own.draws.learned:
@@ -292,10 +283,7 @@ def require_same_scale(
 def outcome_probabilities_of(
     path: str | Path, file: ModelFile, problem: NavigationProblem, table: Sequence[Probabilities]
 ) -> FloatArray:
-    """(M, K) rows and columns by name. table: a row per outcome model of the file.
-
-    Of a problem with density the rows of all densities.
-    """
+    """(M, K) rows and columns by name. table: a row per outcome model of the file."""
     rows = {each.name: row for each, row in zip(file.outcome_models, table, strict=True)}
     for what, needed, there in (
         ("outcome_models", problem.model_names, rows),
@@ -308,6 +296,4 @@ def outcome_probabilities_of(
                 "; learn the model again"
             )
     columns = [file.outcome_names.index(name) for name in _OUTCOME_NAMES]
-    found = np.array([[rows[name][column] for column in columns] for name in problem.model_names])
-    with_rows = len(found) < problem.outcome_models.n_models
-    return full_table(found) if with_rows else found
+    return np.array([[rows[name][column] for column in columns] for name in problem.model_names])

@@ -20,7 +20,6 @@ class DemoSettings(EpisodeSettings):
     episodes: int = setting_of(
         EpisodeSettings, "episodes", default=30, description="episodes the learned policy drives"
     )
-    density: bool = setting(False, "outcomes depend on the density of the recorded people")
     policy: PolicyKind = setting_of(NavigationSettings, "policy")
 
     @property

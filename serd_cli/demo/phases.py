@@ -4,27 +4,11 @@ import time
 from collections.abc import Mapping
 
 from report.inputs import PhaseTiming
-from serd_app.demonstrations.grid.flow_field import PEDESTRIANS
-from serd_app.demonstrations.measured_density import density_of_recordings, save_density
-from serd_app.demonstrations.recorded import (
-    Place,
-    concatenated,
-    demonstrations_of_all,
-    save_demonstrations,
-)
-from serd_app.drives.recorded_people import sightings_of_all
-from serd_app.drives.recording import read_recording
-from serd_app.learning.learning_files import read_learning_files
-from serd_app.learning.outcome import save_outcome
-from serd_app.learning.recipe import learn as fit
-from serd_app.learning.settings import LearningSettings
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.processes.node_commands import shared_file
 from serd_cli.processes.stack_run import run_stack
 from serd_ros.graph.graph import PACKAGE
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
 from storage.episode_table import EpisodeResult
 from storage.files import atomic_write_text
 
@@ -57,9 +41,7 @@ def learn(
 ) -> PhaseTiming:
     """Rewards and dynamics are learned from the bag."""
     began_s = time.monotonic()
-    if settings.density and not folder.learned():
-        _learn_with_density(folder, settings)
-    elif not folder.learned():
+    if not folder.learned():
         given = {
             "scenario": settings.scenario,
             "seed": settings.seed,
@@ -70,21 +52,6 @@ def learn(
         run_stack("learn", given, environment, total=1, logs=folder.logs)
         _require(folder.learned(), "learn")
     return PhaseTiming("learn", time.monotonic() - began_s)
-
-
-def _learn_with_density(folder: DemoFolder, settings: DemoSettings) -> None:
-    """In process, as `serd demos` and `serd learn --density` do."""
-    scenario, learning = load_scenario(settings.scenario), LearningSettings(seed=settings.seed)
-    grid, period_s = grid_of(scenario), scenario.decision_period_s
-    recording = read_recording(folder.bag, period_s, mapping=None, tolerant=False)
-    found = demonstrations_of_all([recording], grid, period_s)
-    save_demonstrations(folder.decisions, Place(grid, period_s, scenario), found, None)
-    density = density_of_recordings(found, sightings_of_all([folder.bag], PEDESTRIANS), grid)
-    save_density(folder.decisions, grid, concatenated(found), density)
-    files = read_learning_files(
-        folder.decisions, discount=learning.discount, scenario=settings.scenario, density=True
-    )
-    save_outcome(folder.model, fit(files.task, files.demonstrations, learning), grid)
 
 
 def navigate(

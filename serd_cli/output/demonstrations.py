@@ -14,7 +14,6 @@ from report.style import save_figure
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
-from serd_app.demonstrations.measured_density import MeasuredDensity
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -169,29 +168,6 @@ def flow_in_words(found: FlowField | None, own: IntArray | None) -> str:
     return (
         f"{line}; {values['n_as_scenario']} of {values['n_compared']} as in the scenario,"
         f" {values['n_opposite']} opposite"
-    )
-
-
-def density_values(found: MeasuredDensity) -> dict[str, float]:
-    """Decisions at which the density is known, and its quartiles in the cells aimed at."""
-    known = found.aimed_at_pm2[np.isfinite(found.aimed_at_pm2)]
-    low, median, high = np.quantile(known, [0.25, 0.5, 0.75]).tolist()
-    return {
-        "n_decisions": len(found.aimed_at_pm2),
-        "n_known": found.n_known,
-        "lower_quartile_pm2": low,
-        "median_pm2": median,
-        "upper_quartile_pm2": high,
-    }
-
-
-def density_in_words(found: MeasuredDensity) -> str:
-    """One line."""
-    values = density_values(found)
-    return (
-        f"density of people: known at {found.n_known} of"
-        f" {counted(len(found.aimed_at_pm2), 'decision')}, median {values['median_pm2']:.2f} per m²"
-        f" (quartiles {values['lower_quartile_pm2']:.2f} and {values['upper_quartile_pm2']:.2f})"
     )
 
 

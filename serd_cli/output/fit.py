@@ -1,7 +1,7 @@
 """What `serd learn` prints: the fit with standard errors, and what the data leave open."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict
 from itertools import groupby
 from operator import itemgetter
@@ -19,7 +19,6 @@ from serd_cli.output.terminal import console, finite, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from storage.model_file import ModelType
 from storage.quantities import counted
 
 
@@ -37,12 +36,7 @@ def print_learned(
         f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
         soft_wrap=True,
     )
-    if outcome.groups is not None:
-        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True)
-    if outcome.model.types:
-        console.print(_types_table(outcome.model.types))
-    else:
-        console.print(_weights_table(outcome.fit, certainty))
+    console.print(_weights_table(outcome.fit, certainty))
     console.print(_outcomes_table(files.task.problem, outcome.fit, certainty))
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
@@ -99,23 +93,6 @@ def _weights_table(fit: FitResult, certainty: Certainty) -> Table:
     for row, name in enumerate(fit.feature_names):
         error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
         table.add_row(in_words(name), f"{fit.reward_weights[row]:+.2f}", _number(error))
-    return table
-
-
-def _types_table(types: Sequence[ModelType]) -> Table:
-    """One row per type of experts: its share, episodes, pace, and weights with deviations."""
-    features = [in_words(name) for name in types[0].reward_weights]
-    columns = ("share in %", "episodes", "pace", *features)
-    table = table_of("Types of experts (weight ± posterior deviation)", "type", columns)
-    for number, each in enumerate(types, start=1):
-        weights = zip(each.reward_weights.values(), each.reward_deviations.values(), strict=True)
-        table.add_row(
-            str(number),
-            f"{100 * each.share:.0f}",
-            str(len(each.episodes)),
-            "" if each.pace is None else f"{each.pace:.2f}",
-            *(f"{weight:+.2f}±{deviation:.2f}" for weight, deviation in weights),
-        )
     return table
 
 

@@ -6,18 +6,16 @@ This average predicts the expert's next decision better than the policy of one p
 what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 4.2).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_share
 from serd_core.bayes.laplace import Laplace
-from serd_core.dynamics.transition_model import TransitionModel, transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import Coordinates
-from serd_core.posterior.parameters import Parameters
 
 #: Draws that a summary takes unless another number is asked for.
 N_DRAWS = 40
@@ -55,14 +53,7 @@ class CredibleIntervals:
 
 def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
     """The draws at (n, d) coordinates."""
-    at = [space.parameters(u) for u in coordinates]
-    return draws_of(problem.mdp.transitions, at, coordinates)
-
-
-def draws_of(
-    model: TransitionModel, at: Sequence[Parameters], coordinates: FloatArray
-) -> PosteriorDraws:
-    """The draws at n parameters, which have the (n, d) coordinates."""
+    at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
     truth, belief = (
         np.stack([model.local_probabilities(theta) for theta in block])
         for block in ([each.truth for each in at], [each.belief for each in at])

@@ -19,7 +19,7 @@ the evidence of counted transitions is exact where outcomes have different succe
 outcome model about which nothing is known adds 0, as it should.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -163,23 +163,16 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     return LogPosterior(posterior, space)
 
 
-def stirling(
-    posterior: Posterior,
-    space: Coordinates,
-    mode: FloatArray,
-    root: FloatArray,
-    groups: Sequence[tuple[Block, ...]] | None = None,
-) -> float:
+def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
     """What the approximation lacks of the integrals over outcome models, without covariates.
 
-    groups: of the belief, that count; None for all. The prior of a belief around the truth is
-    normal.
+    The prior of a belief around the truth is normal.
     """
     around = (Block.BELIEF,) if isinstance(space.belief, BeliefAroundTruth) else ()
     return sum(
         dirichlet_correction(block.table, block.spread)
         for block in _dirichlet_blocks(posterior, space, mode, root)
-        if block.group != around and (groups is None or block.group in groups)
+        if block.group != around
     )
 
 

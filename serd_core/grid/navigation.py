@@ -14,6 +14,7 @@ nothing to keep to, so it is 0 for every action, and a place without any flow ha
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,6 +51,8 @@ class NavigationProblem:
     goal_states: sorted indices; mdp: outcome models of `model_names`; features: (S, A, F).
     """
 
+    model_names: ClassVar[tuple[str, ...]] = MODEL_NAMES
+
     grid: Grid
     flow: IntArray
     goal_states: IntArray
@@ -57,15 +60,12 @@ class NavigationProblem:
     outcome_models: OutcomeModels
     features: FloatArray
     feature_names: tuple[str, ...]
-    model_names: tuple[str, ...] = MODEL_NAMES
 
     @property
     def used_models(self) -> IntArray:
         """Rows of `model_names` that apply to some cell and action: without a flow of people no
         move is with or against it."""
-        used = np.unique(self.outcome_models.model_of % len(MODEL_NAMES))
-        rows = np.arange(len(self.model_names))
-        return np.flatnonzero(np.isin(rows % len(MODEL_NAMES), used))
+        return np.unique(self.outcome_models.model_of)
 
 
 def build_navigation_problem(

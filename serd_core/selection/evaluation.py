@@ -24,7 +24,7 @@ from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.mdp import checked_policy
 from serd_core.mdp.problem import Problem
-from serd_core.policies.counterfactual import counterfactual_policy
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
@@ -43,7 +43,13 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
     """
-    return counterfactual_policy(problem, fit).probabilities
+    known = not problem.mdp.transitions.n_parameters
+    believed = None if known else fit.believed_outcome_probabilities
+    if len(fit.parameters.policy):
+        return boltzmann_policy(
+            problem, fit.reward_weights, believed, fit.temperature
+        ).probabilities
+    return soft_policy(problem, fit.reward_weights, believed).probabilities
 
 
 def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
@@ -80,15 +86,6 @@ def move_log_likelihood(
     with np.errstate(divide="ignore"):
         joint = np.log(chosen[decisions.state]) + np.log(moved)
         return np.asarray(logsumexp(joint, axis=1))
-
-
-def decision_log_likelihoods(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
-    """(N,) log pi(a | s) + log P(s' | s, a) of each decision under a fit, -inf where ruled out."""
-    observe(problem.mdp, decisions)
-    if decisions.hidden.any():
-        raise SerdError("decisions must show their actions here; select those with ~hidden")
-    policy = fitted_policy(problem, fit)
-    return move_log_likelihood(problem, decisions, policy, fit.outcome_probabilities)
 
 
 def dynamics_divergence(

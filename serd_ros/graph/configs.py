@@ -277,8 +277,7 @@ class StrategyConfig(NavigationSettings, DriverConfig):
     )
     people: int = setting(
         -1,
-        "number of people that outcomes which depend on density are planned for; -1: as the"
-        " scenario has it",
+        "number of people for which times of arrival are predicted; -1: as the scenario has it",
         ge=-1,
     )
 

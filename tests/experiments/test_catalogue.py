@@ -9,7 +9,6 @@ from experiments.gridworld.experiment import GridworldConfig
 from experiments.information.avoidance import AvoidanceConfig
 from experiments.information.next_demonstration import NextDemonstrationConfig
 from experiments.latent.hidden_actions import HiddenActionsConfig
-from experiments.latent.mixed_experts import MixedExpertsConfig
 from experiments.minimum_example.explanations import MinimumExampleConfig
 from experiments.minimum_example.multi_start import MultiStartConfig
 from experiments.policy_cost import PolicyCostConfig
@@ -24,9 +23,6 @@ SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
     "avoidance": AvoidanceConfig(n_repetitions=1, sizes=(2,)),
     "hidden-actions": HiddenActionsConfig(n_repetitions=1, sizes=(60,), side=4),
-    "mixed-experts": MixedExpertsConfig(
-        n_repetitions=2, most_types=1, sizes=(12,), n_experts=6, n_held_out=3, side=4
-    ),
     "next-demonstration": NextDemonstrationConfig(n_repetitions=2, most=2, test_episodes=5),
     "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
@@ -44,7 +40,6 @@ LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
     "avoidance": {"posteriors.csv", "summary.csv", "avoidance.png"},
     "hidden-actions": {"estimates.csv", "summary.csv", "hidden_actions.png"},
-    "mixed-experts": {"mixtures.csv", "summary.csv", "mixed_experts.png"},
     "next-demonstration": {"shortfalls.csv", "needed.csv", "next_demonstration.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
     "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},

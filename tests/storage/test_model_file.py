@@ -13,7 +13,6 @@ from storage.model_file import (
     GridSummary,
     ModelDraws,
     ModelFile,
-    ModelType,
     OutcomeModel,
     load_model,
 )
@@ -64,23 +63,13 @@ def test_draws_survive_a_round_trip(tmp_path):
     assert load_model(tmp_path / "model.yaml").draws == draws
 
 
-def test_a_feature_that_does_not_count_leaves_weights_draws_and_types_together():
-    kind = ModelType(
-        share=1.0,
-        reward_weights={"goal": 3.0, "social_norm": 4.0},
-        reward_deviations={"goal": 0.1, "social_norm": 0.2},
-        episodes=(0,),
-        drawn_weights=((5.0, 6.0),),
-    )
+def test_a_feature_that_does_not_count_leaves_weights_and_draws_together():
     draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW,),))
-    whole = model(draws=draws, types=(kind,))
+    whole = model(draws=draws)
     left = whole.with_features(("goal", "inverse_wall_distance"))
     assert left.reward_weights == {"goal": 1 / 3}
     assert left.draws.reward_weights == ((1.0,),)
     assert left.draws.learned == draws.learned
-    assert left.types[0].reward_weights == {"goal": 3.0}
-    assert left.types[0].reward_deviations == {"goal": 0.1}
-    assert left.types[0].drawn_weights == ((5.0,),)
     assert ModelFile(**left.model_dump()) == left
     assert whole.with_features(("social_norm", "goal")) is whole
 
@@ -135,6 +124,12 @@ def test_another_kind_of_file_is_named_as_such(tmp_path):
         ("beta: 1.0", "beta: 0.0", "beta must be greater than 0, got 0.0"),
         ("discount: 0.99", "discont: 0.99", "discont is not a known key; did you mean 'discount'"),
         ("0.6", "0.7", "with_flow.learned must sum to 1"),
+        (
+            "name: with_flow",
+            "name: with_flow_at_1_per_m2",
+            "outcome_models must be among with_flow, against_flow, across_flow, waiting, got"
+            " 'with_flow_at_1_per_m2'; learn the model again",
+        ),
         ("0.3333333333333333", ".nan", "reward_weights.goal must be a finite number"),
     ],
 )

@@ -1,9 +1,9 @@
 """Density and flow of the people of a run at a time, per cell and for one walking direction.
 
-Each person counts as a normal distribution on the floor (`serd_core.grid.density.crowd_shares`),
-separately for those who walk the same way and the opposite way. The speed of the crowd is the mean
-of their velocities ahead with these weights and with `REST_PM2` of free walkers, so that it is
-defined in an empty cell. A walker's own share is included.
+Each person counts as a normal distribution on the floor, separately for those who walk the same
+way and the opposite way. The speed of the crowd is the mean of their velocities ahead with these
+weights and with `REST_PM2` of free walkers, so that it is defined in an empty cell. A walker's own
+share is included.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,6 @@ import numpy as np
 
 from experiments.study.people.recordings import Run
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.grid.density import crowd_shares
 
 FREE_SPEED_MPS, REST_PM2 = 1.3, 0.2
 #: Bins of a corridor of any size, along and across, for what runs of different sizes share.
@@ -27,6 +26,16 @@ class Field:
     same_pm2: FloatArray
     opposite_pm2: FloatArray
     speed_mps: FloatArray
+
+
+def crowd_shares(places_m: FloatArray, people_m: FloatArray, kernel_m: float) -> FloatArray:
+    """(C, N) density that each of the people (N, 2) adds at each place (C, 2).
+
+    kernel_m: standard deviation h of exp(-distance^2 / 2 h^2) / (2 pi h^2).
+    """
+    away = places_m[:, None] - people_m[None, :]
+    shares = np.exp(-np.sum(away**2, axis=2) / (2 * kernel_m**2)) / (2 * np.pi * kernel_m**2)
+    return np.asarray(shares)
 
 
 def field_at(run: Run, time_s: float, sign: int, kernel_m: float) -> Field:

@@ -15,10 +15,8 @@ import numpy as np
 from experiments.study.recordings.experts import EXPERTS
 from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
-from serd_app.demonstrations.measured_density import MeasuredDensity, density_at, joined_density
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Action
@@ -55,14 +53,13 @@ def world_seed(seed: int, expert: str, repetition: int, purpose: Purpose) -> int
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """decisions: of all episodes; records: one per episode, in order; density: of the decisions.
+    """decisions: of all episodes; records: one per episode, in order.
 
     n_diagonal, n_far: moves that the decisions assign to a neighbour.
     """
 
     decisions: Decisions
     records: tuple[EpisodeRecord, ...]
-    density: MeasuredDensity
     n_diagonal: int
     n_far: int
 
@@ -83,7 +80,7 @@ def drive_in(
     guard: of `run_episode`; the kept results were made without any.
     """
     local_planner = make_planner(planner, scenario)
-    tables, records, densities, reports = [], [], [], []
+    tables, records, reports = [], [], []
     with HallwayWorld(scenario, seed=seed) as world:
         for episode, start_area in starts:
             track = _Track(scenario)
@@ -99,17 +96,12 @@ def drive_in(
             )
             drive = track.drive(record, world.observation)
             found, report = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
-            decisions = found.select(explained(problem.mdp, found))
-            tables.append(decisions)
+            tables.append(found.select(explained(problem.mdp, found)))
             records.append(record)
             reports.append(report)
-            densities.append(
-                density_at(problem.grid, decisions, drive.intent_time_s, track.people_m)
-            )
     return Drives(
         concatenate(tuple(tables)),
         tuple(records),
-        joined_density(densities),
         n_diagonal=sum(each.n_diagonal for each in reports),
         n_far=sum(each.n_far for each in reports),
     )
@@ -117,19 +109,17 @@ def drive_in(
 
 @dataclass(eq=False)
 class _Track:
-    """Poses at every tick, intents and people at every decision of one episode."""
+    """Poses at every tick and intents at every decision of one episode."""
 
     scenario: Scenario
     poses: list[tuple[float, float, float]] = field(default_factory=list)
     intents: list[tuple[float, int]] = field(default_factory=list)
-    people_m: list[FloatArray] = field(default_factory=list)
 
     def see(self, observation: Observation, command: Command, action: Action) -> None:
         del command
         self.poses.append((observation.time_s, observation.x_m, observation.y_m))
         if is_decision_tick(observation, self.scenario):
             self.intents.append((observation.time_s, int(action)))
-            self.people_m.append(observation.people_position_m)
 
     def drive(self, record: EpisodeRecord, last: Observation) -> RecordedDrive:
         """The episode as a recording of it would be read."""

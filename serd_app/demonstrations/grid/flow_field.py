@@ -24,7 +24,6 @@ from storage.errors import FileError
 from storage.nearest import hint
 from storage.table import Column, read_table, write_table
 
-PEDESTRIANS = "pedestrians"
 _LEAST_ORDER = 0.5
 _COLUMNS = (
     Column("state", int),

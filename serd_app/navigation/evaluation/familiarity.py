@@ -15,10 +15,8 @@ import numpy as np
 from serd_app.demonstrations.discretise import joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
 from serd_app.demonstrations.grid.grid_file import load_grid
-from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,
-    concatenated,
     demonstrations_of_all,
     files_beside,
     save_demonstrations,
@@ -67,7 +65,7 @@ class Familiarity:
     @property
     def decisions(self) -> Decisions:
         """(N,) on the cells of the grid."""
-        return self.files.cells
+        return self.files.demonstrations.decisions
 
     def surprising(self, level: float) -> BoolArray:
         """(N,) decisions with a tail probability below the level."""
@@ -146,9 +144,7 @@ def _files(
     flow: FlowSource,
     goals_m: tuple[tuple[float, float], ...],
 ) -> tuple[LearningFiles, str]:
-    read = partial(
-        read_learning_files, discount=file.discount, flow=flow, density=file.with_density
-    )
+    read = partial(read_learning_files, discount=file.discount, flow=flow)
     tables = [each for each in trajectories if files_beside(each)["record"].exists()]
     if tables and mapping is not None:
         raise AppError(
@@ -193,18 +189,8 @@ def _discretise(
             f"{_in_words(trajectories)} holds no decision on the grid of {model}: {report}; is it"
             " of the same place?"
         )
-    sightings = recordings.sightings()
-    flow = flow_from_recordings(recordings.all, sightings, grid)
+    flow = flow_from_recordings(recordings.all, recordings.sightings(), grid)
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
-    if file.with_density:
-        density = density_of_recordings(found, sightings, grid)
-        if density is None:
-            raise AppError(
-                f"{_in_words(trajectories)} must hold people at decisions"
-                f" ('{recordings.people.people_topic}' of a bag), as outcomes of {model} depend on"
-                " their density, got none; compare with a model learned without --density"
-            )
-        save_density(table, grid, concatenated(found), density)
     assumed = list(dict.fromkeys(line for each in recordings.all for line in each.assumed))
     more = [f"and {len(assumed) - _MOST_ASSUMED} more"] if len(assumed) > _MOST_ASSUMED else []
     return "; ".join([str(report), *assumed[:_MOST_ASSUMED], *more])

@@ -17,16 +17,10 @@ from serd_app.demonstrations.grid.fitted_grid import fitted_grid, grid_of_area
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice, fitting_cell_size_m
 from serd_app.demonstrations.lerobot import save_lerobot
-from serd_app.demonstrations.measured_density import (
-    MeasuredDensity,
-    density_of_recordings,
-    save_density,
-)
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
     advice_of_all,
-    concatenated,
     demonstrations_of_all,
     files_beside,
     save_demonstrations,
@@ -40,8 +34,6 @@ from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
     decisions_table,
-    density_in_words,
-    density_values,
     flow_in_words,
     flow_values,
     remarks,
@@ -121,9 +113,7 @@ def demos(
 
     Where people were recorded, decisions.flow.csv and .flow.png show which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
-    decisions.density.csv has the people per m² in the cells around each
-    decision, from which 'serd learn --density' learns, decisions.crossings.csv
-    the times in cells for 'serd learn --times'.
+    decisions.crossings.csv has the times in cells for 'serd learn --times'.
 
     A place without a scenario gets a grid of cells in which the robot moves
     about one cell in a period; --cell-size-m and --period-s set others, --area
@@ -164,11 +154,9 @@ def demos(
     _require_decisions(found)
     sightings = recordings.sightings()
     flow = flow_from_recordings(recordings.all, sightings, grid)
-    density = density_of_recordings(found, sightings, grid)
     place = Place(grid, period, known)
     advice = advice_of_all(found, place)
     save_demonstrations(output, place, found, flow, advice)
-    save_density(output, grid, concatenated(found), density)
     recorded_flow = np.full(grid.n_states, NO_FLOW) if flow is None else flow.flow
     own_flow = recorded_flow if place.flow is None else place.flow
     crossed = crossings_of_recordings(found, sightings, grid, own_flow)
@@ -184,13 +172,12 @@ def demos(
         values = {
             "bags": [each.values() for each in found],
             "flow": flow_values(flow, place.flow),
-            "density": None if density is None else density_values(density),
             "resolution": moves,
             "files": {name: str(path.resolve()) for name, path in files.items()},
         }
         print_json(values)
         return
-    _print(found, place, flow, density, advice)
+    _print(found, place, flow, advice)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", soft_wrap=True)
     console.print(f"next: serd learn {shlex.quote(str(output))} --report report", soft_wrap=True)
@@ -211,7 +198,6 @@ def _print(
     found: Sequence[RecordedDemonstrations],
     place: Place,
     flow: FlowField | None,
-    density: MeasuredDensity | None,
     advice: ResolutionAdvice | None,
 ) -> None:
     console.print(decisions_table(found))
@@ -222,8 +208,6 @@ def _print(
         for line in advice.sentences():
             console.print(line, style=style, soft_wrap=True)
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
-    if density is not None:
-        console.print(density_in_words(density), soft_wrap=True)
 
 
 def _require_decisions(found: list[RecordedDemonstrations]) -> None:

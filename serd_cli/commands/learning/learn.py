@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -13,13 +13,11 @@ from report.style import save_figure
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.crossing_times import load_times
-from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.knowledge import Certainty, certainty_of
+from serd_app.learning.knowledge import certainty_of
 from serd_app.learning.learning_files import (
     FlowSource,
     LearningFiles,
-    experts_of_recordings,
     read_learning_files,
 )
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
@@ -31,7 +29,6 @@ from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.fit import learned_values, print_learned
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
-from serd_core.arrays import IntArray
 from sim.scenario.goal import point_of
 from storage.files import require_file_place, require_folder
 
@@ -61,19 +58,6 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    density: Annotated[
-        bool,
-        typer.Option("--density", help="outcomes depend on the density of the recorded people"),
-    ] = False,
-    experts: Annotated[
-        str,
-        typer.Option(
-            help="number of types of experts with rewards of their own; auto: by evidence"
-        ),
-    ] = "1",
-    same_expert: Annotated[
-        Literal["episode", "recording"], typer.Option(help="whose decisions are of one type")
-    ] = "episode",
     times: Annotated[
         list[Path] | None,
         typer.Option(help="crossings.csv of drives, repeat; times of arrival follow from them"),
@@ -103,14 +87,6 @@ def learn(
     under counted dynamics: mdce_irl, mdce_irl_entropy, maxent_irl,
     policy_matching, relative_entropy_irl.
 
-    With --density (mdce_serd_evidence and mdce_irl) the log odds of outcomes
-    are linear in the people per m² in the cell aimed at. Plans predict it
-    from the people of the scenario they are made in.
-
-    --experts auto groups the episodes by types of experts, each with
-    rewards of its own, as many as the evidence is in favour of, with
-    --method mdce_serd_belief_evidence also with beliefs of their own.
-
     --times: tables of crossings, which 'serd navigate --output' writes.
     Arrivals of drives with their look-ahead are then predicted by the times
     in cells, others by decision periods.
@@ -128,12 +104,7 @@ def learn(
     require_file_place(output)
     if report is not None:
         require_folder(report)
-    settings, wanted = validated(LearningSettings, **options), wanted_types(experts)
-    by_recording = same_expert == "recording"
-    if by_recording and wanted == 1:
-        raise UsageError(
-            "--same-expert recording groups by types; add --experts auto or a number above 1"
-        )
+    settings = validated(LearningSettings, **options)
     measured = load_times(times or [])
     files = read_learning_files(
         table,
@@ -141,13 +112,11 @@ def learn(
         scenario=scenario,
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
-        density=density,
     )
     decisions, problem = files.demonstrations.decisions, files.task.problem
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
-    units = experts_of_recordings(table, decisions) if by_recording else None
-    outcome = _fitted(files, settings, wanted, units)
+    outcome = _fitted(files, settings)
     model = outcome.model.model_copy(update={"crossing_times": measured})
     outcome = replace(outcome, model=model)
     save_outcome(output, outcome, problem.grid)
@@ -159,8 +128,7 @@ def learn(
         page = write_report(
             inputs_of_model(output, scenario=scenario, demonstrations=table), report
         )
-    grouped = bool(outcome.model.types)
-    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
+    certainty = certainty_of(problem, decisions, outcome.fit)
     if as_json:
         reported = {} if page is None else {"report": str(page)}
         print_json(learned_values(files, outcome, certainty, output) | reported)
@@ -183,9 +151,7 @@ def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
         )
 
 
-def _fitted(
-    files: LearningFiles, settings: LearningSettings, wanted: Wanted, units: IntArray | None
-) -> FitOutcome:
+def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
     """Fit with a line of progress on stderr."""
     bar = WorkProgress(
         SpinnerColumn(),
@@ -195,8 +161,6 @@ def _fitted(
     )
     with bar:
         task = bar.add_task("", total=None, step="")
-        if wanted != 1:
-            return learn_groups(files.task, files.demonstrations, settings, wanted, units)
 
         def show(progress: FitProgress) -> None:
             step = progress.step

@@ -105,7 +105,6 @@ def _strategy_of(settings: DriveSettings) -> Strategy:
         settings.policy,
         transfer=settings.transfer,
         timeout_s=settings.timeout_s,
-        expert=settings.expert,
         lookahead_cells=settings.lookahead_cells,
     )
 

@@ -1,4 +1,4 @@
-"""`serd study`: the hallway study (chapter 5), those of detours, density and people, resumable."""
+"""`serd study`: the hallway study (chapter 5), those of detours and people, resumable."""
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -13,9 +13,6 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from experiments.running.provenance import recorded, require_same_work
 from experiments.running.tables import plain_rows
-from experiments.study.density.run import run_density
-from experiments.study.density.settings import density_settings
-from experiments.study.density.tables import headline as density_headline
 from experiments.study.detour.run import run_detour
 from experiments.study.detour.settings import detour_settings
 from experiments.study.detour.tables import headline as detour_headline
@@ -117,14 +114,6 @@ _PLAIN: tuple[_PlainStudy[Any], ...] = (
         detour_settings,
         run_detour,
         detour_headline,
-    ),
-    _PlainStudy(
-        "density",
-        "The hallway with outcomes that depend on density, for other numbers of people.",
-        "Arrival among other numbers of people than learned from",
-        density_settings,
-        run_density,
-        density_headline,
     ),
 )
 

@@ -54,21 +54,6 @@ def test_outcome_panels_show_initial_and_learned_probabilities_and_counts() -> N
     assert png_bytes(figure)
 
 
-def test_eight_outcome_models_are_in_two_rows():
-    names = tuple(f"{name}{suffix}" for suffix in ("", " at 1 per m2") for name in MODEL_NAMES)
-    table = np.full((8, 5), 0.2)
-    figure = draw_outcomes(names, table, table, np.arange(8))
-    panels = figure.axes
-    assert len({axes.get_position().y0 for axes in panels}) == 2
-    assert [axes.get_ylabel() for axes in panels].count("probability") == 2
-    assert [axes.get_title(loc="left") for axes in panels] == [
-        name.replace("_", " ") for name in names
-    ]
-    assert png_bytes(figure)
-    five = draw_outcomes(names[:5], table[:5], table[:5], np.arange(5))
-    assert sum(axes.axison for axes in five.axes) == 5
-
-
 def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale() -> None:
     table = np.full((4, 5), 0.2)
     rows = tuple(

@@ -120,13 +120,6 @@ def test_outcomes_of_drives_have_those_of_the_model_as_prior():
     assert found[3, 1:] == pytest.approx(TABLE[3, 1:] / 0.1)
 
 
-def test_outcomes_of_several_densities_get_the_same_counts():
-    times = fit_crossing_times([drives(4)])
-    found = leaving_outcomes(times, np.concatenate([TABLE, TABLE[[1, 0, 2, 3]]]))
-    assert found[:4] == pytest.approx(leaving_outcomes(times, TABLE))
-    assert found[4, 1] > 0.9
-
-
 def test_each_look_ahead_of_the_tables_has_times_of_its_own(tmp_path):
     for number, ahead in enumerate((3, 2)):
         write_rows(tmp_path / f"{number}.csv", Crossing, drives(3, lookahead=ahead))

@@ -118,15 +118,6 @@ def test_transitions_that_are_listed_twice_count_once():
     np.testing.assert_allclose(model.local_probabilities(np.array([np.log(3.0)])), [0.25, 0.75, 1])
 
 
-def test_a_problem_with_learned_transitions_survives_a_file(tmp_path):
-    listed, _, decisions, _ = ring_problems()
-    sc.save(tmp_path / "problem.npz", listed)
-    again = sc.load(tmp_path / "problem.npz")
-    np.testing.assert_array_equal(
-        sc.estimate_dynamics(again, decisions), sc.estimate_dynamics(listed, decisions)
-    )
-
-
 def test_wrong_arguments_are_rejected_by_name():
     listed, _, decisions, _ = ring_problems()
     for estimate in (sc.estimate_dynamics, sc.counted_transitions):

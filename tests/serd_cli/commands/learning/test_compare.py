@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_core.grid.density import DENSITY_MODEL_NAMES
 from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelDraws, load_model
-from storage.yaml_config import model_yaml, save_yaml_model
+from storage.yaml_config import model_yaml
 
 
 def walks(path, y_m, seed, n=30):
@@ -116,23 +114,6 @@ def test_what_is_left_out_is_counted(serd, model, tmp_path):
     printed = serd("compare", *words).out
     assert f"\ndecisions left out: {values['n_after_goal']} after the goal\n" in printed
     assert "\nepisodes left out: 1 that begin in the goal\n" in printed
-
-
-def test_a_model_with_density_needs_people(serd, model, tmp_path):
-    file = load_model(model)
-    rows = (*file.outcome_models, *file.outcome_models)
-    named = tuple(
-        row.model_copy(update={"name": name})
-        for name, row in zip(DENSITY_MODEL_NAMES, rows, strict=True)
-    )
-    save_yaml_model(model, file.model_copy(update={"outcome_models": named, "draws": ModelDraws()}))
-    people = walks(tmp_path / "again.csv", 0.5, seed=3)
-    assert compared(serd, model, people, "--output", tmp_path / "out.csv")["n_decisions"] > 100
-    alone = tmp_path / "alone.csv"
-    alone.write_text("t,x,y\n" + "".join(f"{n / 10},{0.5 + n / 10},1.5\n" for n in range(60)))
-    ended = serd("compare", model, alone, "--output", tmp_path / "out.csv")
-    assert ended.code == 2
-    assert f"{alone} must hold people at decisions" in ended.err
 
 
 def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):

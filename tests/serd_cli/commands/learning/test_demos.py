@@ -13,7 +13,6 @@ from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
-from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_core.grid.grid import Action
@@ -85,25 +84,6 @@ def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_b
     }  # fmt: skip
     assert Path(values["files"]["flow picture"]).read_bytes().startswith(b"\x89PNG")
     assert "1 of 2 as in the scenario, 0 opposite" in serd(*words).out
-
-
-def test_where_people_were_recorded_their_density_at_decisions_is_measured(
-    serd, people_bag, drive_bag, tmp_path
-):
-    """People are seen for 3 s, and decisions are made every 2 s."""
-    table = tmp_path / "decisions.csv"
-    words = ("demos", people_bag(), "--output", table, "--scenario", "hallway")
-    ended = serd(*words, "--json")
-    assert ended.code == 0, ended.err
-    assert json.loads(ended.out)["density"]["n_known"] == 2
-    grid = load_grid(table.with_suffix(".grid.yaml"))
-    density = load_density(table, grid, load_decisions(table))
-    assert np.isfinite(density.aimed_at_pm2).all(axis=1).tolist() == [True] * 2 + [False] * 3
-    assert density.mean_pm2[grid.state_at(4.5, 8.5)] > 0.4
-    assert "density of people: known at 2 of 5 decisions" in serd(*words).out
-    ended = serd("demos", drive_bag(), "--output", table, "--scenario", "hallway", "--json")
-    assert json.loads(ended.out)["density"] is None
-    assert not table.with_suffix(".density.csv").exists()
 
 
 def test_moves_that_no_outcome_is_are_counted_as_faults_and_kept(serd, drive_bag, tmp_path):
@@ -502,13 +482,6 @@ def test_of_a_robot_among_people_the_robot_alone_demonstrates(serd, tmp_path):
     values = json.loads(serd(*words, "--json").out)
     assert values["bags"][0]["n_episodes"] == 1
     assert "robot demonstrates among 2 people ('experts:')" in values["bags"][0]["assumed"]
-    assert values["density"]["n_known"] == values["bags"][0]["n_decisions"]
-    grid = load_grid(tmp_path / "decisions.grid.yaml")
-    decisions = load_decisions(table)
-    around = load_density(table, grid, decisions)
-    # Its own place does not count, and people are 1.5 m from the middle of the cells to the north.
-    assert around.aimed_at_pm2[:, Action.NORTH].max() < 0.2
-    assert around.mean_pm2[grid.state_at(2.5, 1.5)] > 0
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("experts: [anna]\n")
     assert serd(*words, "--mapping", mapping).code == 0

@@ -12,7 +12,6 @@ from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.grid.grid_file import save_grid
-from serd_app.demonstrations.measured_density import MeasuredDensity, save_density
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning import recipe
 from serd_app.learning.learning_files import read_learning_files
@@ -101,41 +100,6 @@ def learned(ended, *, code: int = 0):
     return json.loads(ended.out)
 
 
-def test_outcomes_that_depend_on_density_are_kept_planned_with_and_reported(
-    serd, demonstrations, tmp_path
-):
-    """Moves fail in dense crowds: the drive is predicted to take longer where more people walk."""
-    table, model = demonstrations(n_episodes=20), tmp_path / "model.yaml"
-    decisions = load_decisions(table)
-    rng = np.random.default_rng(0)
-    stayed = (decisions.next_state == decisions.state)[:, None]
-    density = np.where(stayed, 0.75, 0.0) + rng.uniform(0.0, 1.0, (len(decisions), 5))
-    density[3] = np.nan
-    measured = MeasuredDensity(density, np.full(GRID.n_states, 0.75))
-    save_density(table, GRID, decisions, measured)
-    ended = serd("learn", table, "--output", model, "--density", "--report", tmp_path / "page")
-    assert ended.code == 0, ended.err
-    assert ended.out.count("with flow at 1 per m2") == 1
-    page = (tmp_path / "page/report.html").read_text()
-    assert "0.0 % of 1 moves are no outcome of the grid" in page
-    file = load_model(model)
-    assert file.with_density
-    assert len(file.outcome_models) == 8
-    predicted = []
-    for people in (10, 140):
-        strategy = load_strategy(str(model), HALLWAY.with_pedestrian_count(people), "optimal")
-        start = start_states_of(HALLWAY, GRID, "train")
-        counts = strategy.predicted_arrival(np.eye(GRID.n_states)[start[0]], strategy.n_periods)
-        predicted.append(strategy.law_s(counts).quantile_s(0.5))
-    assert predicted[1] > predicted[0] + 4.0
-    ended = serd("compare", model, table, "--json")
-    assert ended.code == 0, ended.err
-    for words in (("--method", "mdce_irl"), ("--method", "pm_serd")):
-        ended = serd("learn", table, "--output", model, "--density", *words)
-        assert ended.code == (2 if "pm_serd" in words else 0), ended.err
-    assert "with density, got pm_serd" in ended.err
-
-
 def test_times_of_drives_predict_drives_with_their_look_ahead(
     serd, demonstrations, tmp_path, monkeypatch
 ):
@@ -165,12 +129,6 @@ def test_times_of_drives_predict_drives_with_their_look_ahead(
     ended = serd("learn", table, "--output", model, "--times", table)
     assert ended.code == 2
     assert "decisions.csv" in ended.err
-
-
-def test_density_is_learned_from_where_people_were_recorded_alone(serd, demonstrations):
-    ended = serd("learn", demonstrations(), "--density")
-    assert ended.code == 2
-    assert "density.csv must be there to learn with density" in ended.err
 
 
 def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrations):

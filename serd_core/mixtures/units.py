@@ -17,12 +17,13 @@ from serd_core.arrays import FloatArray, IntArray, floored, int_array
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import Observations, observe, taken_transitions
 from serd_core.dynamics.transition_model import Transitions
+from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.posterior.hidden_actions import expected_counts
 
 
 @dataclass(frozen=True, eq=False)
-class GroupedObservations:
+class Units:
     """Sufficient statistics of U units.
 
     labels: (U,) ascending; pooled: of all units together. choices: (U, S A), transitions: (U, G)
@@ -36,9 +37,6 @@ class GroupedObservations:
     transitions: scipy.sparse.csr_array
     moves: scipy.sparse.csr_array
     n_episodes: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.labels)
 
     def weighted(self, weights: FloatArray) -> Observations:
         """The observations in which unit u counts `weights[u]` times."""
@@ -60,29 +58,32 @@ class GroupedObservations:
         return np.asarray(found)
 
 
-def group_observations(
-    mdp: Mdp, decisions: Decisions, experts: IntArray | None = None
-) -> GroupedObservations:
+def units_of(mdp: Mdp, decisions: Decisions, experts: IntArray | None = None) -> Units:
     """Count by unit; experts: (N,) who took each decision, None for each episode as a unit."""
     given = decisions.episode if experts is None else experts
     labels, unit = np.unique(int_array("experts", given, (len(decisions),)), return_inverse=True)
+    episodes, owners = np.unique(np.stack([decisions.episode, labels[unit]]), axis=1)
+    if (twice := np.flatnonzero(np.diff(episodes) == 0)).size:
+        raise SerdError(
+            f"experts must be one per episode, got {owners[twice[0]]} and {owners[twice[0] + 1]} in"
+            f" episode {episodes[twice[0]]}; number the experts by episode"
+        )
     pooled = observe(mdp, decisions)
     shown, hidden = np.flatnonzero(~decisions.hidden), np.flatnonzero(decisions.hidden)
     taken = taken_transitions(mdp, decisions)[shown]
     pairs = np.stack([decisions.state[hidden], decisions.next_state[hidden]], axis=1)
     moves = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
-    owners = np.unique(np.stack([unit, decisions.episode]), axis=1)[0]
 
     def table(rows: IntArray, place: IntArray, size: int) -> scipy.sparse.csr_array:
         ones, shape = np.ones(len(rows)), (len(labels), size)
         return scipy.sparse.csr_array((ones, (unit[rows], place)), shape=shape)
 
     chosen = decisions.state[shown] * mdp.n_actions + decisions.action[shown]
-    return GroupedObservations(
+    return Units(
         labels=labels.astype(np.int64),
         pooled=pooled,
         choices=table(shown, chosen, pooled.state_action.size),
         transitions=table(shown, np.searchsorted(pooled.key, taken), len(pooled.key)),
         moves=table(hidden, moves, len(pooled.hidden.count)),
-        n_episodes=np.bincount(owners, minlength=len(labels)).astype(np.float64),
+        n_episodes=np.unique(owners, return_counts=True)[1].astype(np.float64),
     )

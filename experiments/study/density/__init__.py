@@ -1,1 +1,0 @@
-"""What density as a covariate of outcome models changes in the hallway."""
