@@ -169,17 +169,13 @@ def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: F
     The prior of a belief around the truth is normal.
     """
     around = (Block.BELIEF,) if isinstance(space.belief, BeliefAroundTruth) else ()
-    return sum(
-        dirichlet_correction(block.table, block.spread)
-        for block in _dirichlet_blocks(posterior, space, mode, root)
-        if block.group != around
-    )
-
-
-def dirichlet_correction(table: FloatArray, spread: FloatArray) -> float:
-    """s of (M, K) distributions whose log odds have roots (M, K, d) of their covariance."""
-    worth = _worth(table, spread)
-    return float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
+    total = 0.0
+    for block in _dirichlet_blocks(posterior, space, mode, root):
+        if block.group != around:
+            worth = _worth(block.table, block.spread)
+            by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
+            total += float(np.sum(by_model))
+    return total
 
 
 def _mirrored(n: int, half: FloatArray) -> FloatArray:

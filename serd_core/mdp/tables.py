@@ -1,4 +1,4 @@
-"""Learning problems from tables of transitions: arrays, sparse matrices, columns, and Gymnasium.
+"""Learning problems from tables of transitions: arrays, sparse matrices, and Gymnasium.
 
 A terminal state gets one action, which stays. Its features count once, on arrival: staying for ever
 pays (1 - gamma) f each time, which is f in all. Transitions given from it are not used, nor are
@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import (
+    BoolArray,
     FloatArray,
     IntArray,
     chosen_indices,
@@ -30,14 +31,13 @@ from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, unique_names
 
-COLUMNS = ("state", "action", "next_state", "probability")
 #: Probability, next state, reward, terminated.
 Outcome = tuple[float, int, float, bool]
 
 
 @dataclass(frozen=True, eq=False)
 class TransitionTable:
-    """(E,) columns of P(s' | s, a) over (S, A) pairs, without entries of probability 0."""
+    """(E,) columns of P(s' | s, a) over (S, A) pairs."""
 
     n_pairs: tuple[int, int]
     state: IntArray
@@ -45,16 +45,22 @@ class TransitionTable:
     next_state: IntArray
     probability: FloatArray
 
-    def expected(self, values: FloatArray) -> FloatArray:
-        """(S, A, F) expectation over s' of (E, F) values of each entry."""
+    def expected(self, values: FloatArray, ends: IntArray) -> FloatArray:
+        """(S, A, F) expectation over s' of (E, F) values of each entry, 0 in terminal states."""
         sums = np.zeros((*self.n_pairs, values.shape[1]))
         np.add.at(sums, (self.state, self.action), values * self.probability[:, None])
+        sums[ends] = 0.0
         return sums
 
-    def select(self, rows: IntArray | np.ndarray[Any, np.dtype[np.bool_]]) -> "TransitionTable":
+    def select(self, rows: BoolArray) -> "TransitionTable":
         """The entries of a mask."""
-        columns = (getattr(self, name)[rows] for name in COLUMNS)
-        return TransitionTable(self.n_pairs, *columns)
+        return TransitionTable(
+            self.n_pairs,
+            self.state[rows],
+            self.action[rows],
+            self.next_state[rows],
+            self.probability[rows],
+        )
 
 
 def from_transitions(
@@ -68,54 +74,16 @@ def from_transitions(
 ) -> TabularProblem:
     """A learning problem with known transitions, or with ones to be learned.
 
-    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices; or a mapping or data
-    frame with the columns state, action, next_state, probability (E,).
-    features: (S, F) of states or (S, A, F) of pairs; for a table of columns also a mapping of names
-    to (E,) values per transition, or a data frame of them, of which the expectation counts.
+    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices.
+    features: (S, F) of states or (S, A, F) of pairs.
     terminal: states in which an episode ends, or an (S,) mask of them.
     learned: whether the probabilities are unknown. The table then lists which transitions can
     happen, by any positive numbers, and each pair has a distribution of its own over them.
     """
-    table, columns = _table_of(transitions)
+    table = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
     names = None if feature_names is None else unique_names(feature_names)
-    goes_on = ~np.isin(table.state, ends)
-    kept_rows = table.select(goes_on)
-    if isinstance(features, Mapping) or hasattr(features, "columns"):
-        if learned:
-            raise SerdError(
-                "features by name must come with known transitions, whose expectation they are, got"
-                " learned=True; pass an (S, F) or (S, A, F) array"
-            )
-        if not columns:
-            raise SerdError(
-                "features by name must come with transitions as columns, got an array; pass"
-                " an (S, F) or (S, A, F) array"
-            )
-        given_names = tuple(getattr(features, "columns", features))
-        names = names or given_names
-        if set(names) != set(given_names):
-            raise SerdError(
-                f"feature_names must be the names of features, {given_names}, got {names};"
-                " pass each name once"
-            )
-        size = len(np.atleast_1d(transitions["state"]))
-        values = [float_array(f"features {name!r}", features[name], (size,)) for name in names]
-        kept = np.asarray(transitions["probability"], dtype=np.float64) != 0
-        given: Any = kept_rows.expected(np.stack(values, axis=1)[kept][goes_on])
-    else:
-        given = features
-    listed = (
-        np.concatenate([kept_rows.state, ends]),
-        np.concatenate([kept_rows.action, np.zeros_like(ends)]),
-        np.concatenate([kept_rows.next_state, ends]),
-    )
-    if learned:
-        model = learned_transitions(table.n_pairs, *listed)
-    else:
-        probability = np.concatenate([kept_rows.probability, np.ones(len(ends))])
-        model = fixed_transitions(table.n_pairs, *listed, probability)
-    return _problem(Mdp(model, discount), given, names, ends)
+    return _listed(table, features, discount, names, ends, learned=learned)
 
 
 def from_gymnasium(
@@ -149,12 +117,14 @@ def from_gymnasium(
     state, action, following, probability, reward = (
         np.array(each) for each in zip(*flat, strict=True)
     )
-    columns = dict(zip(COLUMNS, (state, action, following, probability), strict=True))
+    names = None if feature_names is None else unique_names(feature_names)
     if model_of is None:
-        given = {"reward": reward} if features is None else features
-        return from_transitions(
-            columns, given, discount=discount, feature_names=feature_names, terminal=ends
-        )
+        require_index("next_state", following, n_states, "a state")
+        table = TransitionTable((n_states, n_actions), state, action, following, probability)
+        if features is None:
+            values = float_array("rewards", reward, (len(state),))[:, None]
+            features, names = table.expected(values, ends), names or ("reward",)
+        return _listed(table, features, discount, names, ends)
     if features is None:
         raise SerdError(
             "features must be given where outcome models are learned, as an expected reward depends"
@@ -169,7 +139,6 @@ def from_gymnasium(
         which = np.broadcast_to(which, available.shape)
     which = int_array("model_of", which, available.shape)
     models = OutcomeModels(successors, which, available, n_models=int(which.max()) + 1)
-    names = None if feature_names is None else unique_names(feature_names)
     return _problem(Mdp(models, discount), features, names, ends)
 
 
@@ -194,39 +163,42 @@ def _problem(
     return TabularProblem(mdp, values, names)
 
 
-def _table_of(transitions: Any) -> tuple[TransitionTable, bool]:
-    """The entries that are not 0, and whether they were given as columns."""
+def _listed(
+    table: TransitionTable,
+    features: Any,
+    discount: float,
+    names: tuple[str, ...] | None,
+    ends: IntArray,
+    *,
+    learned: bool = False,
+) -> TabularProblem:
+    """The problem of a table of transitions, of which those from terminal states are not used."""
+    kept = table.select((table.probability != 0) & ~np.isin(table.state, ends))
+    listed = (
+        np.concatenate([kept.state, ends]),
+        np.concatenate([kept.action, np.zeros_like(ends)]),
+        np.concatenate([kept.next_state, ends]),
+    )
+    if learned:
+        model = learned_transitions(table.n_pairs, *listed)
+    else:
+        probability = np.concatenate([kept.probability, np.ones(len(ends))])
+        model = fixed_transitions(table.n_pairs, *listed, probability)
+    return _problem(Mdp(model, discount), features, names, ends)
+
+
+def _table_of(transitions: Any) -> TransitionTable:
+    """The entries of arrays or sparse matrices."""
     if isinstance(transitions, np.ndarray):
         transitions = np.atleast_1d(transitions)
-    is_list = isinstance(transitions, np.ndarray | Sequence) or scipy.sparse.issparse(transitions)
-    if not (is_list or hasattr(transitions, "__contains__")):
+    if not (isinstance(transitions, np.ndarray | Sequence) or scipy.sparse.issparse(transitions)):
         raise SerdError(
-            "transitions must be an (S, A, S) array, a sequence of sparse matrices or a table with"
-            f" the columns {', '.join(COLUMNS)}, got {shown(transitions)}; pass one of these"
+            "transitions must be an (S, A, S) array or a sequence of sparse matrices, got"
+            f" {shown(transitions)}; pass one of these"
         )
-    if not is_list:
-        missing = [name for name in COLUMNS if name not in transitions]
-        if missing:
-            raise SerdError(
-                f"transitions must have the columns {', '.join(COLUMNS)}, got none named"
-                f" {missing[0]}; rename it"
-            )
-        probability = float_array("probability", transitions["probability"], (None,))
-        size = len(probability)
-        state, action, following = (
-            int_array(name, transitions[name], (size,)) for name in COLUMNS[:3]
-        )
-        n_states = 1 + int(max(state.max(initial=-1), following.max(initial=-1)))
-        pairs = (n_states, 1 + int(action.max(initial=-1)))
-        for name, column, size in zip(
-            COLUMNS, (state, action, following), (*pairs, n_states), strict=False
-        ):
-            require_index(name, column, size, "an index")
-        whole = TransitionTable(pairs, state, action, following, probability)
-        return whole.select(probability != 0), True
     given = [transitions] if scipy.sparse.issparse(transitions) else list(transitions)
     if given and all(scipy.sparse.issparse(each) for each in given):
-        return _of_matrices([scipy.sparse.coo_array(each) for each in given]), False
+        return _of_matrices([scipy.sparse.coo_array(each) for each in given])
     dense = float_array("transitions", transitions, (None, None, None))
     if dense.shape[0] != dense.shape[2]:
         raise SerdError(
@@ -235,7 +207,7 @@ def _table_of(transitions: Any) -> tuple[TransitionTable, bool]:
         )
     state, action, following = np.nonzero(dense)
     entries = dense[state, action, following]
-    return TransitionTable(dense.shape[:2], state, action, following, entries), False
+    return TransitionTable(dense.shape[:2], state, action, following, entries)
 
 
 def _of_matrices(matrices: list[scipy.sparse.coo_array]) -> TransitionTable:
@@ -247,14 +219,13 @@ def _of_matrices(matrices: list[scipy.sparse.coo_array]) -> TransitionTable:
                 f" {matrix.shape}; pass one square matrix per action"
             )
     actions = [np.full(len(each.row), a, dtype=np.int64) for a, each in enumerate(matrices)]
-    table = TransitionTable(
+    return TransitionTable(
         (n_states, len(matrices)),
         np.concatenate([each.row for each in matrices]).astype(np.int64),
         np.concatenate(actions),
         np.concatenate([each.col for each in matrices]).astype(np.int64),
         np.concatenate([each.data for each in matrices]).astype(np.float64),
     )
-    return table.select(table.probability != 0)
 
 
 def _terminal_states(terminal: Iterable[int], n_states: int) -> IntArray:

@@ -111,15 +111,10 @@ def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridw
 
 
 def test_transitions_given_entry_by_entry_need_more_memory(monkeypatch):
-    columns = {
-        "state": [0, 0, 1, 1],
-        "action": [0, 1, 0, 1],
-        "next_state": [0, 1, 1, 0],
-        "probability": [1, 1, 1, 1],
-    }
+    places = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
     monkeypatch.setattr(memory, "memory_limit", lambda: 799)
     with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
-        sc.from_transitions(columns, np.zeros((2, 1)), discount=0.9)
+        sc.Mdp(sc.fixed_transitions((2, 2), *places, np.ones(4)), 0.9)
 
 
 def test_a_discount_in_single_precision_gives_the_same_values(gridworld):
@@ -195,14 +190,13 @@ def test_one_text_is_no_sequence_of_names():
         sc.from_transitions(stays, np.ones((1, 2)), discount=0.9, feature_names=["goal", 1])
 
 
-@pytest.mark.parametrize("column", ["state", "action"])
-def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(column):
-    columns = {name: [0] for name in ("state", "action", "next_state")}
-    columns |= {column: [10**12], "probability": [1.0]}
+@pytest.mark.parametrize("shape", [(10**12 + 1, 1), (1, 10**12 + 1)], ids=["states", "actions"])
+def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(shape):
+    places = [0], [0], [0]
     with pytest.raises(
         sc.SerdError, match=r"must fit into memory.* number states and actions from"
     ):
-        sc.from_transitions(columns, np.ones((1, 1)), discount=0.9)
+        sc.fixed_transitions(shape, *places, [1.0])
 
 
 @pytest.mark.parametrize("estimate", [lambda _: "much", lambda some: np.zeros(len(some) % 7)])

@@ -2,9 +2,8 @@
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import pandas as pd
 import typer
@@ -94,55 +93,28 @@ def hallway(
     _show(tables, headline(tables), title, folder, as_json=as_json)
 
 
-@dataclass(frozen=True)
-class _PlainStudy(Generic[Settings]):
-    """A study without options of its own; title: of the table that headline makes."""
+@group.command()
+def detour(
+    output: Annotated[Path | None, _output_of("detour")] = None,
+    quick: Quick = False,
+    config: Annotated[Path | None, _config_of("detour")] = None,
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
+    as_json: AsJson = False,
+) -> None:
+    """A ring corridor where the short way leads against the flow, which demonstrations avoid.
 
-    name: str
-    about: str
-    title: str
-    settings_of: Callable[..., Settings]
-    run: Callable[[Settings, Path, Execution, OnWork], Tables]
-    headline: Callable[[Tables], pd.DataFrame]
+    serd study detour --quick
 
-
-_PLAIN: tuple[_PlainStudy[Any], ...] = (
-    _PlainStudy(
-        "detour",
-        "A ring corridor where the short way leads against the flow, which demonstrations avoid.",
-        "Transfer task against the flow, reward without norm",
-        detour_settings,
-        run_detour,
-        detour_headline,
-    ),
-)
-
-
-def _command_of(study: _PlainStudy[Any]) -> Callable[..., None]:
-    def run(
-        output: Annotated[Path | None, _output_of(study.name)] = None,
-        quick: Quick = False,
-        config: Annotated[Path | None, _config_of(study.name)] = None,
-        jobs: Jobs = EXECUTION.n_jobs,
-        backend: Backend = EXECUTION.backend,
-        address: Address = EXECUTION.address,
-        as_json: AsJson = False,
-    ) -> None:
-        folder = _folder(study.name, output, quick=quick)
-        settings = study.settings_of(quick=quick, config=config)
-        command = _command(study.name, (), folder, quick=quick, config=config)
-        tables = _run(study.run, settings, folder, Execution(jobs, backend, address), command)
-        _show(tables, study.headline(tables), study.title, folder, as_json=as_json)
-
-    run.__doc__ = (
-        f"{study.about}\n\n    serd study {study.name} --quick\n\n"
-        "    Finished parts are not repeated: rerun an interrupted command to resume it.\n    "
-    )
-    return run
-
-
-for each in _PLAIN:
-    group.command(each.name)(_command_of(each))
+    Finished parts are not repeated: rerun an interrupted command to resume it.
+    """
+    folder = _folder("detour", output, quick=quick)
+    settings = detour_settings(quick=quick, config=config)
+    command = _command("detour", (), folder, quick=quick, config=config)
+    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), command)
+    title = "Transfer task against the flow, reward without norm"
+    _show(tables, detour_headline(tables), title, folder, as_json=as_json)
 
 
 @group.command()

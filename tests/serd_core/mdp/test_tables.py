@@ -2,7 +2,6 @@
 
 import gymnasium
 import numpy as np
-import pandas as pd
 import pytest
 import scipy.sparse
 
@@ -16,36 +15,14 @@ def random_table(seed=3, n_states=5, n_actions=2):
     return table / table.sum(axis=2, keepdims=True), rng.normal(size=(n_states, n_actions, 2))
 
 
-def columns_of(table):
-    state, action, following = np.nonzero(table)
-    probability = table[state, action, following]
-    return {
-        "state": state, "action": action, "next_state": following, "probability": probability
-    }  # fmt: skip
-
-
 def test_every_form_of_the_table_is_the_same_problem():
     table, features = random_table()
-    forms = (table, [scipy.sparse.csr_array(table[:, a]) for a in range(2)], columns_of(table))
+    forms = (table, [scipy.sparse.csr_array(table[:, a]) for a in range(2)])
     values = [
         sc.soft_policy(sc.from_transitions(form, features, discount=0.9), [1.0, -2.0]).value
         for form in forms
     ]
-    np.testing.assert_allclose(values[1:], [values[0]] * 2, rtol=1e-12)
-
-
-def test_features_of_transitions_count_by_their_expectation():
-    table, _ = random_table()
-    columns = columns_of(table)
-    cost = np.random.default_rng(1).normal(size=len(columns["state"]))
-    problem = sc.from_transitions(columns, {"cost": cost}, discount=0.9)
-    dense = np.zeros_like(table)
-    dense[columns["state"], columns["action"], columns["next_state"]] = cost
-    np.testing.assert_allclose(problem.features[:, :, 0], (dense * table).sum(axis=2))
-    assert problem.feature_names == ("cost",)
-    frame = sc.from_transitions(pd.DataFrame(columns), pd.DataFrame({"cost": cost}), discount=0.9)
-    np.testing.assert_array_equal(frame.features, problem.features)
-    assert frame.feature_names == problem.feature_names
+    np.testing.assert_allclose(values[1], values[0], rtol=1e-12)
 
 
 def test_the_feature_of_a_terminal_state_counts_once():
@@ -67,6 +44,20 @@ def test_an_environment_is_the_table_it_holds_and_its_reward():
     optimal = sc.optimal_policy(problem, [1.0])
     # Value of the start at discount 0.9, as other solvers of this environment publish it.
     assert optimal.value[0] == pytest.approx(0.06889, abs=1e-5)
+
+
+def test_the_reward_of_an_environment_is_its_expectation_under_the_name_that_is_given():
+    outcomes = [(0.25, 1, 4.0, True), (0.75, 0, -1.0, False)]
+    environment = type("Environment", (), {"P": {0: {0: outcomes}, 1: {0: []}}})()
+    problem = sc.from_gymnasium(environment, discount=0.5, feature_names=["pay"])
+    assert problem.feature_names == ("pay",)
+    np.testing.assert_allclose(problem.features[:, 0, 0], [0.25, 0.0])
+
+
+def test_a_next_state_that_the_table_does_not_have_is_rejected():
+    environment = type("Environment", (), {"P": {0: {0: [(1.0, 3, 0.0, False)]}}})()
+    with pytest.raises(sc.SerdError, match=r"next_state\[0\] must be a state from 0 to 0, got 3"):
+        sc.from_gymnasium(environment, discount=0.9)
 
 
 def test_rewards_of_moves_from_a_terminal_state_do_not_count():
@@ -94,13 +85,11 @@ def test_outcome_models_of_an_environment_have_its_transitions():
     ("change", "message"),
     [
         ({"transitions": np.ones((2, 1, 3))}, r"must have shape \(states, actions, states\)"),
-        ({"transitions": {"state": [0]}}, "got none named action; rename it"),
+        ({"transitions": {"state": [0]}}, "transitions must be an .*; pass one of these"),
         ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
         ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
-        ({"features": {"one": [1.0]}}, "features by name must come with transitions as columns"),
         ({"features": [["a"], ["b"]]}, "features must be an array of numbers, got <U1"),
         ({"features": [[1.0], [1.0, 2.0]]}, "features must be an array of numbers"),
-        ({"features": pd.DataFrame({"one": [1.0, 2.0]})}, "features by name must come with trans"),
         ({"transitions": None}, "transitions must be an .* got None; pass one of these"),
         ({"transitions": 3}, "transitions must be an .* got 3; pass one of these"),
         ({"terminal": 3}, "terminal must list states, got 3"),
@@ -124,20 +113,6 @@ def test_an_environment_without_a_table_is_rejected():
         sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.9, model_of=0)
 
 
-def test_features_by_name_have_the_order_of_feature_names():
-    table, _ = random_table()
-    columns = columns_of(table)
-    one, two = np.random.default_rng(1).normal(size=(2, len(columns["state"])))
-    given = {"one": one, "two": two}
-    first = sc.from_transitions(columns, given, discount=0.9)
-    names = ("two", "one")
-    other = sc.from_transitions(columns, given, discount=0.9, feature_names=names)
-    assert other.feature_names == names
-    np.testing.assert_array_equal(other.features, first.features[:, :, ::-1])
-    with pytest.raises(sc.SerdError, match="feature_names must be the names of features"):
-        sc.from_transitions(columns, given, discount=0.9, feature_names=("one", "three"))
-
-
 @pytest.mark.parametrize(
     ("table", "name"),
     [
@@ -150,12 +125,6 @@ def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
     environment = type("Environment", (), {"P": table})()
     with pytest.raises(sc.SerdError, match=f"the keys of {name} must be 0 to "):
         sc.from_gymnasium(environment, discount=0.9)
-
-
-def test_features_by_name_need_known_transitions():
-    columns = {"state": [0], "action": [0], "next_state": [0], "probability": [1.0]}
-    with pytest.raises(sc.SerdError, match="features by name must come with known transitions"):
-        sc.from_transitions(columns, {"cost": [1.0]}, discount=0.9, learned=True)
 
 
 def test_transitions_to_be_learned_keep_their_terminal_states():

@@ -53,21 +53,19 @@ def test_without_cycles_probabilities_are_those_of_the_enumerated_routes():
 def test_value_is_that_of_the_soft_mdp_whose_discount_goes_to_one():
     network = grid_network(3)
     goal, n_links = 7, network.n_links
-    columns = {"state": [], "action": [], "next_state": [], "probability": []}
     utility, rows = network.features @ WEIGHTS, []
     for link in range(n_links):
         turns = np.flatnonzero(network.from_link == link)
         steps = [(int(network.to_link[t]), float(utility[t])) for t in turns]
         steps += [(n_links, 0.0)] if link == goal else []
-        rows += [(link, a, s, 1.0, r) for a, (s, r) in enumerate(steps)]
-    rows.append((n_links, 0, n_links, 1.0, 0.0))
-    table = np.array(rows)
-    columns = dict(
-        zip(("state", "action", "next_state", "probability"), table[:, :4].T, strict=True)
-    )
-    problem = sc.from_transitions(
-        columns, {"utility": table[:, 4]}, discount=1.0 - 1e-9, terminal=[n_links]
-    )
+        rows += [(link, a, s, r) for a, (s, r) in enumerate(steps)]
+    rows.append((n_links, 0, n_links, 0.0))
+    state, action, following = np.array([row[:3] for row in rows]).T
+    transitions = np.zeros((n_links + 1, 1 + int(action.max()), n_links + 1))
+    features = np.zeros((*transitions.shape[:2], 1))
+    transitions[state, action, following] = 1.0
+    features[state, action, 0] = [row[3] for row in rows]
+    problem = sc.from_transitions(transitions, features, discount=1.0 - 1e-9, terminal=[n_links])
     expected = sc.soft_policy(problem, [1.0]).value[:n_links]
     found = sc.route_values(network, WEIGHTS, [goal])[:, 0]
     np.testing.assert_allclose(found, expected, atol=1e-6)
