@@ -382,6 +382,13 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     probe.node.create_subscription(
         Vector3Stamped, "intent", lambda m: actions.append(from_intent(m)[1]), qos.STATE
     )
+    mux = {}
+    probe.node.create_subscription(
+        DiagnosticArray,
+        "diagnostics",
+        lambda m: mux.update(values_of(m, "teleop_mux") or {}),
+        qos.STATE,
+    )
     probe.spin_until(lambda: motion and "Ctrl-C end" in nodes.log_of("teleop_keyboard"))
 
     drive = Drive(probe, terminal)
@@ -396,6 +403,8 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     probe.spin_until(lambda: abs(motion[-1][1]) < STOPPED_MPS)
     # The lock engages after 0.5 s of silence, then the robot brakes; odometry follows.
     assert motion[-1][0] - killed_s <= 0.5 + 1.2 / 2.5 + 0.15 + waited.total_s
+    # Where the mux is late, the guard stands the robot before the lock does.
+    probe.spin_until(lambda: mux["locked_by"] and abs(motion[-1][1]) < STOPPED_MPS)
     stopped_s, n_before = motion[-1][0], len(motion)
     probe.spin_until(lambda: motion[-1][0] > stopped_s + 0.5)
     assert all(abs(speed_mps) < STOPPED_MPS for _, speed_mps in motion[n_before:])
