@@ -10,7 +10,7 @@ from typer.main import get_command
 
 from serd_cli.app import make_app
 
-FOLDERS = ("bags", "benchmarks", "docs", "experiments", "ros_ws", "serd_core", "sim")
+FOLDERS = ("bags", "docs", "lab", "ros_ws", "serd_core", "sim")
 PICTURES = {".gif", ".png", ".svg"}
 
 

@@ -1,0 +1,21 @@
+"""Repetitions on a local Ray cluster of two workers, the pattern for a real one."""
+
+from functools import partial
+
+import pytest
+
+from lab.experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
+from lab.experiments.running.repetitions import run_repetitions
+from sim.episodes.execution import Execution
+
+pytest.importorskip("ray", reason="pip install ray to test its backend")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of a cluster starting and stopping, none of them ours
+def test_a_ray_cluster_gives_the_same_rows_as_this_process(tmp_path):
+    work = partial(fit_sets, MinimumExampleConfig(n_sets=6, sizes=(3,)), 2)
+    there = Execution(2, "ray")
+    remote = run_repetitions(work, 3, tmp_path / "ray", "sets", there, lambda *_: None)
+    here = run_repetitions(work, 3, tmp_path / "here", "sets", Execution(1), lambda *_: None)
+    assert remote == here
