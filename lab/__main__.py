@@ -12,7 +12,7 @@ from typing import Any
 import typer
 from rich.text import Text
 
-from lab.catalogue import BENCHMARKS, EXPERIMENTS, GROUPS, NAMES, RUNS, experiment_named
+from lab.catalogue import BENCHMARKS, EXPERIMENTS, GROUPS, NAMES, OF_RESULTS, RUNS, experiment_named
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, UsageError
 from serd_cli.output.terminal import progress_console
 from serd_core.errors import SerdError
@@ -28,13 +28,16 @@ def main(words: Sequence[str]) -> int:
                 print(overview())
                 return 0
             name = words[0].replace("_", "-")
-            return int(app_of(name)(words[1:], prog_name=f"python -m lab {name}") or 0)
+            app_of(name)(words[1:], prog_name=f"python -m lab {name}")
+    except SystemExit as ended:  # of the command, when it is done too
+        return int(ended.code or 0)
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
     except SerdError as error:
         progress_console.print(Text.assemble(("lab:", "red"), f" {error}"), soft_wrap=True)
         return BAD_INPUT
+    return 0
 
 
 def overview() -> str:
@@ -75,8 +78,9 @@ def _command_of(name: str) -> tuple[Callable[..., Any], str | None]:
     if name in BENCHMARKS:
         module = import_module(BENCHMARKS[name].module)
         return module.run, module.__doc__
-    module = import_module("lab.command.bench" if name in RUNS else "lab.command.study")
-    return getattr(module, name), None
+    others = {"bench": RUNS, "results": OF_RESULTS}
+    folder = next((each for each, names in others.items() if name in names), "study")
+    return getattr(import_module(f"lab.command.{folder}"), name), None
 
 
 if __name__ == "__main__":

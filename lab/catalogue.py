@@ -102,14 +102,20 @@ BENCHMARKS = {
     )
 }
 
-#: Functions of these names in `lab.command.bench`.
+#: Functions of these names in `lab.command.bench` and `lab.command.results`.
 RUNS = {"bench": "all benchmarks one after the other, or those named"}
+OF_RESULTS = {
+    "archive": "packs all results into one file, with provenance",
+    "keep": "writes the tables and figures of docs/results from the results",
+    "check": "compares the tables that documents keep with the results",
+}
 
 #: Lines by name, under the title of their group.
 GROUPS: dict[str, dict[str, str]] = {
     "Studies, resumable": STUDIES,
     "Experiments, resumable": {name: work.about for name, work in EXPERIMENTS.items()},
     "Benchmarks": {name: work.about for name, work in BENCHMARKS.items()} | RUNS,
+    "Results": OF_RESULTS,
 }
 NAMES = tuple(name for lines in GROUPS.values() for name in lines)
 

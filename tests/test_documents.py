@@ -8,6 +8,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from lab.__main__ import app_of
 from serd_cli.app import make_app
 
 FOLDERS = ("bags", "docs", "lab", "ros_ws", "serd_core", "sim")
@@ -107,6 +108,23 @@ def test_serd_commands_have_the_arguments_and_options_that_documents_show(root):
                 if "--help" not in words and "..." not in words:
                     parse(group, "serd", words)
     assert n_lines > 50
+
+
+def test_commands_of_the_lab_have_the_arguments_and_options_that_documents_show(root):
+    lines = {
+        line
+        for document in documents(root)
+        for line in re.findall(
+            r"(?:^|`)(?:\.venv/bin/)?python -m lab ([^`\n]*)",
+            document.read_text(encoding="utf-8"),
+            re.M,
+        )
+    }
+    assert len(lines) > 20
+    for line in lines:
+        name, *words = shlex.split(line, comments=True) or ["--help"]
+        if "--help" not in [name, *words] and "..." not in words:
+            parse(get_command(app_of(name.replace("_", "-"))), name, words)
 
 
 def parse(command, name, words, parent=None):

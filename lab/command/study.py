@@ -23,12 +23,12 @@ from lab.experiments.study.detour.run import run_detour
 from lab.experiments.study.detour.settings import detour_settings
 from lab.experiments.study.detour.tables import headline as detour_headline
 from lab.experiments.study.hallway.figures.catalogue import FIGURES
-from lab.experiments.study.hallway.run import KEPT, redraw, run_study
+from lab.experiments.study.hallway.run import redraw, run_study
 from lab.experiments.study.hallway.tables.catalogue import headline
 from lab.experiments.study.people.run import run_people
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline
-from lab.experiments.study.products import SETTINGS_YAML, OnWork
+from lab.experiments.study.products import OnWork
 from lab.experiments.study.settings import study_settings
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
@@ -62,7 +62,7 @@ def hallway(
         typer.Option(help="recorded demonstrations in place of the scripted ones; repeat"),
     ] = None,
     figure: Annotated[
-        list[str] | None, typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat")
+        list[str] | None, typer.Option(help=f"only draw again from the tables: {_FIGURES}; repeat")
     ] = None,
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
@@ -242,8 +242,7 @@ def _command(
 
 def _redraw(names: list[str], folder: Path) -> list[Path]:
     require_same_work(folder, "python -m lab hallway")
-    kept = not (folder / SETTINGS_YAML).exists() and (KEPT / SETTINGS_YAML).exists()
-    return redraw(names, KEPT if kept else folder, folder)
+    return redraw(names, folder)
 
 
 def _text(value: object) -> str:

@@ -36,7 +36,8 @@ from sim.scenario.grid import navigation_problem_of
 from sim.scenario.scenario import load_scenario
 from storage.settings import setting
 
-MEASURED = Path(__file__).parents[1] / "results" / "hallway" / "reference_dynamics.csv"
+#: From the results of the hallway study.
+MEASURED = Path(__file__).parent / "hallway_dynamics.csv"
 GOAL, NORM, WALL = FEATURE_NAMES
 #: Features of the expert's reward and of the learner's.
 CASES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ from typer.testing import CliRunner
 from lab.__main__ import app_of
 from lab.command.study import _command
 from lab.experiments.running.provenance import recorded
-from lab.experiments.study.hallway.run import KEPT, redraw
+from lab.experiments.study.hallway.run import redraw
 from serd_core.errors import SerdError
 from storage.errors import FileError
 
@@ -20,21 +19,20 @@ def study(*words):
     return CliRunner().invoke(app_of("hallway"), words)
 
 
-def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
-    result = study("--figure", "5.8", "--output", str(tmp_path))
+def test_a_figure_is_drawn_again_from_the_tables(finished_study):
+    result = study("--figure", "5.9", "--output", str(finished_study))
     assert result.exit_code == 0, result.output
-    assert Path(result.output.strip()) == tmp_path / "figure_5_8.png"
-    (tmp_path / "expected").mkdir()
-    (expected,) = redraw(["5.8"], KEPT, tmp_path / "expected")
-    assert (tmp_path / "figure_5_8.png").read_bytes() == expected.read_bytes()
-    if version("matplotlib") >= "3.11":  # which drew the kept one
-        assert expected.read_bytes() == (KEPT / "figure_5_8.png").read_bytes()
-    assert (tmp_path / "figure_5_8.svg").exists()
+    drawn = finished_study / "figure_5_9.png"
+    assert Path(result.output.strip()) == drawn
+    assert drawn.with_suffix(".svg").exists()
+    content = drawn.read_bytes()
+    assert redraw(["5.9"], finished_study) == [drawn]
+    assert drawn.read_bytes() == content
 
 
-def test_a_figure_drawn_again_is_printed_as_json(tmp_path):
-    result = study("--figure", "5.8", "--output", str(tmp_path), "--json")
-    assert json.loads(result.output) == {"pictures": [str(tmp_path / "figure_5_8.png")]}
+def test_a_figure_drawn_again_is_printed_as_json(finished_study):
+    result = study("--figure", "5.9", "--output", str(finished_study), "--json")
+    assert json.loads(result.output) == {"pictures": [str(finished_study / "figure_5_9.png")]}
 
 
 def test_a_mistyped_folder_of_a_figure_is_refused(tmp_path):
@@ -60,8 +58,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_p
     assert "a file of this name is in the way" in str(result.exception)
 
 
-def test_a_figure_without_the_tables_of_a_study_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("lab.command.study.KEPT", tmp_path / "none")
+def test_a_figure_without_the_tables_of_a_study_is_refused(tmp_path):
     result = study("--figure", "5.8", "--output", str(tmp_path))
     assert isinstance(result.exception, SerdError)
     assert f"{tmp_path} must hold a finished study, but has no settings.yaml" in str(

@@ -7,12 +7,12 @@ from rich.console import Console
 from lab.command.tables import print_results, tables_that_fit
 from serd_cli.output.terminal import console, progress_console
 
-RESULTS = ("detour/summary", "avoidance/summary", "hidden-actions/summary", "gridworld/measures")
+RESULTS = ("detour", "avoidance", "hidden-actions", "gridworld")
 
 
 @pytest.mark.parametrize("name", RESULTS)
 def test_no_word_of_a_header_is_broken_in_80_columns(root, name):
-    rows = pd.read_csv(root / f"lab/experiments/results/{name}.csv").head(3)
+    rows = pd.read_csv(root / f"docs/results/{name}.csv").head(3)
     texts = [
         [f"{value:.2f}" if isinstance(value, float) else str(value) for value in row]
         for row in rows.itertuples(index=False)

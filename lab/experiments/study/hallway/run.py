@@ -36,8 +36,6 @@ from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.yaml_config import load_yaml_model
 
-#: Results that come with the project.
-KEPT = Path(__file__).parents[2] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
 _DEMONSTRATIONS = REFERENCE_SETTINGS | {
     "discount": True,
@@ -61,7 +59,7 @@ def run_study(
     write_results(output, settings, tables, {})
     for figure in FIGURES:
         write_table(output / f"{figure.stem}.csv", figure.rows(results))
-        draw_figure(figure, output, output, results)
+        draw_figure(figure, output, results)
     return tables
 
 
@@ -86,22 +84,22 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
     )
 
 
-def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:
+def redraw(names: Sequence[str], folder: Path) -> list[Path]:
     """Draw figures again from the tables of a finished study; the PNG files."""
     figures = [figure_of(name) for name in names]
-    if not (source / SETTINGS_YAML).exists():
+    if not (folder / SETTINGS_YAML).exists():
         raise SerdError(
-            f"{source} must hold a finished study, but has no {SETTINGS_YAML}"
+            f"{folder} must hold a finished study, but has no {SETTINGS_YAML}"
             "; run 'python -m lab hallway' first"
         )
-    study = Study(load_yaml_model(source / SETTINGS_YAML, StudySettings), source / "work")
-    return [draw_figure(figure, source, output, study) for figure in figures]
+    study = Study(load_yaml_model(folder / SETTINGS_YAML, StudySettings), folder / "work")
+    return [draw_figure(figure, folder, study) for figure in figures]
 
 
-def draw_figure(figure: StudyFigure, source: Path, output: Path, study: Study) -> Path:
+def draw_figure(figure: StudyFigure, folder: Path, study: Study) -> Path:
     """Draw the rows of a table as PNG and SVG; the PNG file."""
-    drawn = figure.draw(read_table(source / f"{figure.stem}.csv"), study)
-    png = output / f"{figure.stem}.png"
+    drawn = figure.draw(read_table(folder / f"{figure.stem}.csv"), study)
+    png = folder / f"{figure.stem}.png"
     save_figure(png, drawn)
     save_figure(png.with_suffix(".svg"), drawn)
     return png

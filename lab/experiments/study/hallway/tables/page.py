@@ -1,12 +1,10 @@
 """Tables of a finished study as Markdown, and a page whose tables are filled with them.
 
-A page has blocks `<!-- table NAME -->` ... `<!-- end -->`; the text between them is replaced:
-
-    python -m lab.experiments.study.hallway.tables.page docs/hallway_study.md
+A page has blocks `<!-- table NAME -->` ... `<!-- end -->`; `python -m lab keep` replaces the text
+between them.
 """
 
 import re
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,13 +14,13 @@ import pandas as pd
 
 from lab.experiments.running.tables import read_table
 from lab.experiments.study.fits.methods import BASELINE
-from lab.experiments.study.hallway.run import KEPT
 from lab.experiments.study.hallway.tables.catalogue import MEASURES
 from lab.experiments.study.recordings.experts import EXPERT_NAMES, PEOPLE
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
-from storage.files import atomic_write_text, read_text
 
+#: The page of the study; below the root, where `python -m lab` runs.
+PAGE = Path("docs/hallway_study.md")
 _BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _MEASURE_TITLES = ("test", "transfer", "divergence of the dynamics")
 #: Title and cells of each column; titles may repeat.
@@ -268,8 +266,3 @@ def _number(value: float, digits: int = 3) -> str:
     """A number with a typographic minus, and no minus before a zero."""
     rounded = round(float(value), digits) + 0.0
     return f"{rounded:.{digits}f}".replace("-", "−").replace("inf", "∞")
-
-
-if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        atomic_write_text(name, filled(read_text(name), KEPT))

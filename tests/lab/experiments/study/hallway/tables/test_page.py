@@ -1,22 +1,22 @@
-"""The page of the study has the numbers of its kept tables."""
+"""The page of the study has the numbers of its results."""
 
-from pathlib import Path
+import re
+import shutil
 
 import pytest
 
-from lab.experiments.study.hallway.run import KEPT
-from lab.experiments.study.hallway.tables.page import filled
+from lab.experiments.study.hallway.tables.page import PAGE, filled
 from serd_core.errors import SerdError
 
-PAGE = Path(__file__).parents[6] / "docs" / "hallway_study.md"
 
-
-def test_the_tables_of_the_page_are_those_of_the_kept_results():
-    page = PAGE.read_text()
+def test_the_learners_on_the_page_are_those_of_the_kept_table(root, tmp_path):
+    page = (root / PAGE).read_text()
     assert page.count("<!-- table ") == page.count("<!-- end -->") == 10
-    assert filled(page, KEPT) == page
+    block = re.search(r"<!-- table measures -->.*?<!-- end -->", page, re.S)[0]
+    shutil.copy(root / "docs" / "results" / "hallway.csv", tmp_path / "figure_5_9.csv")
+    assert filled(block, tmp_path) == block
 
 
-def test_an_unknown_table_is_refused():
+def test_an_unknown_table_is_refused(tmp_path):
     with pytest.raises(SerdError, match="table must be one of recordings, reference"):
-        filled("<!-- table nothing -->\n<!-- end -->", KEPT)
+        filled("<!-- table nothing -->\n<!-- end -->", tmp_path)
