@@ -12,7 +12,16 @@ from typing import Any
 import typer
 from rich.text import Text
 
-from lab.catalogue import BENCHMARKS, EXPERIMENTS, GROUPS, NAMES, OF_RESULTS, RUNS, experiment_named
+from lab.catalogue import (
+    BENCHMARKS,
+    EXPERIMENTS,
+    GROUPS,
+    NAMES,
+    OF_RESULTS,
+    RUNS,
+    VALIDATIONS,
+    experiment_named,
+)
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, UsageError
 from serd_cli.output.terminal import progress_console
 from serd_core.errors import SerdError
@@ -78,9 +87,11 @@ def _command_of(name: str) -> tuple[Callable[..., Any], str | None]:
     if name in BENCHMARKS:
         module = import_module(BENCHMARKS[name].module)
         return module.run, module.__doc__
-    others = {"bench": RUNS, "results": OF_RESULTS}
-    folder = next((each for each, names in others.items() if name in names), "study")
-    return getattr(import_module(f"lab.command.{folder}"), name), None
+    if name in VALIDATIONS or name in RUNS:
+        module_name = name
+    else:
+        module_name = "results" if name in OF_RESULTS else "study"
+    return getattr(import_module(f"lab.command.{module_name}"), name), None
 
 
 if __name__ == "__main__":

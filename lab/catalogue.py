@@ -21,6 +21,12 @@ STUDIES = {
     "people": "pedestrians of measured corridors as experts",
 }
 
+#: Functions of these names in a module of the same name in `lab.command`.
+VALIDATIONS = {
+    "faults": "how soon the robot stands when an input fails, with and without the guard",
+    "crowd": "the crowd models beside Weidmann's speeds and recorded corridors",
+}
+
 #: Each has a function `run_NAME`; in the order of the thesis.
 EXPERIMENTS = {
     name: Work(f"lab.experiments.{module}", about)
@@ -102,8 +108,9 @@ BENCHMARKS = {
     )
 }
 
-#: Functions of these names in `lab.command.bench` and `lab.command.results`.
+#: Likewise.
 RUNS = {"bench": "all benchmarks one after the other, or those named"}
+#: Functions of these names in `lab.command.results`.
 OF_RESULTS = {
     "archive": "packs all results into one file, with provenance",
     "keep": "writes the tables and figures of docs/results from the results",
@@ -114,6 +121,7 @@ OF_RESULTS = {
 GROUPS: dict[str, dict[str, str]] = {
     "Studies, resumable": STUDIES,
     "Experiments, resumable": {name: work.about for name, work in EXPERIMENTS.items()},
+    "Validations": VALIDATIONS,
     "Benchmarks": {name: work.about for name, work in BENCHMARKS.items()} | RUNS,
     "Results": OF_RESULTS,
 }

@@ -28,8 +28,8 @@ MODULES = {
     "demo": "stacks", "teleop": "stacks", "watch": "stacks", "navigate": "stacks",
     "launch": "stacks", "run": "stacks", "bag": "learning",
     "demos": "learning", "learn": "learning", "report": "learning", "compare": "learning",
-    "scenario": "simulation", "crowd": "simulation", "episode": "simulation",
-    "batch": "simulation", "faults": "simulation", "doctor": "stacks",
+    "scenario": "simulation", "episode": "simulation",
+    "batch": "simulation", "doctor": "stacks",
 }  # fmt: skip
 #: All that follows the executable is passed on.
 _SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}

@@ -30,7 +30,7 @@ def test_each_name_has_a_help(name):
     assert shown.exit_code == 0, shown.output
     assert "Usage:" in shown.output
     # Runs of long work can be sent to other machines.
-    assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS})
+    assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults"})
 
 
 def test_the_module_of_each_benchmark_is_listed(root):

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lab.crowd.straight_corridor import corridor_people, longest_step_s
 from lab.experiments.study.people.settings import GridSettings
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.crossings import Crossings, cell_crossings
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
-from sim.crowd.straight_corridor import corridor_people, longest_step_s
 from sim.errors import SimError
 from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import Track, Trajectories, read_trajectories

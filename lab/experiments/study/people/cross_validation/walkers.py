@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.crowd.ring_corridor import endless_lane
 from lab.experiments.study.people.cross_validation.forecasts import asked_of, horizon_of
 from lab.experiments.study.people.problem import AHEAD, DIRECTIONS, neighbours
 from lab.experiments.study.people.recordings import Run, Walker
@@ -17,7 +18,6 @@ from lab.experiments.study.people.settings import PeopleSettings
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS
 from sim.crowd.crowd import Crowd
-from sim.crowd.ring_corridor import endless_lane
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named
 

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 
+from lab.faults.faults import Messages, fault_named
 from serd_core.grid.grid import Action, Grid
 from sim.drivers.catalogue import Driver, make_driver
 from sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
@@ -17,7 +18,6 @@ from sim.episodes.progress import EpisodeProgress
 from sim.perception.scanning_planner import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.contacts import ContactCounts
-from sim.safety.faults import Messages, fault_named
 from sim.safety.guard import Guard, GuardOutput
 from sim.safety.reasons import Fault, GuardAction, Source
 from sim.safety.settings import GuardSettings

@@ -1,4 +1,4 @@
-"""`serd crowd compare`: the crowd against measured ones, as a table and a picture."""
+"""`python -m lab crowd`: the crowd against measured ones, as a table and a picture."""
 
 import json
 import shutil
@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from sim.crowd import comparison, corridor_measures
+from lab.crowd import comparison, corridor_measures
 from sim.crowd.social_force import model_names
 
 pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
@@ -34,9 +34,9 @@ def recording(tmp_path):
     return path
 
 
-def test_every_model_is_compared_with_weidmann_and_with_the_recording(serd, recording, tmp_path):
+def test_every_model_is_compared_with_weidmann_and_with_the_recording(lab, recording, tmp_path):
     picture = tmp_path / "crowd.png"
-    ended = serd("crowd", "compare", "--recording", recording, "--output", picture, "--json")
+    ended = lab("crowd", "--recording", recording, "--output", picture, "--json")
     rows = json.loads(ended.out)["rows"]
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert [(row["model"], row["place"], row["flow"]) for row in rows] == [
@@ -52,54 +52,54 @@ def test_every_model_is_compared_with_weidmann_and_with_the_recording(serd, reco
     assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
 
 
-def test_recordings_of_one_file_name_are_different_places(serd, recording, tmp_path):
+def test_recordings_of_one_file_name_are_different_places(lab, recording, tmp_path):
     given = []
     for run in ("first", "second"):
         (tmp_path / run).mkdir()
         given += ["--recording", shutil.copy(recording, tmp_path / run)]
     picture = tmp_path / "crowd.png"
-    ended = serd("crowd", "compare", *given, *given[:2], "--output", picture, "--json")
+    ended = lab("crowd", *given, *given[:2], "--output", picture, "--json")
     places = [row["place"] for row in json.loads(ended.out)["rows"]]
     assert places[:3] == ["Weidmann", "first/people", "second/people"]
 
 
-def test_a_recording_along_y_with_other_frames_is_the_same(serd, recording, tmp_path):
+def test_a_recording_along_y_with_other_frames_is_the_same(lab, recording, tmp_path):
     rows = np.loadtxt(recording)[:, [0, 1, 3, 2, 4]]
     turned = tmp_path / "turned.txt"
     np.savetxt(turned, rows)
     words = ("--fps", 16, "--width", 3, "--json", "--output", tmp_path / "crowd.png")
-    ended = serd("crowd", "compare", "--recording", turned, *words)
+    ended = lab("crowd", "--recording", turned, *words)
     people = json.loads(ended.out)["rows"][1]
     assert people["measured_speed_mps"] == pytest.approx(16 / 25, abs=0.01)
     assert "corridor of 3 m along y" in ended.err
 
 
-def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(serd, recording, tmp_path):
+def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(lab, recording, tmp_path):
     rows = np.loadtxt(recording)
     one, far = tmp_path / "one.txt", tmp_path / "far.txt"
     np.savetxt(one, rows[rows[:, 0] == 0])
     np.savetxt(far, rows, header="framerate: 25\nid frame x/mm y/mm z/mm")
     for path, sentence in ((one, "at least 2, got 1"), (far, "check the unit")):
         words = ("--recording", recording, "--recording", path)
-        ended = serd("crowd", "compare", *words, "--output", tmp_path / "crowd.png")
+        ended = lab("crowd", *words, "--output", tmp_path / "crowd.png")
         assert ended.code == 2
-        assert f"serd: {path}: " in ended.err
+        assert f"lab: {path}: " in ended.err
         assert sentence in " ".join(ended.err.split())
 
 
-def test_people_elsewhere_do_not_widen_the_corridor(serd, recording, tmp_path):
+def test_people_elsewhere_do_not_widen_the_corridor(lab, recording, tmp_path):
     rows = np.loadtxt(recording)
     far = rows[rows[:, 0] == 0] + [9, 0, 0, 4000, 0]
     path = tmp_path / "far.txt"
     np.savetxt(path, np.concatenate([rows, far]))
-    ended = serd("crowd", "compare", "--recording", path, "--output", tmp_path / "crowd.png")
+    ended = lab("crowd", "--recording", path, "--output", tmp_path / "crowd.png")
     said = " ".join(ended.err.split())
     assert "far.txt: agent 9, from row 1201, is more than 2 m away" in said
     assert "far.txt: 8 people, corridor of 3.2 m along x, two ways" in said
 
 
-def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
-    ended = serd("crowd", "compare", "--output", tmp_path / "crowd.png")
+def test_without_a_recording_only_weidmann_is_there(lab, tmp_path):
+    ended = lab("crowd", "--output", tmp_path / "crowd.png")
     assert "Weidmann, one way" in ended.out
     assert "two ways" not in ended.out
 
@@ -108,7 +108,7 @@ def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
     ("words", "sentence"),
     [
         (("--output", "crowd.jpg"), "--output must end in .png, got crowd.jpg"),
-        (("--recording", "none.txt"), "serd: cannot read none.txt: it does not exist"),
+        (("--recording", "none.txt"), "lab: cannot read none.txt: it does not exist"),
         (
             ("--output", "here.png/x.png"),
             "cannot write here.png: a file of this name is in the way",
@@ -117,8 +117,8 @@ def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
         (("--fps", "0"), "--fps must be above 0, got 0"),
     ],
 )
-def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):
+def test_bad_input_gets_a_sentence_and_exit_code_2(lab, words, sentence, tmp_path):
     (tmp_path / "here" / "here.png").touch()
-    ended = serd("crowd", "compare", *words)
+    ended = lab("crowd", *words)
     assert ended.code == 2
     assert sentence in ended.err

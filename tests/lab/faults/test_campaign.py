@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from lab.faults.campaign import COLUMNS, run_fault, tasks_of
+from lab.faults.campaign_summary import arrival_price, summarise_faults
 from sim.episodes.batch import EpisodeTask
-from sim.safety.campaign import COLUMNS, run_fault, tasks_of
-from sim.safety.campaign_summary import arrival_price, summarise_faults
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import model_yaml
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from lab.faults.faults import FAULTS, fault_named
 from serd_core.errors import SerdError
-from sim.safety.faults import FAULTS, fault_named
 from sim.safety.reasons import Source
 from sim.safety.scan import Scan, ScanGeometry
 from sim.safety.world_guard import Message

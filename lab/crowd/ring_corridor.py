@@ -11,12 +11,11 @@ from sim.crowd.crowd import Crowd
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
+from sim.scenario.rules import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
 
 _FAR_M = 1e7
 #: Of the wanted speeds.
 _MEAN_MPS, _DEVIATION_MPS = 1.34, 0.26
-#: Weidmann (1993).
-DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4
 
 
 def ring_corridor_crowd(

@@ -1,4 +1,4 @@
-"""`serd crowd`: compare simulated people with measured ones."""
+"""`python -m lab crowd`: simulated people beside measured ones."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, astuple
@@ -9,21 +9,21 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from report.figures.crowd_comparison import CrowdCurve, CrowdPlace, draw_crowd_comparison
+from lab.crowd.comparison import (
+    ComparedCrowd,
+    compare_with_recording,
+    compare_with_weidmann,
+)
+from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
+from lab.crowd.figure import CrowdCurve, CrowdPlace, draw_crowd_comparison
+from lab.crowd.straight_corridor import corridor_people
 from report.style import save_figure
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import short_names
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
-from sim.crowd.comparison import (
-    ComparedCrowd,
-    compare_with_recording,
-    compare_with_weidmann,
-)
-from sim.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
 from sim.crowd.social_force import model_names
-from sim.crowd.straight_corridor import corridor_people
 from sim.errors import SimError
 from storage.files import require_file_place
 from storage.trajectories.columns import TableColumns
@@ -32,13 +32,7 @@ from storage.trajectories.read import read_trajectories
 _Recording = tuple[str, Corridor, CorridorMeasures]
 
 
-group = typer.Typer(
-    no_args_is_help=True, suggest_commands=True, help="Compare the crowd with measured ones."
-)
-
-
-@group.command()
-def compare(
+def crowd(
     recording: Annotated[
         list[Path] | None,
         typer.Option(
@@ -56,7 +50,7 @@ def compare(
 ) -> None:
     """Compare the crowd models with Weidmann's speeds, and with recordings.
 
-    serd crowd compare --recording bi_corr_400_b_03.txt --output crowd.png
+    python -m lab crowd --recording bi_corr_400_b_03.txt --output crowd.png
 
     Direction and flow of a corridor are found in its recording.
     """

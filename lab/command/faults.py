@@ -1,4 +1,4 @@
-"""`serd faults`: episodes in which inputs fail, with and without the guard."""
+"""`python -m lab faults`: episodes in which inputs fail, with and without the guard."""
 
 import math
 from pathlib import Path
@@ -9,7 +9,10 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
-from report.figures.faults import FaultWays, draw_fault_ways
+from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
+from lab.faults.campaign_summary import arrival_price, summarise_faults
+from lab.faults.faults import FAULTS
+from lab.faults.figure import FaultWays, draw_fault_ways
 from report.style import save_figure
 from serd_cli.commands.simulation.batch import MOST_SEEDS
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
@@ -19,9 +22,6 @@ from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.execution import Execution
 from sim.planning.catalogue import planner_names
-from sim.safety.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
-from sim.safety.campaign_summary import arrival_price, summarise_faults
-from sim.safety.faults import FAULTS
 from storage.row_table import Row
 
 
@@ -47,7 +47,7 @@ def faults(
 ) -> None:
     """Measure how soon the robot stands when an input fails at full speed.
 
-    serd faults --seeds 20 --output faults.csv
+    python -m lab faults --seeds 20 --output faults.csv
 
     Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
     interrupted command to resume it.

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from sim.crowd.corridor_measures import corridor_of
-from sim.crowd.straight_corridor import corridor_people
+from lab.crowd.corridor_measures import corridor_of
+from lab.crowd.straight_corridor import corridor_people
 from sim.errors import SimError
 from storage.trajectories.read import Track
 

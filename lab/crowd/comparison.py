@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lab.crowd.corridor_measures import Corridor, CorridorMeasures, measure_simulation
+from lab.crowd.ring_corridor import weidmann_speed_mps
 from serd_core.arrays import FloatArray
-from sim.crowd.corridor_measures import Corridor, CorridorMeasures, measure_simulation
-from sim.crowd.ring_corridor import weidmann_speed_mps
 
 DENSITIES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 #: Fewest recorded speeds (of persons at moments) at a density that are compared.

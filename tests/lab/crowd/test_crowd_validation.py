@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
-from sim.crowd.corridor_measures import (
+from lab.crowd.corridor_measures import (
     Corridor,
     corridor_of,
     measure_recording,
     measure_simulation,
 )
+from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
+from serd_core.errors import SerdError
 from sim.crowd.crowd import Crowd, start_crowd
-from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
 from sim.scenario.polygon import contains, edges_of
@@ -263,7 +263,7 @@ def test_people_on_a_moving_lattice_have_its_density_its_speed_and_its_distance(
 
 def test_without_pedpy_the_fix_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pedpy", None)
-    with pytest.raises(SerdError, match=r"run: pip install 'serd\[crowd\]'"):
+    with pytest.raises(SerdError, match=r"run: pip install pedpy"):
         measure_simulation(0.5, settle_s=0.0, duration_s=0.1)
 
 

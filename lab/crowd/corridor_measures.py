@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lab.crowd.ring_corridor import ring_corridor_crowd
 from serd_core.arrays import FloatArray
-from sim.crowd.ring_corridor import ring_corridor_crowd
 from sim.errors import SimError
 from storage.trajectories.read import Track
 
@@ -243,6 +243,6 @@ def _pedpy() -> Any:
     except ImportError:
         raise SimError(
             "crowds are measured by the package pedpy, which is not installed; "
-            "run: pip install 'serd[crowd]' (Python 3.11 or later)"
+            "run: pip install pedpy (Python 3.11 or later)"
         ) from None
     return pedpy
