@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -91,8 +92,13 @@ def run() -> None:
     )
 
 
-def drive_all(title: str, tasks: Sequence[EpisodeTask], table: Path) -> list[TableRow]:
-    """Rows of all tasks, from the table where they are there already, with a progress bar."""
+def drive_all(
+    title: str, tasks: Sequence[EpisodeTask], table: Path, **kinds: Any
+) -> list[TableRow]:
+    """Rows of all tasks, from the table where they are there already, with a progress bar.
+
+    kinds: of `run_batch`, for tasks that are not the usual ones.
+    """
     progress = WorkProgress(
         TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     )
@@ -101,6 +107,7 @@ def drive_all(title: str, tasks: Sequence[EpisodeTask], table: Path) -> list[Tab
         return run_batch(
             tasks,
             table,
+            **kinds,
             on_progress=lambda done, total: progress.update(line, completed=done, total=total),
         )
 

@@ -13,13 +13,20 @@ from statistics import fmean
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lab.benchmarks.driving.baselines import (
+    BASELINE_COLUMNS,
+    BASELINE_KEY,
+    BASELINES,
+    BaselineTask,
+    run_baseline,
+)
 from lab.benchmarks.driving.closed_loop import ROOT, code_digest, drive_all
 from lab.benchmarks.report import Row, save
 from report import style
 from report.style import new_figure, save_figure
 from sim.episodes.batch import EpisodeTask
 from sim.episodes.batch_summary import ConditionSummary, summarise
-from sim.planning.catalogue import baseline_names, planner_names
+from sim.planning.catalogue import planner_names
 from sim.scenario.scenario import scenario_suite
 
 SUITE = "social_v1"
@@ -75,17 +82,40 @@ def tasks() -> list[EpisodeTask]:
         )
         for seed in range(1, N_SEEDS + 1)
         for scenario in scenario_suite(SUITE)
-        for planner, guarded in (
-            ("dwa", 1),
-            *((name, 0) for name in (*planner_names(), *baseline_names())),
+        for planner, guarded in (("dwa", 1), *((name, 0) for name in planner_names()))
+    ]
+
+
+def baseline_tasks() -> list[BaselineTask]:
+    """The same episodes without the guard, driven by the baselines."""
+    return [
+        BaselineTask(
+            scenario=scenario,
+            seed=seed,
+            driver="expert_with_flow",
+            guarded=0,
+            baseline=baseline,
         )
+        for seed in range(1, N_SEEDS + 1)
+        for scenario in scenario_suite(SUITE)
+        for baseline in BASELINES
     ]
 
 
 def run() -> None:
     """Drive all episodes that are missing, then write table and figure."""
-    table = ROOT / ".cache" / "benchmarks" / f"planners_{code_digest()}.csv"
-    summaries = summarise(drive_all("planners", tasks(), table))
+    folder, digest = ROOT / ".cache" / "benchmarks", code_digest()
+    rows = drive_all("planners", tasks(), folder / f"planners_{digest}.csv")
+    of_baselines = drive_all(
+        "baselines",
+        baseline_tasks(),
+        folder / f"baselines_{digest}.csv",
+        run=run_baseline,
+        columns=BASELINE_COLUMNS,
+        key_columns=BASELINE_KEY,
+    )
+    rows += [row | {"planner": row["baseline"]} for row in of_baselines]
+    summaries = summarise(rows)
     save_figure(FIGURE, planners_figure(summaries))
     about = f"Planners in {SUITE}: means over scenarios, {N_SEEDS} episodes in each"
     groups = _grouped(summaries, attrgetter("scenario"))

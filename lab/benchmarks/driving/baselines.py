@@ -7,15 +7,21 @@ horizons of ORCA, with which it does not stand still in corridors.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from sim.crowd.social_force import model_named
+from sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_task
 from sim.errors import SimError
+from sim.planning.recovery import RecoveringPlanner
 from sim.planning.stopping import speed_to_stop_within
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
+from sim.world.world import HallwayWorld
+from storage.row_table import Row
+from storage.table import Column
 
 #: Name -> behaviour of navground.
 BASELINES = {
@@ -31,13 +37,33 @@ _WALL_TIME_HORIZON_S = 0.5
 _HORIZON_M = 5.0
 
 
+@dataclass(frozen=True)
+class BaselineTask(EpisodeTask):
+    """An episode that a baseline drives in place of the planner."""
+
+    baseline: str = "orca"
+
+
+#: Columns of the table, and the fields of a task.
+BASELINE_COLUMNS = (*COLUMNS, Column("baseline", str))
+BASELINE_KEY = (*TASK_COLUMNS, "baseline")
+
+
+def run_baseline(task: BaselineTask) -> Row:
+    """Run one episode; its row."""
+
+    def planner_of(_: str, world: HallwayWorld, __: str) -> RecoveringPlanner:
+        return RecoveringPlanner(BaselinePlanner(task.baseline, world.scenario), world.scenario)
+
+    return {**run_task(task, planner_of), "baseline": task.baseline}
+
+
 class BaselinePlanner:
     """A behaviour of navground that drives a robot with two wheels. `is_blocked` is never true."""
 
     is_blocked = False
 
     def __init__(self, name: str, scenario: Scenario) -> None:
-        self._made_of = name, scenario
         self._core = core = _navground()
         self._robot = robot = scenario.local_planner.limited(scenario.robot)
         self._period_s = scenario.control_period_s
@@ -62,22 +88,10 @@ class BaselinePlanner:
                 for start, end in scenario.wall_segments_m
             ]
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A behaviour of the library can be neither copied nor pickled: it is made again.
-        last = self._behaviour.get_actuated_twist(self._core.Frame.relative)
-        return BaselinePlanner, self._made_of, (*last.velocity, last.angular_speed)
-
-    def __setstate__(self, last: tuple[float, float, float]) -> None:
-        self._set_last_command(*last)
-
     def reset(self) -> None:
         """Discard the last command, the one state of a behaviour."""
-        self._set_last_command(0.0, 0.0, 0.0)
-
-    def _set_last_command(self, ahead_mps: float, left_mps: float, yaw_rate_radps: float) -> None:
         core = self._core
-        twist = core.Twist2((ahead_mps, left_mps), yaw_rate_radps, frame=core.Frame.relative)
-        self._behaviour.actuated_twist = twist
+        self._behaviour.actuated_twist = core.Twist2((0.0, 0.0), 0.0, frame=core.Frame.relative)
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
@@ -115,6 +129,6 @@ def _navground() -> Any:
     except ImportError:
         raise SimError(
             f"planners {', '.join(BASELINES)} need the package navground, which is not installed; "
-            "run: pip install 'serd[baselines]'"
+            "run: pip install navground"
         ) from None
     return core
