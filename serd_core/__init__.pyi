@@ -18,7 +18,6 @@ from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import outcome_information as outcome_information
 from serd_core.bayes.laplace import laplace as laplace
 from serd_core.bayes.modes import posterior_modes as posterior_modes
-from serd_core.bayes.sampler import sample_posterior as sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence
 from serd_core.bellman.linear.automatic import Automatic as Automatic
 from serd_core.bellman.linear.krylov import Krylov as Krylov

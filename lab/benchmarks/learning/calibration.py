@@ -11,16 +11,16 @@ strengths are 2 nats and 2 pseudo-counts. A p-value below 0.05 / 7 rejects (seve
 import numpy as np
 
 from lab.benchmarks.report import measured_rows, save
-from serd_core.bayes.calibration import (
+from lab.posterior.calibration import (
     N_RANKED,
     Draw,
     calibration_ranks,
     draw_by_laplace,
     uniformity,
 )
+from lab.posterior.sampler import sample_posterior
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.modes import posterior_modes
-from serd_core.bayes.sampler import sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels

@@ -5,7 +5,7 @@ is close to a standard normal distribution, by dynamic integration times (Hoffma
 15, 2014; Betancourt, arXiv:1701.02434) of the library mici. A posterior of several maxima is
 sampled around each, and the draws are mixed by the modes' weights. What did not mix is no result:
 SerdError, where rank-normalised R-hat or effective sample sizes (Vehtari et al., Bayesian Analysis
-16, 2021) miss their limits or a trajectory diverged. Needs `pip install serd[posterior]`.
+16, 2021) miss their limits or a trajectory diverged. Needs `pip install mici arviz`.
 """
 
 import importlib
@@ -182,5 +182,5 @@ def _library(name: str) -> ModuleType:
     except ImportError as error:
         raise SerdError(
             f"sampling needs the library {name}, which is not installed; pip install"
-            " 'serd[posterior]', or use laplace_draws"
+            " mici arviz, or use laplace_draws"
         ) from error

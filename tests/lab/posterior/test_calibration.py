@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_core.bayes.calibration import calibration_ranks, draw_by_laplace, uniformity
+from lab.posterior.calibration import calibration_ranks, draw_by_laplace, uniformity
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError

@@ -1,14 +1,9 @@
-import importlib
-
 import numpy as np
 import pytest
-import scipy.stats
 
-from serd_core.bayes import sampler
 from serd_core.bayes.draws import laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.bayes.modes import posterior_modes
-from serd_core.bayes.sampler import sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -59,51 +54,7 @@ def test_both_explanations_of_the_minimum_example_have_their_weight(minimum_exam
     assert modes.log_evidence > laplace(minimum_example, always_a, fit).log_evidence - 1e-9
 
 
-def test_the_sampler_draws_from_a_known_posterior(counted):
-    problem, decisions = counted
-    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=2)
-    found = sample_posterior(problem, modes, np.random.default_rng(0), n_draws=400, n_warm_up=100)
-    exact = scipy.stats.beta(10, 4)
-    first = found.draws.outcome_probabilities[:, 0, 0]
-    assert first.mean() == pytest.approx(exact.mean(), abs=0.02)
-    for level in (0.1, 0.5, 0.9):
-        assert np.quantile(first, level) == pytest.approx(exact.ppf(level), abs=0.03)
-    # The weight of a constant feature keeps its prior.
-    assert found.draws.reward.std() == pytest.approx(3.0, rel=0.15)
-    assert found.r_hat <= 1.01
-    assert found.n_effective >= 400
-    posterior = found.inference_data.posterior
-    assert posterior["outcome_probabilities"].shape == (4, 400, 1, 2)
-    assert list(posterior["feature"].values) == ["constant"]
-
-
-def test_chains_that_did_not_mix_are_no_result(counted):
-    problem, decisions = counted
-    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(SerdError, match=r"chains must have mixed, with R-hat at most 1\.01, 400"):
-        sample_posterior(problem, modes, np.random.default_rng(0), n_draws=8, n_warm_up=4)
-    stuck = np.repeat(np.arange(4.0), 500).reshape(4, 500, 1)
-    stuck = stuck + 0.01 * np.random.default_rng(0).normal(size=stuck.shape)
-    with pytest.raises(SerdError, match="take more draws"):
-        sampler._require_mixed(importlib.import_module("arviz"), stuck, np.zeros((4, 500)))
-
-
-def test_a_missing_library_is_named(counted, monkeypatch):
-    problem, decisions = counted
-    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-
-    def missing(name: str):
-        raise ImportError(name)
-
-    monkeypatch.setattr(sampler.importlib, "import_module", missing)
-    with pytest.raises(SerdError, match="needs the library arviz, which is not installed"):
-        sample_posterior(problem, modes, np.random.default_rng(0))
-
-
-def test_too_few_starts_and_chains_are_rejected(counted):
+def test_too_few_starts_are_rejected(counted):
     problem, decisions = counted
     fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
     with pytest.raises(SerdError, match="n_starts must be a whole number of at least 1, got 0"):
@@ -112,6 +63,3 @@ def test_too_few_starts_and_chains_are_rejected(counted):
         posterior_modes(problem, decisions, fit, 3)
     with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
         laplace_draws(laplace(problem, decisions, fit), 3)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(SerdError, match="n_chains must be a whole number of at least 2, got 1"):
-        sample_posterior(problem, modes, np.random.default_rng(0), n_chains=1)
