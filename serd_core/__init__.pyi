@@ -76,12 +76,6 @@ from serd_core.priors.entropy import EntropyPrior as EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
 from serd_core.priors.norm import NormPrior as NormPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
-from serd_core.routes.network import RouteNetwork as RouteNetwork
-from serd_core.routes.network import Trips as Trips
-from serd_core.routes.network import trips_on as trips_on
-from serd_core.routes.recursive_logit import fit_routes as fit_routes
-from serd_core.routes.recursive_logit import route_values as route_values
-from serd_core.routes.recursive_logit import sample_routes as sample_routes
 from serd_core.selection.evaluation import adjusted_rand_index as adjusted_rand_index
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from lab.experiments.running.experiment import Findings, Session
+from lab.routes.network import RouteNetwork, Trips, trips_on
+from lab.routes.recursive_logit import fit_routes
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.errors import SerdError
-from serd_core.routes.network import RouteNetwork, Trips, trips_on
-from serd_core.routes.recursive_logit import fit_routes
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 

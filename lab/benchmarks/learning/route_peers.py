@@ -11,9 +11,9 @@ import numpy as np
 
 from lab.benchmarks.learning.learning_peers import compare_weights
 from lab.benchmarks.report import save
+from lab.routes.network import RouteNetwork, trips_on
+from lab.routes.recursive_logit import fit_routes, sample_routes
 from serd_core.arrays import FloatArray
-from serd_core.routes.network import RouteNetwork, trips_on
-from serd_core.routes.recursive_logit import fit_routes, sample_routes
 
 SIDE, N_TRIPS = 4, 300
 WEIGHTS, START = np.array([-1.0, -1.5]), np.array([0.0, -2.0])

@@ -6,9 +6,9 @@ import pytest
 from lab.catalogue import experiment_named
 from lab.experiments.routes import RoutesConfig, read_routes
 from lab.experiments.running.experiment import Session
+from lab.routes.network import RouteNetwork
+from lab.routes.recursive_logit import sample_routes
 from serd_core.errors import SerdError
-from serd_core.routes.network import RouteNetwork
-from serd_core.routes.recursive_logit import sample_routes
 from sim.episodes.execution import Execution
 
 WEIGHTS = np.array([-2.0, -0.5, -0.9, -3.0])  # time, constant, left turn, u-turn

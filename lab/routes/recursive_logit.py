@@ -26,6 +26,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from lab.routes.network import RouteNetwork, Trips
 from serd_core.arrays import (
     FloatArray,
     IntArray,
@@ -41,7 +42,6 @@ from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.ascent.open_directions import judged_weights
 from serd_core.errors import SerdError
 from serd_core.memory import require_memory
-from serd_core.routes.network import RouteNetwork, Trips
 from serd_core.uncertainty.covariance import covariance_of
 
 #: Tables of links by destinations that exist at a time, besides one per feature.
