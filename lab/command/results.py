@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from lab import RESULTS
+from lab import RESULTS, thesis
 from lab.experiments.study.hallway.tables.page import PAGE, filled
 from lab.experiments.study.products import SETTINGS_YAML
+from lab.kept import DOCUMENTS, compared
 from lab.kept import archive as pack
-from lab.kept import compared
 from lab.kept import keep as keep_results
 from serd_cli.errors import FAILED, UsageError
 from storage.files import atomic_write_text, read_text, require_file_place
@@ -45,6 +45,8 @@ def keep() -> None:
     if (_HALLWAY / SETTINGS_YAML).exists():
         atomic_write_text(PAGE, filled(read_text(PAGE), _HALLWAY))
         print(PAGE)
+    atomic_write_text(thesis.PAGE, thesis.filled(read_text(thesis.PAGE), DOCUMENTS))
+    print(thesis.PAGE)
 
 
 def check() -> None:
@@ -55,8 +57,14 @@ def check() -> None:
     found = list(compared())
     if (_HALLWAY / SETTINGS_YAML).exists():
         page = read_text(PAGE)
-        found.append((str(PAGE), "equal" if filled(page, _HALLWAY) == page else "differs"))
+        found.append((str(PAGE), _state(equal=filled(page, _HALLWAY) == page)))
+    page = read_text(thesis.PAGE)
+    found.append((str(thesis.PAGE), _state(equal=thesis.filled(page, DOCUMENTS) == page)))
     for name, state in found:
         print(f"{state:10}  {name}")
     if any(state == "differs" for _, state in found):
         raise typer.Exit(FAILED)
+
+
+def _state(*, equal: bool) -> str:
+    return "equal" if equal else "differs"

@@ -1,6 +1,8 @@
 """What documents keep of results: written and compared by commands, packed with provenance."""
 
+import shutil
 import tarfile
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,13 +16,16 @@ from lab.kept import KEPT, compared, keep, small_picture
 
 
 @pytest.fixture
-def results(tmp_path, monkeypatch):
-    """A root with results of one study and one benchmark."""
+def results(root, tmp_path, monkeypatch):
+    """A root with the project's documents, and results of one study and one benchmark."""
     monkeypatch.chdir(tmp_path)
+    shutil.copytree(root / "docs" / "results", tmp_path / "docs" / "results")
+    for name in ("thesis.md", "hallway_study.md"):
+        shutil.copy(root / "docs" / name, tmp_path / "docs")
     folder = tmp_path / "lab" / "results"
     with recorded(folder / "ascents", "python -m lab ascents", None):
         (folder / "ascents").mkdir(parents=True)
-        (folder / "ascents" / "costs.csv").write_text("ascent,seconds\nnewton,1.0\n")
+        shutil.copy(root / "docs" / "results" / "ascents.csv", folder / "ascents" / "costs.csv")
     rows, columns = np.mgrid[:64, :96]
     shades = np.stack([4 * rows, 2 * columns, rows + columns], axis=2).astype(np.uint8)
     for name in ("ascents/gaps.png", "growth.png"):
@@ -31,28 +36,31 @@ def results(tmp_path, monkeypatch):
 def test_what_is_kept_is_compared_and_a_change_is_found(results, capsys):
     assert main(["keep"]) == 0
     kept = results.parents[1] / "docs" / "results"
-    assert {path.name for path in kept.iterdir()} == {
-        "ascents.csv", "ascents.png", "growth.png", "provenance.yaml",
-    }  # fmt: skip
     (run,) = yaml.safe_load((kept / "provenance.yaml").read_text())["ascents"]
     assert run["command"] == "python -m lab ascents"
     assert main(["check"]) == 0
-    (results / "ascents" / "costs.csv").write_text("ascent,seconds\nnewton,1.1\n")
+    costs = results / "ascents" / "costs.csv"
+    costs.write_text(costs.read_text().replace("20000", "10000"))
     capsys.readouterr()
     assert main(["check"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert "differs     docs/results/ascents.csv" in lines
     assert "no results  docs/results/detour.csv" in lines
+    assert "equal       docs/thesis.md" in lines  # it has the kept number
+    assert main(["keep"]) == 0
+    assert main(["check"]) == 0
+    assert "10000 steps of gradient ascent" in Path("docs/thesis.md").read_text()
 
 
-def test_results_that_are_not_there_leave_what_is_kept(results):
-    keep()
+def test_results_that_are_not_there_leave_what_is_kept(results, tmp_path):
+    documents = tmp_path / "documents"
+    written = keep(results, documents)
+    assert [path.name for path in written] == ["ascents.csv", "ascents.png", "growth.png"]
+    before = {path.name: path.read_bytes() for path in documents.iterdir()}
     for path in (results / "ascents").iterdir():
         path.unlink()
-    keep()
-    kept = results.parents[1] / "docs" / "results"
-    assert (kept / "ascents.csv").read_text() == "ascent,seconds\nnewton,1.0\n"
-    assert "ascents" in yaml.safe_load((kept / "provenance.yaml").read_text())
+    assert [path.name for path in keep(results, documents)] == ["growth.png"]
+    assert {path.name: path.read_bytes() for path in documents.iterdir()} == before
 
 
 def test_an_archive_has_all_results_and_how_it_was_made(results, tmp_path, capsys):
