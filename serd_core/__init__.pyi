@@ -5,7 +5,6 @@ from serd_core.arrival.dwell_times import fit_dwell_times as fit_dwell_times
 from serd_core.arrival.semi_markov import DwellTimes as DwellTimes
 from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
 from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
-from serd_core.ascent.gradient_ascent import GradientAscent as GradientAscent
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
 from serd_core.ascent.newton_ascent import NewtonAscent as NewtonAscent
@@ -82,7 +81,6 @@ from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
-from serd_core.selection.multi_start import multi_start as multi_start
 from serd_core.uncertainty.bootstrap import bootstrap as bootstrap
 from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.hypothesis_tests import score_test as score_test

@@ -20,6 +20,12 @@ from lab.benchmarks.learning.gridworld_problems import (
 )
 from lab.benchmarks.measurement import best_of, peak_memory_mb
 from lab.benchmarks.report import Row, save
+from lab.estimators.forward_gradients import (
+    entry_jacobian,
+    immediate_gradient,
+    q_gradient_by_iteration,
+    q_gradient_by_lu,
+)
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.lbfgs import Lbfgs
@@ -37,12 +43,6 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.posterior.derivatives.forward import (
-    entry_jacobian,
-    immediate_gradient,
-    q_gradient_by_iteration,
-    q_gradient_by_lu,
-)
 from sim.scenario.grid import navigation_problem_of
 from sim.scenario.scenario import load_scenario
 

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from lab.estimators.gradient_ascent import GradientAscent
 from lab.experiments.gridworld.experiment import GridworldConfig, demonstrate, scenes
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
 from report.style import BLUE, PURPLE, RED, new_figure, report_style
 from serd_core.ascent.ascent import Ascent
-from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.learners.serd import fit_mdce_serd

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from lab.estimators.early_stopping import fit_serd_with_early_stopping
 from lab.experiments.gridworld.ascents import AscentName, make_ascent
 from lab.experiments.gridworld.experiment import (
     GridworldConfig,
@@ -28,7 +29,6 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import SerdSettings, fit_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy
-from serd_core.selection.early_stopping import fit_serd_with_early_stopping
 from serd_core.selection.prior_weight import split_episodes
 from storage.settings import setting, setting_of
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from lab.estimators.multi_start import MultiStart, describe, multi_start
 from lab.experiments.minimum_example.explanations import (
     ASCENT,
     MinimumExampleConfig,
@@ -23,7 +24,6 @@ from lab.experiments.running.tables import Row
 from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.selection.multi_start import MultiStart, describe, multi_start
 from storage.settings import setting
 
 COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}

@@ -17,7 +17,7 @@ from serd_core.mixtures.expert_types import (
 from serd_core.mixtures.pace import has_enough_times, pace_of_types, times_in_cells
 from serd_core.posterior.beliefs import BeliefAroundTruth, TiedBelief
 from serd_core.selection.evaluation import adjusted_rand_index
-from tests.serd_core.conftest import gridworld_truth
+from support.small_problems import gridworld_truth
 
 FEW = EmSettings(n_starts=3)
 

@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from serd_core.ascent.gradient_ascent import GradientAscent
+from lab.estimators.forward_gradients import (
+    entry_jacobian,
+    immediate_gradient,
+    q_gradient_by_iteration,
+)
+from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.posterior.derivatives.forward import (
-    entry_jacobian,
-    immediate_gradient,
-    q_gradient_by_iteration,
-)
 
 
 def algorithm_1(problem, decisions, weights, step_size, n_steps):

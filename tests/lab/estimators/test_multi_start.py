@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lab.estimators.multi_start import describe, differences, multi_start
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
@@ -11,7 +12,6 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.selection.multi_start import describe, differences, multi_start
 
 
 @pytest.fixture

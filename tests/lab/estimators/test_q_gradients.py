@@ -3,18 +3,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lab.estimators.forward_gradients import (
+    entry_jacobian,
+    immediate_gradient,
+    q_gradient_by_iteration,
+    q_gradient_by_lu,
+)
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.posterior.derivatives.adjoint import adjoint
-from serd_core.posterior.derivatives.forward import (
-    entry_jacobian,
-    immediate_gradient,
-    q_gradient_by_iteration,
-    q_gradient_by_lu,
-)
 
 EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)
 
