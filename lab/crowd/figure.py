@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lab.learner_curves import LearnerStyle
 from report import style
-from report.learners import LearnerStyle
 from report.style import new_figure
 from serd_core.arrays import FloatArray
 

@@ -23,7 +23,7 @@ from pydantic import Field
 
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
-from report.learners import tick_sizes
+from lab.learner_curves import tick_sizes
 from report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution

@@ -16,8 +16,9 @@ from scipy.stats import beta
 
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quantile, read_table
+from lab.learner_curves import tick_sizes
 from report import style
-from report.learners import draw_bars, tick_sizes
+from report.figures.charts import draw_bars
 from report.style import new_figure
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray

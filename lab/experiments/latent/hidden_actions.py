@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row
+from lab.learner_curves import draw_points
 from report import style
-from report.learners import draw_points
 from report.style import Look, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import credible_intervals, laplace_draws

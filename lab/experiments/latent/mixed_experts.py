@@ -22,8 +22,9 @@ from lab.experiments.latent.hidden_actions import (
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.statistics import StatisticsSettings, mean_interval
 from lab.experiments.running.tables import Row
+from lab.learner_curves import draw_points
 from report import style
-from report.learners import draw_bars, draw_points
+from report.figures.charts import draw_bars
 from report.style import new_figure
 from serd_app.demonstrations.decision_table import concatenate
 from serd_core.arrays import FloatArray, IntArray, weighted_counts

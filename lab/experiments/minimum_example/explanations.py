@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quartiles
-from report.learners import STYLES, draw_band, tick_sizes
+from lab.learner_curves import STYLES, draw_band, tick_sizes
 from report.style import HAIRLINE, INK, MUTED, new_figure
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from lab.experiments.gridworld.figures import HIGHEST, LOWEST, measures_figure, visit_ticks
-from report.learners import STYLES
+from lab.learner_curves import STYLES
 
 
 def table(values):

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
+from lab.learner_curves import STYLES
 from report import style
 from report.figures.arrival import ArrivalCurve, draw_curve
-from report.learners import STYLES
 from report.style import Look, new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import clopper_pearson, sampling_band

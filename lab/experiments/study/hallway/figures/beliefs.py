@@ -12,8 +12,8 @@ from lab.experiments.study.hallway.tables.catalogue import beliefs
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import EXPERT_NAMES
 from lab.experiments.study.study import Study
+from lab.learner_curves import STYLES, draw_intervals, tick_sizes
 from report import style
-from report.learners import STYLES, draw_intervals, tick_sizes
 from report.style import new_figure
 
 ROWS = {

@@ -9,8 +9,8 @@ from lab.experiments.running.tables import quartiles
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
+from lab.learner_curves import draw_intervals, tick_sizes
 from report import style
-from report.learners import draw_intervals, tick_sizes
 from report.style import Look, new_figure
 
 PANELS = {

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from report.figures.charts import draw_bars
 from report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
 from serd_core.arrays import FloatArray
 
@@ -73,14 +74,6 @@ def draw_intervals(
     """
     look = STYLES[learner].arguments | {"markersize": 5, "linewidth": 1.4, "elinewidth": 1.0}
     draw_bars(axes, np.asarray(sizes) * 1.04**place, values, **look, label=learner)
-
-
-def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:
-    """Error bars of (3, n) lower ends, values and upper ends; look: as `Axes.errorbar` has it."""
-    ends = np.asarray(values, dtype=np.float64)
-    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
-        lengths = np.diff(ends, axis=0)
-    axes.errorbar(at, ends[1], yerr=lengths, **look)
 
 
 def draw_points(

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from report.learners import STYLES, draw_band, draw_intervals, tick_sizes
+from lab.learner_curves import STYLES, draw_band, draw_intervals, tick_sizes
 from report.style import new_figure
 
 TOGETHER = (
