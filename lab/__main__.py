@@ -15,6 +15,7 @@ from rich.text import Text
 from lab.catalogue import (
     BENCHMARKS,
     EXPERIMENTS,
+    EXPORTS,
     GROUPS,
     NAMES,
     OF_RESULTS,
@@ -87,7 +88,7 @@ def _command_of(name: str) -> tuple[Callable[..., Any], str | None]:
     if name in BENCHMARKS:
         module = import_module(BENCHMARKS[name].module)
         return module.run, module.__doc__
-    if name in VALIDATIONS or name in RUNS:
+    if name in (*VALIDATIONS, *EXPORTS, *RUNS):
         module_name = name
     else:
         module_name = "results" if name in OF_RESULTS else "study"

@@ -109,6 +109,9 @@ BENCHMARKS = {
 }
 
 #: Likewise.
+EXPORTS = {"lerobot": "recordings as a LeRobot dataset, format v3.0"}
+
+#: Likewise.
 RUNS = {"bench": "all benchmarks one after the other, or those named"}
 #: Functions of these names in `lab.command.results`.
 OF_RESULTS = {
@@ -123,6 +126,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "Experiments, resumable": {name: work.about for name, work in EXPERIMENTS.items()},
     "Validations": VALIDATIONS,
     "Benchmarks": {name: work.about for name, work in BENCHMARKS.items()} | RUNS,
+    "Exports": EXPORTS,
     "Results": OF_RESULTS,
 }
 NAMES = tuple(name for lines in GROUPS.values() for name in lines)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.lerobot import save_lerobot
+from lab.exports.lerobot import save_lerobot
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.errors import AppError
