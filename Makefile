@@ -74,7 +74,7 @@ imports: $(VENV)/.ready
 	@$(BIN)/lint-imports
 
 bench: build
-	@$(BIN)/python -m benchmarks $(ARGS)
+	@$(BIN)/python -m lab bench $(ARGS)
 
 pictures: build
 	@$(BIN)/python tools/draw_architecture.py

@@ -26,10 +26,10 @@ FILE = Path(__file__).parent / "data" / "signatures.json"
 #: `serd_cli.commands`.
 MODULES = {
     "demo": "stacks", "teleop": "stacks", "watch": "stacks", "navigate": "stacks",
-    "launch": "stacks", "run": "stacks", "experiment": "studies", "bag": "learning",
+    "launch": "stacks", "run": "stacks", "bag": "learning",
     "demos": "learning", "learn": "learning", "report": "learning", "compare": "learning",
-    "scenario": "simulation", "crowd": "simulation", "episode": "simulation",
-    "batch": "simulation", "faults": "simulation", "study": "studies", "doctor": "stacks",
+    "scenario": "simulation", "episode": "simulation",
+    "batch": "simulation", "doctor": "stacks",
 }  # fmt: skip
 #: All that follows the executable is passed on.
 _SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}

@@ -5,7 +5,6 @@ from serd_core.arrival.dwell_times import fit_dwell_times as fit_dwell_times
 from serd_core.arrival.semi_markov import DwellTimes as DwellTimes
 from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
 from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
-from serd_core.ascent.gradient_ascent import GradientAscent as GradientAscent
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
 from serd_core.ascent.newton_ascent import NewtonAscent as NewtonAscent
@@ -18,7 +17,6 @@ from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import outcome_information as outcome_information
 from serd_core.bayes.laplace import laplace as laplace
 from serd_core.bayes.modes import posterior_modes as posterior_modes
-from serd_core.bayes.sampler import sample_posterior as sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence
 from serd_core.bellman.linear.automatic import Automatic as Automatic
 from serd_core.bellman.linear.krylov import Krylov as Krylov
@@ -74,19 +72,12 @@ from serd_core.priors.entropy import EntropyPrior as EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
 from serd_core.priors.norm import NormPrior as NormPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
-from serd_core.routes.network import RouteNetwork as RouteNetwork
-from serd_core.routes.network import Trips as Trips
-from serd_core.routes.network import trips_on as trips_on
-from serd_core.routes.recursive_logit import fit_routes as fit_routes
-from serd_core.routes.recursive_logit import route_values as route_values
-from serd_core.routes.recursive_logit import sample_routes as sample_routes
 from serd_core.selection.evaluation import adjusted_rand_index as adjusted_rand_index
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
-from serd_core.selection.multi_start import multi_start as multi_start
 from serd_core.uncertainty.bootstrap import bootstrap as bootstrap
 from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.identifiability import identifiability as identifiability

@@ -8,9 +8,11 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from lab.__main__ import app_of
+from lab.catalogue import NAMES
 from serd_cli.app import make_app
 
-FOLDERS = ("bags", "benchmarks", "docs", "experiments", "ros_ws", "serd_core", "sim")
+FOLDERS = ("bags", "docs", "lab", "ros_ws", "serd_core", "sim")
 PICTURES = {".gif", ".png", ".svg"}
 
 
@@ -107,6 +109,26 @@ def test_serd_commands_have_the_arguments_and_options_that_documents_show(root):
                 if "--help" not in words and "..." not in words:
                     parse(group, "serd", words)
     assert n_lines > 50
+
+
+def test_commands_of_the_lab_have_the_arguments_and_options_that_documents_show(root):
+    lines = {
+        line
+        for document in documents(root)
+        for line in re.findall(
+            r"(?:^|`)(?:\.venv/bin/)?python -m lab ([^`\n]*)",
+            document.read_text(encoding="utf-8"),
+            re.M,
+        )
+    }
+    assert len(lines) > 20
+    for line in lines:
+        name, *words = shlex.split(line, comments=True) or ["--help"]
+        # A name alone may stand for its command in a sentence.
+        if words and "--help" not in words and "..." not in words:
+            parse(get_command(app_of(name)), name, words)
+        else:
+            assert name in (*NAMES, "--help", "NAME"), line
 
 
 def parse(command, name, words, parent=None):

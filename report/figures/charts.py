@@ -1,15 +1,16 @@
 """Charts of the fit: reward weights, outcome models, and the objective after each step."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
 
 from report import style
 from report.errors import ReportError
-from report.learners import draw_bars
 from report.style import Look, in_words, new_figure
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_core.arrays import FloatArray, IntArray, float_array
@@ -161,3 +162,11 @@ def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
         axes.set_xlabel("step")
         axes.set_ylabel("objective (log posterior)")
     return figure
+
+
+def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:
+    """Error bars of (3, n) lower ends, values and upper ends; look: as `Axes.errorbar` has it."""
+    ends = np.asarray(values, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
+        lengths = np.diff(ends, axis=0)
+    axes.errorbar(at, ends[1], yerr=lengths, **look)

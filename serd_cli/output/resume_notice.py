@@ -1,10 +1,9 @@
-"""Notices about results that remain on disk: where they are, and which code made them."""
+"""Notices about results that remain on disk where a run is interrupted."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from experiments.running.provenance import other_commits
 from serd_cli.output.terminal import counting_bar, progress_console
 from sim.episodes.batch import Progress
 from storage.row_table import Row
@@ -28,14 +27,3 @@ def run_episodes(output: Path, run: Callable[[Progress], list[Row]]) -> list[Row
     with results_kept_in(output), counting_bar("episodes") as bar:
         line = bar.add_task("", total=None, visible=False)
         return run(lambda done, total: bar.update(line, completed=done, total=total, visible=True))
-
-
-def remark_other_code(folder: Path) -> None:
-    """Print a warning where a folder holds results of another version of the code."""
-    if commits := other_commits(folder):
-        progress_console.print(
-            f"{folder} holds results of {', '.join(each[:7] for each in commits)}, which are kept;"
-            " delete the folder to make all of them with the present code",
-            style="yellow",
-            soft_wrap=True,
-        )

@@ -4,7 +4,6 @@ import json
 import math
 import time
 from collections.abc import Iterable
-from datetime import timedelta
 from typing import Any
 
 from rich.console import Console
@@ -13,13 +12,11 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     ProgressColumn,
-    Task,
     TaskID,
     TextColumn,
     TimeRemainingColumn,
 )
 from rich.table import Table
-from rich.text import Text
 
 # Without markup, for names of files and topics may have brackets; `Text` has the styles.
 console = Console(highlight=False, markup=False, emoji=False)
@@ -75,34 +72,3 @@ def counting_bar(text: str, *more: str, bar_width: int | None = 40) -> WorkProgr
     """A bar of tasks that are counted, with the number done and the time left; more: columns."""
     counts = BarColumn(bar_width), MofNCompleteColumn(), TimeRemainingColumn()
     return WorkProgress(TextColumn(text), *counts, *map(TextColumn, more))
-
-
-def time_left_s(done_s: float, total_s: float, spent_s: float, n_processes: int) -> float:
-    """Seconds for the rest, when done_s of total_s seconds of work took spent_s so far.
-
-    Before anything is done, the estimated costs are divided by the number of processes.
-    """
-    speed = done_s / spent_s if done_s > 0 and spent_s > 0 else float(n_processes)
-    return max(total_s - done_s, 0.0) / speed
-
-
-class TimeLeftColumn(ProgressColumn):
-    """`left 0:12:34` for few long pieces of work of roughly known cost.
-
-    rich's own estimate uses the last seconds only, in which no piece may have ended.
-    """
-
-    def __init__(self, n_processes: int) -> None:
-        super().__init__()
-        self._n_processes = n_processes
-        self._done_s, self._at_s = 0.0, 0.0
-
-    def render(self, task: Task) -> Text:
-        """The estimate made when the last piece ended, minus the time since."""
-        if task.total is None:
-            return Text("")
-        now_s = task.elapsed or 0.0
-        if task.completed != self._done_s:
-            self._done_s, self._at_s = task.completed, now_s
-        left_s = time_left_s(self._done_s, task.total, self._at_s, self._n_processes)
-        return Text(f"left {timedelta(seconds=round(max(left_s - (now_s - self._at_s), 0.0)))}")

@@ -187,7 +187,7 @@ class _Chains:
         if self.n_proposed >= ENOUGH and not self.n_accepted:
             raise SerdError(
                 "chains that start at draws of Laplace's approximation must move, but none of"
-                f" {self.n_proposed} sweeps was accepted; use sample_posterior, or a stronger prior"
+                f" {self.n_proposed} sweeps was accepted; take a stronger prior"
             )
 
     def _log_near(self, points: FloatArray) -> FloatArray:

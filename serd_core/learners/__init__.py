@@ -13,7 +13,7 @@ needs bounds, take an `ascent`.
 
 - `fit_mdce_serd`, `fit_pm_serd`: rewards and dynamics, for experts with the causal entropy policy
   and the policy-matching policy; both also take `belief` and `prior`. `fit_serd` is their common
-  algorithm, `fit_serd_with_early_stopping` the same ended by validation decisions.
+  algorithm.
 - `fit_mdce_irl_by_likelihood` (takes `prior`), `fit_mdce_irl_by_entropy` (`slack`),
   `fit_maxent_irl`, `fit_policy_matching` (`inverse_temperature`, `objective`) and
   `fit_relative_entropy_irl` (`samples` and the `sampling_policy` that made them): rewards alone.

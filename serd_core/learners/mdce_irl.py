@@ -146,9 +146,8 @@ def weights_under_initial_dynamics(
     """(F,) most likely weights under the given dynamics (None: the M-estimate), from zero.
 
     A start for SERD. From random weights it may bend the dynamics to a wrong reward and stay there;
-    with few demonstrations that happened to about one start in four on the gridworld
-    (`serd_core.selection.multi_start` shows the other explanations). Where the search does not
-    converge its last point is returned. on_step: called after each step.
+    with few demonstrations that happened to about one start in four on the gridworld. Where the
+    search does not converge its last point is returned. on_step: called after each step.
     """
     fit = fit_mdce_irl_by_likelihood(
         problem,

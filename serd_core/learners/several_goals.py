@@ -3,7 +3,7 @@
     L(w) = sum over goals g of sum over decisions of g of log pi_g(a | s; w)
 
 Every goal has absorbing states, transitions and features of its own; the features have the same
-names. Networks without chance or discount are solved faster by `serd_core.routes`.
+names.
 """
 
 from collections.abc import Sequence

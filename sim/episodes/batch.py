@@ -18,6 +18,7 @@ from sim.episodes.execution import Execution
 from sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from sim.errors import SimError
 from sim.planning.catalogue import make_planner, planner_in_world, require_people_source
+from sim.planning.recovery import RecoveringPlanner
 from sim.robot.contacts import ContactCounts
 from sim.safety.world_guard import no_guard
 from sim.scenario.grid import grid_of, start_states_of
@@ -30,6 +31,7 @@ from storage.table import Column, cell_text, columns_of
 
 Progress = Callable[[int, int], None]
 
+PlannerOf = Callable[[str, HallwayWorld, str], RecoveringPlanner]
 AnyTask = TypeVar("AnyTask", bound="EpisodeTask")
 #: Column of the digest of all files that an episode depends on.
 INPUTS = "inputs"
@@ -78,15 +80,16 @@ COLUMNS = (
 )
 
 
-def run_task(task: EpisodeTask) -> Row:
+def run_task(task: EpisodeTask, planner_of: PlannerOf = planner_in_world) -> Row:
     """Run one episode; its row.
 
+    planner_of: makes the planner from the task's name, the world and the source of people.
     spl: success weighted by path length (Anderson et al., 2018), of this episode.
     """
     scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
-        planner = planner_in_world(task.planner, world, task.people_from)
+        planner = planner_of(task.planner, world, task.people_from)
         record = run_episode(
             world,
             planner,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from sim.errors import SimError
 from sim.perception.scan_people import ScanPerception
 from sim.perception.scanning_planner import ScanningPlanner
-from sim.planning.baselines import BASELINES, BaselinePlanner
 from sim.planning.dwa import WINDOW_S, DwaPlanner
 from sim.planning.local_planner import LocalPlanner
 from sim.planning.mppi import MppiPlanner
@@ -32,17 +31,11 @@ def planner_names() -> tuple[str, ...]:
     return tuple(_PLANNERS)
 
 
-def baseline_names() -> tuple[str, ...]:
-    """Further names that `make_planner` accepts: planners of a library, for comparisons."""
-    return tuple(BASELINES)
-
-
 def make_planner(name: str, scenario: Scenario) -> RecoveringPlanner:
     """A planner for the scenario's walls and robot, with its parameters and recoveries."""
-    makers = _PLANNERS | {each: partial(BaselinePlanner, each) for each in BASELINES}
-    if name not in makers:
-        raise SimError(choice_rule("planner", name, makers))
-    return RecoveringPlanner(makers[name](scenario), scenario)
+    if name not in _PLANNERS:
+        raise SimError(choice_rule("planner", name, _PLANNERS))
+    return RecoveringPlanner(_PLANNERS[name](scenario), scenario)
 
 
 def require_people_source(name: str) -> None:

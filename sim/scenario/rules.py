@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.crowd.ring_corridor import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
 from sim.crowd.routes import offset_loop
 from sim.errors import SimError
 from sim.scenario.polygon import (
@@ -24,6 +23,8 @@ from sim.scenario.walkable_cells import WalkableCells
 from storage.errors import shortened
 from storage.yaml_config import dotted
 
+#: Weidmann (1993).
+DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4
 #: A robot starts within this share of a cell from the cell's centre, along either axis.
 START_SPREAD = 0.2
 #: People's steps stay shorter than what walls hold them off by.

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.study.settings import YAML, study_settings
+from lab.experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_app.demonstrations.grid.grid_file import load_grid, save_grid

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.rust import RustConfig, estimate_rust
+from lab.experiments.rust import RustConfig, estimate_rust
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.learning import solvers
-from benchmarks.learning.gridworld_problems import (
+from lab.benchmarks.learning import solvers
+from lab.benchmarks.learning.gridworld_problems import (
     DYNAMICS,
     WEIGHTS,
     demonstrations,

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from benchmarks.driving.tracker import Sightings
+from lab.benchmarks.driving.tracker import Sightings
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.endpoints import qos
 

@@ -17,7 +17,9 @@ def tool():
 
 def test_documents_are_copied_with_the_files_they_link_to(tool, tmp_path):
     copied = tool["copy_documents"](tmp_path)
-    assert {Path("README.md"), Path("docs/nodes.md"), Path("benchmarks/README.md")} <= set(copied)
+    assert {Path("README.md"), Path("docs/nodes.md"), Path("lab/benchmarks/README.md")} <= set(
+        copied
+    )
     assert (tmp_path / "docs/pictures/episode.gif").exists()
     assert (tmp_path / "serd_ros/graph/graph.yaml").exists()
 

@@ -16,7 +16,6 @@ from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid, grid_of_area
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice, fitting_cell_size_m
-from serd_app.demonstrations.lerobot import save_lerobot
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -94,9 +93,6 @@ def demos(
         Literal["auto", "hidden"],
         typer.Option(help="auto: as recorded, hidden where there are poses alone; hidden: all"),
     ] = "auto",
-    lerobot: Annotated[
-        Path | None, typer.Option(help="new folder for a LeRobot dataset (v3.0) of all episodes")
-    ] = None,
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="use what damaged bags still hold")
     ] = False,
@@ -162,11 +158,7 @@ def demos(
     crossed = crossings_of_recordings(found, sightings, grid, own_flow)
     write_rows(files_beside(output)["crossings"], Crossing, crossed)
     save_pictures(output, place, found, flow, advice)
-    if lerobot is not None:
-        _require_actions(found)
-        save_lerobot(lerobot, recordings.drives, period)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
-    files |= {"LeRobot dataset": lerobot} if lerobot is not None else {}
     if as_json:
         moves = {} if advice is None else {"used": asdict(advice.used), "best": asdict(advice.best)}
         values = {
@@ -216,15 +208,6 @@ def _require_decisions(found: list[RecordedDemonstrations]) -> None:
         outside = any(OFF_GRID in each.report.dropped for each in found)
         fix = "is it this scenario?" if outside else "'serd bag check' lists what they hold"
         raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
-
-
-def _require_actions(found: list[RecordedDemonstrations]) -> None:
-    hidden = [each.bag for each in found if each.decisions.hidden.any()]
-    if hidden:
-        raise UsageError(
-            f"--lerobot needs actions, which are hidden in {hidden[0]}; set action_from: motion in"
-            " a --mapping to take the displacement as action"
-        )
 
 
 def _require_no_own(recordings: Recordings) -> None:

@@ -16,7 +16,7 @@ from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
 from sim.episodes.execution import Execution
-from sim.planning.catalogue import baseline_names, planner_names
+from sim.planning.catalogue import planner_names
 from sim.scenario.scenario import scenario_suite, suite_names
 
 #: All episodes of a table are listed in memory before the first is run.
@@ -37,10 +37,7 @@ def batch(
     ] = None,
     planner: Annotated[
         list[str] | None,
-        typer.Option(
-            help=f"{', '.join(planner_names())}; for comparisons {', '.join(baseline_names())} "
-            "(pip install 'serd\\[baselines]'); repeat"
-        ),
+        typer.Option(help=f"{', '.join(planner_names())}; repeat"),
     ] = None,
     people: Annotated[
         list[int] | None, typer.Option(help="number of people, else the scenario's own; repeat")

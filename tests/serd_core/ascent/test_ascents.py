@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.ascent import FunctionObjective
-from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion, quadratic_step
@@ -21,7 +20,7 @@ def never(_):
     return False
 
 
-ASCENTS = [Lbfgs(), GradientAscent(step_size=lambda _: 0.15), TrustRegion(initial_radius=0.5)]
+ASCENTS = [Lbfgs(), TrustRegion(initial_radius=0.5)]
 EACH_ASCENT = pytest.mark.parametrize("ascent", ASCENTS, ids=lambda ascent: type(ascent).__name__)
 
 
@@ -58,12 +57,10 @@ def valley(vector):
     return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
 
 
-@pytest.mark.parametrize("kind", [Lbfgs, TrustRegion, GradientAscent, KinkedAscent])
+@pytest.mark.parametrize("kind", [Lbfgs, TrustRegion, KinkedAscent])
 @pytest.mark.parametrize("max_steps", [0, 1, 2, 5])
 def test_no_ascent_takes_more_steps_than_it_may(kind, max_steps):
-    settings = {"step_size": lambda _: 1e-3} if kind is GradientAscent else {}
-    if kind is KinkedAscent:
-        settings = {"smooth": TrustRegion(max_steps=0)}
+    settings = {"smooth": TrustRegion(max_steps=0)} if kind is KinkedAscent else {}
     numbers = []
     found = kind(max_steps=max_steps, **settings).maximise(
         FunctionObjective(valley), np.array([-1.2, 1.0]), lambda step: numbers.append(step.number)
@@ -74,41 +71,13 @@ def test_no_ascent_takes_more_steps_than_it_may(kind, max_steps):
     assert found.message == "not converged: out of steps"
 
 
-def test_a_gradient_step_to_a_point_that_is_not_finite_is_reported_and_not_taken():
-    start = np.array([-1.2, 1.0])
-    ascent = GradientAscent(step_size=lambda number: 1e-3 if number == 1 else 1e200)
-    found = ascent.maximise(FunctionObjective(valley), start, never)
-    assert found.message.startswith(
-        "not converged: a step reached a point where the objective is not finite"
-    )
-    assert not found.converged
-    assert found.n_steps == 1
-    np.testing.assert_array_equal(found.vector, start + 1e-3 * valley(start)[1])
-
-
-def test_gradient_steps_that_are_too_long_are_distinguished_from_too_few():
-    long = GradientAscent(step_size=lambda _: 0.25, max_steps=10)
-    found = long.maximise(FunctionObjective(quadratic), np.zeros(2), never)
-    assert found.message.endswith("the objective fell on the way, use a smaller step_size")
-    short = GradientAscent(step_size=lambda _: 0.01, max_steps=10)
-    found = short.maximise(FunctionObjective(quadratic), np.zeros(2), never)
-    assert found.message == "not converged: out of steps"
-
-
-@pytest.mark.parametrize("ascent", [Lbfgs(), TrustRegion(), GradientAscent(), KinkedAscent()])
+@pytest.mark.parametrize("ascent", [Lbfgs(), TrustRegion(), KinkedAscent()])
 def test_an_ascent_does_not_evaluate_at_parameters_that_are_not_finite(ascent):
     with pytest.raises(SerdError, match="parameter 1 of 2 became nan; start from smaller weights"):
         ascent.maximise(FunctionObjective(quadratic), np.array([0.0, np.nan]), never)
 
 
-@pytest.mark.parametrize(
-    "ascent",
-    [
-        Lbfgs(max_steps=2),
-        GradientAscent(step_size=lambda _: 0.01, max_steps=2),
-        TrustRegion(max_steps=2),
-    ],
-)
+@pytest.mark.parametrize("ascent", [Lbfgs(max_steps=2), TrustRegion(max_steps=2)])
 def test_running_out_of_steps_is_no_convergence(ascent):
     found = ascent.maximise(FunctionObjective(valley), np.array([-1.2, 1.0]) * 0.01, never)
     assert not found.converged
@@ -152,7 +121,7 @@ def test_a_step_is_never_longer_than_its_radius():
         assert np.linalg.norm(step) <= radius * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("kind", [GradientAscent, KinkedAscent, Lbfgs, TrustRegion])
+@pytest.mark.parametrize("kind", [KinkedAscent, Lbfgs, TrustRegion])
 def test_limits_that_no_ascent_can_meet_are_refused(kind):
     with pytest.raises(SerdError, match="gradient_tolerance must not be negative or NaN, got nan"):
         kind(gradient_tolerance=np.nan)

@@ -13,7 +13,6 @@ from serd_core.ascent.kinked import (
     updated_metric,
 )
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.selection.early_stopping import EarlyStopping
 
 BETWEEN = np.array([[1.0, 1.0], [1.0, -3.0]])
 
@@ -99,17 +98,13 @@ def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
     assert found.objective == pytest.approx(-best.fun, abs=1e-6)
 
 
-def test_the_callback_receives_the_last_step_and_early_stopping_may_select_it():
+def test_the_callback_receives_the_last_step():
     objective, start = FunctionObjective(rosenbrock_with_a_kink), np.array([-1.2, 0.5])
     steps = []
     plain = KinkedAscent().maximise(objective, start, steps.append)
     assert [step.number for step in steps] == list(range(1, plain.n_steps + 1))
     np.testing.assert_array_equal(steps[-1].vector, plain.vector)
     assert steps[-1].gradient_norm == plain.gradient_norm
-    watched = EarlyStopping(KinkedAscent(), lambda v: objective.evaluate(v)[0], patience=500)
-    kept = watched.maximise(objective, start, never)
-    assert kept.n_steps == plain.n_steps
-    assert kept.converged
 
 
 def test_a_smooth_objective_is_left_to_the_smooth_ascent():

@@ -464,5 +464,5 @@ def test_chains_of_which_none_moves_are_no_result(monkeypatch):
         return replace(at, log_others=at.log_others - 1e6 * len(calls))
 
     monkeypatch.setattr(Surrogate, "exact", always_less)
-    with pytest.raises(SerdError, match="none of 240 sweeps was accepted; use sample_posterior"):
+    with pytest.raises(SerdError, match="none of 240 sweeps was accepted; take a stronger prior"):
         laplace_draws(found, np.random.default_rng(0))

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
@@ -45,29 +44,6 @@ def test_the_optimum_does_not_depend_on_where_the_weights_start(gridworld):
     assert all(fit.converged for fit in fits)
     np.testing.assert_allclose(fits[0].reward_weights, fits[1].reward_weights, atol=1e-3)
     assert fits[0].objective == pytest.approx(fits[1].objective, abs=1e-5)
-
-
-def test_plain_gradient_ascent_of_algorithm_1_finds_the_same_optimum(minimum_example):
-    rows = [(0, 0, 1)] * 6 + [(0, 0, 0)] * 4 + [(0, 1, 0)] * 2 + [(0, 1, 1)] * 3
-    state, action, following = np.array(rows).T
-    zeros = np.zeros(len(rows), int)
-    decisions = Decisions(zeros, np.arange(len(rows)), state, action, following)
-    prior = KldPrior(1.0) + GaussianPrior(1.0, Block.REWARD)
-    arguments = {"initial_weights": np.array([0.3]), "prior": prior}
-    slow = fit_mdce_serd(
-        minimum_example,
-        decisions,
-        ascent=GradientAscent(step_size=lambda _: 0.2, gradient_tolerance=1e-7, max_steps=20_000),
-        **arguments,
-    )
-    fast = fit_mdce_serd(
-        minimum_example, decisions, ascent=Lbfgs(gradient_tolerance=1e-7), **arguments
-    )
-    assert slow.converged
-    assert fast.converged
-    np.testing.assert_allclose(slow.reward_weights, fast.reward_weights, atol=1e-5)
-    np.testing.assert_allclose(slow.outcome_probabilities, fast.outcome_probabilities, atol=1e-5)
-    assert fast.n_evaluations < slow.n_evaluations
 
 
 @pytest.mark.parametrize("start", [-3.0, 3.0])

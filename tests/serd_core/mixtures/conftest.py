@@ -9,7 +9,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
-from tests.serd_core.conftest import gridworld_problem, gridworld_truth
+from support.small_problems import gridworld_problem, gridworld_truth
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ import pytest
 
 from sim.planning.catalogue import (
     PEOPLE_SOURCES,
-    baseline_names,
     planner_in_world,
     planner_names,
 )
@@ -50,7 +49,7 @@ def drive(world, planner, n_ticks):
 
 
 @pytest.mark.parametrize("people_from", PEOPLE_SOURCES)
-@pytest.mark.parametrize("name", [*planner_names(), *baseline_names()])
+@pytest.mark.parametrize("name", planner_names())
 def test_a_drive_goes_on_the_same_from_snapshots_also_in_another_process(name, people_from):
     with HallwayWorld(NOISY, seed=5) as world:
         world.reset(0)

@@ -421,9 +421,6 @@ def test_a_bag_of_poses_alone_needs_no_mapping(serd, drive_bag, tmp_path):
     assert ended.code == 0, ended.err
     assert load_decisions(table).hidden.all()
     assert len(load_decisions(table)) == 5
-    ended = serd("demos", bag, "--scenario", "hallway", "--lerobot", tmp_path / "dataset")
-    assert ended.code == 2
-    assert "--lerobot needs actions, which are hidden in" in ended.err
 
 
 def test_a_mapping_of_bags_and_tables_together_is_refused(serd, drive_bag, tmp_path):

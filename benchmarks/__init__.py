@@ -1,1 +1,0 @@
-"""Speed against peers, in one run: `make bench` writes results/*.json."""

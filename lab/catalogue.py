@@ -1,0 +1,135 @@
+"""All names of `python -m lab`, in the order of its list: what each shows, and its module."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, get_type_hints
+
+
+@dataclass(frozen=True)
+class Work:
+    """A module of the lab that is run by name, and its line in the list."""
+
+    module: str
+    about: str
+
+
+#: Functions of these names in `lab.command.study`.
+STUDIES = {
+    "hallway": "a populated hallway: who learns what, what arrives when (chapter 5)",
+    "detour": "a ring corridor where the short way leads against the flow",
+    "people": "pedestrians of measured corridors as experts",
+}
+
+#: Functions of these names in a module of the same name in `lab.command`.
+VALIDATIONS = {
+    "faults": "how soon the robot stands when an input fails, with and without the guard",
+    "crowd": "the crowd models beside Weidmann's speeds and recorded corridors",
+}
+
+#: Each has a function `run_NAME`; in the order of the thesis.
+EXPERIMENTS = {
+    name: Work(f"lab.experiments.{module}", about)
+    for name, module, about in (
+        (
+            "minimum-example",
+            "minimum_example.explanations",
+            "two explanations of one behaviour (section 4.6.1)",
+        ),
+        (
+            "multi-start",
+            "minimum_example.multi_start",
+            "distinct explanations found by random starts (section 4.1)",
+        ),
+        ("priors", "priors", "what each prior prefers (section 4.5.4)"),
+        ("policy-cost", "policy_cost", "what a gradient costs (Table 4.2)"),
+        ("gridworld", "gridworld.experiment", "navigation on satellite images (section 4.6.2)"),
+        (
+            "early-stopping",
+            "gridworld.early_stopping",
+            "fits stopped by validation demonstrations (section 5.2)",
+        ),
+        (
+            "ascents",
+            "gridworld.ascents",
+            "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
+        ),
+        (
+            "avoidance",
+            "information.avoidance",
+            "what choices reveal of a move that is avoided",
+        ),
+        ("hidden-actions", "latent.hidden_actions", "rewards and dynamics from states alone"),
+        (
+            "next-demonstration",
+            "information.next_demonstration",
+            "what choosing the next demonstration saves",
+        ),
+        ("routes", "routes", "route choice with many destinations (recursive logit)"),
+        ("rust", "rust", "bus engine replacement (Rust 1987)"),
+    )
+}
+
+#: Each module has a function `run`, which writes lab/results/NAME.json with underscores.
+BENCHMARKS = {
+    name.replace("_", "-"): Work(".".join(filter(None, ("lab.benchmarks", folder, name))), about)
+    for folder, name, about in (
+        ("driving", "arrival_bands", "how often 90 % bands of arrival hold it in other places"),
+        ("driving", "closed_loop", "512 episodes: both planners, people as given and from scans"),
+        ("driving", "crowd_peers", "crowds against PySocialForce, JuPedSim and IR-SIM"),
+        ("driving", "drives", "arrivals, contacts, odometry and time of the physical robot"),
+        ("driving", "latency", "from a pose to the cmd_vel that answers it, in the live stack"),
+        ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
+        ("driving", "planners", "planners and baselines in the suite social_v1"),
+        ("driving", "tracker", "people of the lidar tracker beside the true ones"),
+        ("faults", "kill_matrix", "how soon the robot stands when a node is killed or stopped"),
+        ("learning", "belief_bound", "largest power of tests for wrong beliefs"),
+        ("learning", "belief_choice", "whether the evidence finds a wrong belief, and the regret"),
+        ("learning", "belief_recorded", "the same choice for recorded people of the hallway"),
+        ("learning", "calibration", "ranks of the truth among draws of both posteriors"),
+        ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
+        ("learning", "growth", "a gradient from 10^2 to 10^7 states: time, memory, bandwidth"),
+        ("learning", "learning_peers", "the same optimum against econirl, imitation, QuantEcon"),
+        ("learning", "route_peers", "route choice against irl-maxent"),
+        ("learning", "scarce_data", "SERD and IRL from 1 to 50 demonstrations in fresh worlds"),
+        ("learning", "solvers", "the automatic choice of the linear solver against each by hand"),
+        ("recordings", "bag_faults", "what each fault of a recording costs"),
+        ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
+        ("recordings", "compliance", "serd compare on robots that keep to a side or do not"),
+        ("recordings", "receipt_times", "log times of a recorder against the wall clock"),
+        ("recordings", "sources", "recordings of 16 sources, by the commands typed first"),
+        ("", "speed_figure", "the figure of the speed comparisons, from their results"),
+        ("", "start_up", "processor time of serd --help and others"),
+    )
+}
+
+#: Likewise.
+EXPORTS = {"lerobot": "recordings as a LeRobot dataset, format v3.0"}
+
+#: Likewise.
+RUNS = {"bench": "all benchmarks one after the other, or those named"}
+#: Functions of these names in `lab.command.results`.
+OF_RESULTS = {
+    "archive": "packs all results into one file, with provenance",
+    "keep": "writes the tables and figures of docs/results from the results",
+    "check": "compares the tables that documents keep with the results",
+}
+
+#: Lines by name, under the title of their group.
+GROUPS: dict[str, dict[str, str]] = {
+    "Studies, resumable": STUDIES,
+    "Experiments, resumable": {name: work.about for name, work in EXPERIMENTS.items()},
+    "Validations": VALIDATIONS,
+    "Benchmarks": {name: work.about for name, work in BENCHMARKS.items()} | RUNS,
+    "Exports": EXPORTS,
+    "Results": OF_RESULTS,
+}
+NAMES = tuple(name for lines in GROUPS.values() for name in lines)
+
+
+def experiment_named(name: str) -> Any:
+    """The experiment of this name, with its function and the model of its settings."""
+    from lab.experiments.running.experiment import Experiment
+
+    work = EXPERIMENTS[name]
+    run = getattr(import_module(work.module), f"run_{name.replace('-', '_')}")
+    return Experiment(name, work.about, get_type_hints(run)["config"], run)

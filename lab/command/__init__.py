@@ -1,0 +1,1 @@
+"""Commands of `python -m lab`: options, progress and tables on the terminal."""

@@ -1,0 +1,152 @@
+"""`python -m lab crowd`: simulated people beside measured ones."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, astuple
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from lab.crowd.comparison import (
+    ComparedCrowd,
+    compare_with_recording,
+    compare_with_weidmann,
+)
+from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
+from lab.crowd.figure import CrowdCurve, CrowdPlace, draw_crowd_comparison
+from lab.crowd.straight_corridor import corridor_people
+from report.style import save_figure
+from serd_cli.errors import UsageError
+from serd_cli.options import AsJson
+from serd_cli.output.demonstrations import short_names
+from serd_cli.output.paths import require_suffix
+from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
+from sim.crowd.social_force import model_names
+from sim.errors import SimError
+from storage.files import require_file_place
+from storage.trajectories.columns import TableColumns
+from storage.trajectories.read import read_trajectories
+
+_Recording = tuple[str, Corridor, CorridorMeasures]
+
+
+def crowd(
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="people recorded in a straight corridor: a table as `serd demos` reads; repeat"
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="frames per second of recordings that do not state them")
+    ] = None,
+    width: Annotated[
+        float | None, typer.Option(help="width of the corridor (m), else by where people walked")
+    ] = None,
+    output: Annotated[Path, typer.Option(help="picture to write, .png")] = Path("crowd.png"),
+    as_json: AsJson = False,
+) -> None:
+    """Compare the crowd models with Weidmann's speeds, and with recordings.
+
+    python -m lab crowd --recording bi_corr_400_b_03.txt --output crowd.png
+
+    Direction and flow of a corridor are found in its recording.
+    """
+    require_suffix(output, ".png")
+    require_file_place(output)
+    for name, value in (("--fps", fps), ("--width", width)):
+        if value is not None and not value > 0:
+            raise UsageError(f"{name} must be above 0, got {value:g}")
+    recorded = [
+        (name, *_read(path, fps, width)) for name, path in _named(dict.fromkeys(recording or ()))
+    ]
+    rows = []
+    with progress_console.status("walking") as status:
+        for row in _compared(recorded):
+            rows.append(row)
+            status.update(f"{row.model}, {row.place}, {row.density_pm2:g} people per m²")
+    save_figure(output, draw_crowd_comparison(_places(rows)))
+    if as_json:
+        values = [finite_values(_flat(row)) for row in rows]
+        print_json({"rows": values, "picture": str(output.resolve())})
+        return
+    console.print(_table(rows))
+    print(f"picture: {output.resolve()}")
+
+
+def _named(paths: Iterable[Path]) -> Iterator[tuple[str, Path]]:
+    """Files with names by which they differ."""
+    files = list(paths)
+    stems = [path.with_suffix("") for path in files]
+    return zip(short_names(stems if len({*stems}) == len(stems) else files), files, strict=True)
+
+
+def _read(
+    path: Path, fps: float | None, width_m: float | None
+) -> tuple[Corridor, CorridorMeasures]:
+    people = read_trajectories(path, TableColumns(fps=fps))
+    try:
+        walking = corridor_people(people.tracks)
+        if len(walking.tracks) < 2:
+            raise SimError("people must be at least 2, got 1; give a recording of more people")
+        corridor = corridor_of(walking.tracks, width_m)
+        measures = measure_recording(walking.tracks, corridor)
+    except SimError as error:
+        raise SimError(f"{path}: {error}") from None
+    for sentence in (*people.assumed, *walking.remarks):
+        progress_console.print(f"{path.name}: {sentence}")
+    progress_console.print(
+        f"{path.name}: {len(walking.tracks)} people, corridor of {corridor.width_m:g} m along "
+        f"{'xy'[corridor.axis]}, {corridor.flow}"
+    )
+    return corridor, measures
+
+
+def _compared(recorded: list[_Recording]) -> Iterator[ComparedCrowd]:
+    for model in model_names():
+        yield from compare_with_weidmann(model)
+        for name, corridor, measures in recorded:
+            yield from compare_with_recording(model, name, corridor, measures)
+
+
+def _places(rows: list[ComparedCrowd]) -> list[CrowdPlace]:
+    places = dict.fromkeys((row.place, row.flow) for row in rows)
+    found = []
+    for place, flow in places:
+        there = [row for row in rows if row.place == place]
+        of = {name: [row for row in there if row.model == name] for name in model_names()}
+        found.append(
+            CrowdPlace(
+                f"{place}, {flow}",
+                _curve("measured", of[model_names()[0]], "measured"),
+                [_curve(name, mine, "simulated") for name, mine in of.items()],
+            )
+        )
+    return found
+
+
+def _curve(name: str, rows: list[ComparedCrowd], side: str) -> CrowdCurve:
+    columns = np.array([astuple(getattr(row, side)) for row in rows]).T
+    return CrowdCurve(name, np.array([row.density_pm2 for row in rows]), *columns)
+
+
+def _flat(row: ComparedCrowd) -> dict[str, object]:
+    values = {name: getattr(row, name) for name in ("model", "place", "flow", "density_pm2")}
+    measured = {f"measured_{key}": value for key, value in asdict(row.measured).items()}
+    return values | asdict(row.simulated) | measured | {"deviations": row.deviations}
+
+
+def _table(rows: list[ComparedCrowd]) -> Table:
+    names = ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m")
+    table = table_of("Simulated | measured", "model, place", names, no_wrap=True)
+    for row in rows:
+        both = map(_both, astuple(row.simulated), astuple(row.measured))
+        table.add_row(f"{row.model}, {row.place}, {row.flow}", f"{row.density_pm2:g}", *both)
+    return table
+
+
+def _both(simulated: float, measured: float) -> str:
+    text = "" if np.isnan(simulated) else f"{simulated:.2f}"
+    return text if np.isnan(measured) else f"{text} | {measured:.2f}"

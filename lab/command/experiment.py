@@ -1,0 +1,123 @@
+"""Commands of the experiments: one option per setting of the config."""
+
+import shlex
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from lab import RESULTS
+from lab.command.progress import remark_other_code
+from lab.command.tables import print_results
+from lab.experiments.running.experiment import Experiment, Session, settings_of_file
+from lab.experiments.running.provenance import recorded
+from lab.experiments.running.tables import plain_rows
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_parameters
+from serd_cli.output.resume_notice import results_kept_in
+from serd_cli.output.terminal import counting_bar, print_json
+from sim.episodes.execution import Execution
+from storage.files import require_folder
+from storage.settings import Setting, settings_of
+
+#: Numbers below this are written with an exponent: four decimals would lose their digits.
+SMALL = 1e-3
+
+
+def command_of(experiment: Experiment) -> Callable[..., None]:
+    """A function whose signature Typer turns into the subcommand's options."""
+
+    folder = RESULTS / experiment.name
+
+    def command(
+        output: Annotated[Path, typer.Option(help="folder for tables and figures")] = folder,
+        jobs: Jobs = EXECUTION.n_jobs,
+        backend: Backend = EXECUTION.backend,
+        address: Address = EXECUTION.address,
+        config: Annotated[Path | None, typer.Option(help="YAML file of settings")] = None,
+        as_json: AsJson = False,
+        **texts: str | None,
+    ) -> None:
+        given = settings_of_file(config) if config is not None else {}
+        given |= {name: text for name, text in texts.items() if text is not None}
+        execution = Execution(jobs, backend, address)
+        words = _words(experiment, config, texts, execution, output)
+        made = experiment.make_config(given)
+        require_folder(output)
+        with recorded(output, words, made):
+            remark_other_code(output)
+            table = _run(experiment, made, output, execution)
+        if as_json:
+            print_json({"rows": plain_rows(table), "results": str(output.resolve())})
+            return
+        print_results(table, experiment.shows, _text)
+        print(f"results: {output.resolve()}")
+
+    settings = {
+        each.name: (
+            Annotated[str | None, typer.Option(*_flags(each.name), help=_help(each))],
+            None,
+        )
+        for each in settings_of(experiment.config)
+    }
+    command.__doc__ = experiment.shows[0].upper() + experiment.shows[1:] + "."
+    return with_parameters(command, settings)
+
+
+def _words(
+    experiment: Experiment,
+    config: Path | None,
+    texts: Mapping[str, str | None],
+    execution: Execution,
+    output: Path,
+) -> str:
+    """The command that repeats the run."""
+    words = ["python", "-m", "lab", experiment.name]
+    words += ["--config", str(config)] if config is not None else []
+    for name, text in texts.items():
+        words += [_flags(name)[0], text] if text is not None else []
+    words += ["--jobs", str(execution.n_jobs), "--backend", execution.backend]
+    words += ["--address", execution.address] if execution.address else []
+    return shlex.join([*words, "--output", str(output)])
+
+
+def _run(
+    experiment: Experiment, config: BaseModel, output: Path, execution: Execution
+) -> pd.DataFrame:
+    """Run with a progress bar."""
+    with results_kept_in(output), counting_bar(experiment.name) as bar:
+        task = bar.add_task("", total=None)
+
+        def show(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        return experiment.write(config, Session(output, execution, show))
+
+
+def _text(value: Any) -> str:
+    if pd.isna(value):
+        return ""
+    if not isinstance(value, float):
+        return str(value)
+    # Likelihoods next to one differ from zero in late digits only.
+    return f"{value:.2e}" if 0.0 < abs(value) < SMALL else f"{value + 0.0:.4f}"
+
+
+def _flags(name: str) -> list[str]:
+    """`--n-bins` and, shorter, `--bins`."""
+    flags = [f"--{name.replace('_', '-')}"]
+    return [*flags, f"--{name[2:].replace('_', '-')}"] if name.startswith("n_") else flags
+
+
+def _help(setting: Setting) -> str:
+    about = f"{setting.description} ({setting.range})" if setting.range else setting.description
+    default = setting.default
+    if default is PydanticUndefined:
+        return f"required: {about}"
+    if default is None:
+        return about
+    text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return rf"{about} \[default: {text}]"

@@ -1,0 +1,138 @@
+"""`python -m lab faults`: episodes in which inputs fail, with and without the guard."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+from rich.box import SIMPLE
+from rich.table import Table
+
+from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
+from lab.faults.campaign_summary import arrival_price, summarise_faults
+from lab.faults.faults import FAULTS
+from lab.faults.figure import FaultWays, draw_fault_ways
+from report.style import save_figure
+from serd_cli.commands.simulation.batch import MOST_SEEDS
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
+from serd_cli.output.resume_notice import run_episodes
+from serd_cli.output.terminal import console, finite_values, print_json
+from sim.drivers.catalogue import driver_names
+from sim.episodes.batch import EpisodeTask, run_batch
+from sim.episodes.execution import Execution
+from sim.planning.catalogue import planner_names
+from storage.row_table import Row
+
+
+def faults(
+    output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
+    fault: Annotated[
+        list[str] | None, typer.Option(help=f"{', '.join(FAULTS)}; default: all; repeat")
+    ] = None,
+    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
+    people: Annotated[int, typer.Option(help="number of people")] = 60,
+    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = EpisodeTask.planner,
+    policy: Annotated[
+        str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
+    ] = EpisodeTask.driver,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=MOST_SEEDS, help="episodes of each, seeds first-seed and up")
+    ] = 20,
+    first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how soon the robot stands when an input fails at full speed.
+
+    python -m lab faults --seeds 20 --output faults.csv
+
+    Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
+    interrupted command to resume it.
+    """
+    condition = EpisodeTask(scenario, 0, n_people=people, planner=planner, driver=policy)
+    tasks = tasks_of(fault or FAULTS, condition, range(first_seed, first_seed + seeds))
+    execution = Execution(jobs, backend, address)
+    rows = run_episodes(
+        output,
+        lambda seen: run_batch(
+            tasks,
+            output,
+            run=run_fault,
+            columns=COLUMNS,
+            key_columns=TASK_COLUMNS,
+            execution=execution,
+            on_progress=seen,
+        ),
+    )
+    summaries = summarise_faults(rows)
+    picture = output.with_suffix(".png")
+    ways = _ways(rows)
+    if ways:
+        save_figure(picture, draw_fault_ways(ways, WATCHED_S))
+    prices = {name: arrival_price(rows, name) for name in ("none", "none_scan")}
+    if as_json:
+        values = [finite_values(each) for each in summaries.to_dict("records")]
+        print_json(
+            {"faults": values, "price": finite_values(prices), "table": str(output.resolve())}
+        )
+        return
+    console.print(_table(summaries))
+    for each in summaries.itertuples():
+        price = prices.get(each.fault, math.nan)
+        if each.guarded and not math.isnan(price):
+            console.print(
+                f"{FAULTS[each.fault].about}: the guard changes the time of arrival by"
+                f" {100 * price:+.2f} % and stops for an input"
+                f" {each.n_input_stops / each.hours:.1f} times per hour"
+            )
+    console.print(f"episodes: {output.resolve()}", soft_wrap=True)
+    if ways:
+        console.print(f"picture: {picture.resolve()}", soft_wrap=True)
+
+
+def _ways(rows: list[Row]) -> list[FaultWays]:
+    """The ways after each fault that begins at full speed."""
+    frame = pd.DataFrame(rows)
+    frame = frame[(frame["began"] == 1) & ~frame["fault"].map(lambda name: FAULTS[name].lasts)]
+    found = []
+    for name, group in frame.groupby("fault", sort=False):
+        way_m = {side: each["way_m"].to_numpy() for side, each in group.groupby("guarded")}
+        nothing = frame["way_m"].to_numpy()[:0]
+        about = f"{FAULTS[str(name)].about} ({FAULTS[str(name)].people_from})"
+        found.append(FaultWays(about, way_m.get(0, nothing), way_m.get(1, nothing)))
+    return found
+
+
+def _table(summaries: pd.DataFrame) -> Table:
+    """zero: until the command is zero; later: way after standing.
+
+    Contacts: robot into people, people into robot, walls.
+    """
+    table = Table(title="Faults: mean (largest)", title_justify="left", box=SIMPLE, pad_edge=False)
+    table.add_column("fault", no_wrap=True)
+    table.add_column("guard", no_wrap=True)
+    for name in ("stood", "zero, s", "stood, s", "way, m", "later", "contacts"):
+        table.add_column(name, justify="right")
+    for each in summaries.itertuples():
+        lasts = FAULTS[each.fault].lasts
+        measured = (
+            f"{each.n_stood}/{each.n_episodes}",
+            _mean_and_largest(each.mean_zero_s, each.largest_zero_s),
+            _mean_and_largest(each.mean_stood_s, each.largest_stood_s),
+            _mean_and_largest(each.mean_stood_m, each.largest_stood_m),
+            f"{each.largest_later_m:.1f}",
+        )
+        table.add_row(
+            each.fault,
+            "with" if each.guarded else "without",
+            *(("",) * len(measured) if lasts else measured),
+            f"{each.robot_on_person}, {each.person_on_robot}, {each.robot_on_wall}",
+        )
+    return table
+
+
+def _mean_and_largest(mean: float, largest: float) -> str:
+    return "" if math.isnan(mean) else f"{mean:.2f} ({largest:.2f})"

@@ -1,0 +1,1 @@
+"""The crowd beside measured ones: Weidmann's speeds and recordings of corridors."""

@@ -1,0 +1,214 @@
+"""All tables of the study that are not of a figure, and its main numbers."""
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from lab.experiments.running.statistics import mean_interval, paired_family
+from lab.experiments.running.tables import Row, quantile
+from lab.experiments.study.arrival.distances import ArrivalTables, distance_row
+from lab.experiments.study.fits.methods import BASELINE, OURS
+from lab.experiments.study.hallway.tables.hindsight import hindsight_table
+from lab.experiments.study.hallway.tables.results import Results
+from lab.experiments.study.recordings.demonstrations import ROLES, load_sets
+from lab.experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
+from lab.experiments.study.recordings.reference import reference_table
+from report.summary import decisions_per_model
+from serd_core.arrays import FloatArray
+from serd_core.arrival.trap_states import trap_states
+
+#: Scores of a method, (R,) each; the worlds of a repetition are the same for all methods.
+_SCORES: dict[str, Callable[[ArrivalTables], FloatArray]] = {
+    "crps_s": lambda tables: tables.scores,
+    "measured_mean_s": lambda tables: tables.measured_means_s,
+}
+MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
+
+
+def all_tables(results: Results) -> dict[str, pd.DataFrame]:
+    """Every table by the name of its file."""
+    return {
+        "measures": results.measures,
+        "paired_tests": paired_tests(results, PEOPLE, OURS),
+        "beliefs": beliefs(results),
+        "arrival_distances": arrival_distances(results),
+        "arrival_scores": arrival_scores(results),
+        "arrival_hindsight": hindsight_table(results),
+        "measured_episodes": results.measured,
+        "traps": traps(results),
+        "reference_dynamics": reference_table(results),
+        "demonstrations": demonstrations_table(results),
+    }
+
+
+def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Medians at the largest number of demonstrations, and arrivals, of every method.
+
+    test, transfer: log-likelihood per decision; KLD: of the dynamics from the reference; arrived,
+    predicted: measured and predicted share; mean_s, predicted_s: mean times, cut off at the limit.
+    """
+    learned, arrivals = tables["measures"], tables["arrival_distances"]
+    learned = learned[learned["expert"] == PEOPLE]
+    learned = learned[learned["size"] == learned["size"].max()]
+    medians = learned.groupby("method")[list(MEASURES)].agg(lambda values: quantile(values, 0.5))
+    columns = dict(zip(MEASURES, ("test", "transfer", "KLD"), strict=True)) | {
+        "measured_arrival": "arrived",
+        "predicted_arrival": "predicted",
+        "measured_mean_s": "mean_s",
+        "predicted_mean_s": "predicted_s",
+        "ks": "KS",
+    }
+    both = arrivals[arrivals["expert"] == PEOPLE].merge(medians, on="method")
+    return both[["method", *columns]].rename(columns=columns)
+
+
+def paired_tests(results: Results, expert: str, against: str) -> pd.DataFrame:
+    """Mean difference of every other method to one, within repetitions; p-values by Holm.
+
+    One family of tests: all other methods at one size, for one measure.
+    """
+    rng = np.random.default_rng([results.settings.seed, 1])
+    table: list[Row] = []
+    for measure, size, values in _measured(results, expert):
+        place: Row = {"expert": expert, "measure": measure, "size": size, "first": against}
+        family = paired_family(values, against, results.settings.statistics, rng)
+        table += [place | row for row in family]
+    return pd.DataFrame(table)
+
+
+def beliefs(results: Results) -> pd.DataFrame:
+    """Each assumption about the belief: mean of every measure, and its difference to IRL."""
+    rng = np.random.default_rng([results.settings.seed, 2])
+    means: list[Row] = []
+    for expert in BELIEFS:
+        for measure, size, values in _measured(results, expert):
+            place: Row = {"expert": expert, "measure": measure, "size": size}
+            for assumption, column in values.items():
+                mean = mean_interval(column, results.settings.statistics, rng)
+                row = {"assumption": assumption, "n": len(column)}
+                means.append(place | row | mean.columns("mean"))
+    tests = pd.concat([paired_tests(results, expert, BASELINE) for expert in BELIEFS])
+    both = pd.DataFrame(means).merge(
+        tests.rename(columns={"second": "assumption"}),
+        how="left",
+        on=["expert", "measure", "size", "assumption"],
+        suffixes=("", "_of_test"),
+    )
+    is_other = both["assumption"] != BASELINE
+    # The tests are of the baseline minus the assumption.
+    for name, tested in (
+        ("difference", "mean_difference"),
+        ("difference_lower", "upper_of_test"),
+        ("difference_upper", "lower_of_test"),
+    ):
+        both[name] = (-both[tested]).where(is_other, 0.0)
+    place_columns = ["expert", "assumption", "measure", "size", "n", "mean", "lower", "upper"]
+    return both[[*place_columns, "difference", "difference_lower", "difference_upper", "p_holm"]]
+
+
+def arrival_distances(results: Results) -> pd.DataFrame:
+    """Distances of predicted from measured times of arrival, for every expert and method."""
+    rng = np.random.default_rng([results.settings.seed, 3])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        for method in results.methods(expert):
+            tables = results.arrival_tables(expert, method)
+            predictions = pd.DataFrame(results.predictions(expert, method))
+            sampled = np.array(predictions["sampled_cdf"].tolist())
+            table.append(
+                {
+                    "expert": expert,
+                    "method": method,
+                    **distance_row(tables, results.settings.statistics, rng),
+                    "sampled_gap": float(np.abs(sampled - tables.predicted).max()),
+                    "chain_ms": predictions["chain_ms"].median(),
+                    "sampled_ms": predictions["sampled_ms"].median(),
+                }
+            )
+    return pd.DataFrame(table)
+
+
+def arrival_scores(results: Results) -> pd.DataFrame:
+    """Differences of scores between methods, within repetitions.
+
+    One family of tests: all other methods, for one measure.
+    """
+    rng = np.random.default_rng([results.settings.seed, 4])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        first = OURS if expert == PEOPLE else BASELINE
+        tables = {name: results.arrival_tables(expert, name) for name in results.methods(expert)}
+        for measure, values_of in _SCORES.items():
+            values = pd.DataFrame({name: values_of(each) for name, each in tables.items()})
+            place: Row = {"expert": expert, "measure": measure, "first": first}
+            family = paired_family(values, first, results.settings.statistics, rng)
+            table += [place | row for row in family]
+    return pd.DataFrame(table)
+
+
+def traps(results: Results) -> pd.DataFrame:
+    """Number of trap states of the greedy policies of each method.
+
+    start_traps: share of the repetitions in which a start cell of the training task is one.
+    """
+    problem = results.problem
+    table: list[Row] = []
+    for method in results.methods(PEOPLE):
+        masks = np.array(
+            [
+                trap_states(problem.grid.neighbours, greedy, problem.goal_states)
+                for greedy in results.models(PEOPLE, method, "greedy")
+            ]
+        )
+        counts = masks.sum(axis=1)
+        table.append(
+            {
+                "method": method,
+                "n": len(counts),
+                "states": problem.grid.n_states,
+                "median_traps": float(np.median(counts)),
+                "fewest_traps": int(counts.min()),
+                "most_traps": int(counts.max()),
+                "without_traps": float((counts == 0).mean()),
+                "start_traps": float(masks[:, results.starts > 0].any(axis=1).mean()),
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def demonstrations_table(results: Results) -> pd.DataFrame:
+    """One row per expert and set, over all repetitions; shares of decisions by outcome model."""
+    period_s = results.scenario.decision_period_s
+    table: list[Row] = []
+    for expert in EXPERTS:
+        every = [
+            load_sets(results, expert, number)
+            for number in range(results.settings.n_repetitions(expert))
+        ]
+        for role in ROLES:
+            sets = [getattr(each, role) for each in every]
+            n_decisions = sum(len(each) for each in sets)
+            n_episodes = sum(len(each.episodes) for each in sets)
+            counts = np.sum([decisions_per_model(results.problem, each) for each in sets], axis=0)
+            table.append(
+                {
+                    "expert": expert,
+                    "set": role,
+                    "repetitions": len(sets),
+                    "episodes": n_episodes,
+                    "decisions": n_decisions,
+                    "mean_s": period_s * n_decisions / n_episodes,
+                }
+                | dict(zip(results.problem.model_names, counts / n_decisions, strict=True))
+            )
+    return pd.DataFrame(table)
+
+
+def _measured(results: Results, expert: str) -> Iterator[tuple[str, int, pd.DataFrame]]:
+    """Each measure and size with its values: a row per repetition, a column per method."""
+    table = results.measures[results.measures["expert"] == expert]
+    for measure in MEASURES:
+        for size, chosen in table.groupby("size"):
+            values = chosen.pivot(index="repetition", columns="method", values=measure)
+            yield measure, int(size), values[results.methods(expert)]

@@ -1,0 +1,239 @@
+"""Runs of a measured corridor: the way of each person in coordinates in which all walk ahead.
+
+x is along the corridor and grows in the direction in which a person walks, y is to the left; the
+middle of the measured area is the origin. Those who walk the other way are turned by half a turn,
+so that one decision problem holds for both: left stays left.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lab.crowd.straight_corridor import corridor_people, longest_step_s
+from lab.experiments.study.people.settings import GridSettings
+from serd_core.arrays import FloatArray
+from serd_core.demonstrations.crossings import Crossings, cell_crossings
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Grid
+from sim.errors import SimError
+from storage.trajectories.columns import TableColumns
+from storage.trajectories.read import Track, Trajectories, read_trajectories
+
+#: Median speeds of people who walk; outside, units or frames per second are wrong.
+SLOWEST_MPS, FASTEST_MPS = 0.05, 4.0
+#: A step faster than that is a jump of the id.
+JUMP_MPS = 8.0
+#: Between centres and walls.
+BODY_RADIUS_M = 0.2
+_FEWEST_WALKERS = 10
+#: Over which a velocity is the mean.
+_BEFORE_S = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Walker:
+    """time_s (T,), position_m (T, 2) ahead and left; sign: 1, or -1 where turned."""
+
+    name: str
+    sign: int
+    time_s: FloatArray
+    position_m: FloatArray
+    crossings: Crossings
+
+    def at(self, time_s: float | FloatArray) -> FloatArray:
+        """(..., 2) where at times of any shape, NaN before and after the track."""
+        columns = self.position_m.T
+        return np.stack(
+            [np.interp(time_s, self.time_s, each, left=np.nan, right=np.nan) for each in columns],
+            axis=-1,
+        )
+
+    def every(self, period_s: float) -> FloatArray:
+        """(N, 2) where at the begin of the track and after each period."""
+        return self.at(np.arange(self.time_s[0], self.time_s[-1], period_s))
+
+    def velocity_mps(self, time_s: float) -> FloatArray:
+        """(2,) mean velocity over the 0.4 s before."""
+        since_s = max(time_s - _BEFORE_S, float(self.time_s[0]))
+        if time_s <= since_s:
+            since_s, time_s = time_s, min(time_s + _BEFORE_S, float(self.time_s[-1]))
+        return np.asarray((self.at(time_s) - self.at(since_s)) / max(time_s - since_s, 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recording: grid of the measured area, its goal is the last column; width_m of the floor.
+
+    walkers: those who walk through; left_out: how many others, by reason; assumed: sentences.
+    """
+
+    name: str
+    grid: Grid
+    width_m: float
+    walkers: tuple[Walker, ...]
+    left_out: dict[str, int]
+    assumed: tuple[str, ...]
+
+    @property
+    def n_columns(self) -> int:
+        """Cells along the corridor."""
+        return int(self.grid.walkable.shape[1])
+
+    @cached_property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time of a walker."""
+        ends = [(walker.time_s[0], walker.time_s[-1]) for walker in self.walkers]
+        return float(min(each[0] for each in ends)), float(max(each[1] for each in ends))
+
+    def unrepresented(self, period_s: float) -> float:
+        """Share of decision periods that end neither in the same cell nor in a neighbour of it."""
+        far, n_periods = 0, 0
+        for walker in self.walkers:
+            state = self.grid.states_at(walker.every(period_s))
+            inside = (state[:-1] >= 0) & (state[1:] >= 0)
+            steps = np.abs(np.diff(self.grid.cells[state], axis=0)).sum(axis=1)
+            far += int(np.sum(inside & (steps > 1)))
+            n_periods += int(inside.sum())
+        return far / max(n_periods, 1)
+
+    def arrival_of(self, walker: Walker) -> int:
+        """Number of the crossing by which a walker enters the last column."""
+        columns = self.grid.cells[walker.crossings.state, 1]
+        return int(np.argmax(columns == self.n_columns - 1))
+
+    @property
+    def goal_line_m(self) -> float:
+        """x at which a walker with hysteresis has arrived."""
+        return float(self.grid.origin_m[0] + (self.n_columns - 1) * self.grid.cell_size_m)
+
+
+def read_runs(
+    paths: Sequence[Path], columns: TableColumns | None, settings: GridSettings
+) -> tuple[Run, ...]:
+    """The runs of the files; SerdError naming the file that holds none."""
+    names = [path.stem for path in paths]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise SerdError(f"files must have different names, got {twice[0]} twice; rename one")
+    return tuple(_run(path, read_trajectories(path, columns), settings) for path in paths)
+
+
+def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
+    left_out = Counter[str]()
+    tracks, along, remarks = _in_corridor(
+        path, _without_jumps(path, found.tracks, left_out), left_out
+    )
+    across = 1 - along
+    through = _through(tracks, along)
+    low, high = np.percentile(
+        np.concatenate([t.position_m[:, across] for t in through]), [0.5, 99.5]
+    )
+    ends = np.array([sorted(t.position_m[[0, -1], along]) for t in tracks])
+    origin = np.zeros(2)
+    origin[along], origin[across] = np.median(ends, axis=0).mean(), (low + high) / 2
+    ways = [_turned(track, along, origin) for track in tracks]
+    begin = float(np.percentile([way[1][0, 0] for way in ways], 90))
+    end = float(np.percentile([way[1][-1, 0] for way in ways], 10))
+    width_m = float(high - low + 2 * BODY_RADIUS_M)
+    grid = _grid(path, begin, end, width_m, settings)
+    walkers = []
+    for track, (sign, places) in zip(tracks, ways, strict=True):
+        crossings = cell_crossings(grid, track.time_s, places, settings.hysteresis_m)
+        if _walks_through(grid, crossings):
+            walkers.append(Walker(track.agent, sign, track.time_s, places, crossings))
+        else:
+            left_out["not through the measured area"] += 1
+    if len(walkers) < _FEWEST_WALKERS:
+        reasons = ", ".join(f"{n} {reason}" for reason, n in left_out.items())
+        raise SerdError(
+            f"{path} must have at least {_FEWEST_WALKERS} people who walk through, got"
+            f" {len(walkers)} of {len(found.tracks)}{f' ({reasons})' if reasons else ''}; check its"
+            " columns and units by --mapping, or record more people"
+        )
+    assumed = (*found.assumed, *remarks)
+    return Run(path.stem, grid, width_m, tuple(walkers), left_out, assumed)
+
+
+def _without_jumps(
+    path: Path, tracks: Sequence[Track], left_out: Counter[str]
+) -> tuple[Track, ...]:
+    kept, speeds, jumping = [], [], set()
+    for track in tracks:
+        step_s = np.diff(track.time_s)
+        speed = np.hypot(*np.diff(track.position_m, axis=0).T) / step_s
+        speeds.append(float(np.median(speed)))
+        if track.divided_from or speed.max() > JUMP_MPS:
+            jumping.add(track.divided_from or track.agent)
+        elif step_s.max() > longest_step_s(track):
+            left_out["away in between, so maybe two people of one id"] += 1
+        else:
+            kept.append(track)
+    if jumping:
+        left_out[f"a step faster than {JUMP_MPS:g} m/s"] = len(jumping)
+    median = float(np.median(speeds))
+    if not SLOWEST_MPS <= median <= FASTEST_MPS:
+        raise SerdError(
+            f"{path}: people must walk at {SLOWEST_MPS:g} to {FASTEST_MPS:g} m/s, but the median of"
+            f" their speeds is {median:.3g} m/s; state unit: and fps: in a --mapping file"
+        )
+    if not kept:
+        raise SerdError(
+            f"{path}: every track has a step faster than {JUMP_MPS:g} m/s or a gap, as agent"
+            f" {tracks[0].agent} from row {tracks[0].row}; give each person an id of its own, and"
+            " check the units"
+        )
+    return tuple(kept)
+
+
+def _in_corridor(
+    path: Path, tracks: Sequence[Track], left_out: Counter[str]
+) -> tuple[tuple[Track, ...], int, tuple[str, ...]]:
+    """(those in the corridor, the axis along it, what was turned or left out)."""
+    try:
+        people = corridor_people(tracks)
+    except SimError as error:
+        raise SerdError(f"{path}: {error}") from None
+    if people.n_apart:
+        left_out["away from the corridor"] = people.n_apart
+    return people.tracks, people.axis, people.remarks
+
+
+def _through(tracks: Sequence[Track], along: int) -> list[Track]:
+    """Those who walk at least half as far as usual, so neither stand nor are cut off."""
+    far_m = [float(np.ptp(track.position_m[:, along])) for track in tracks]
+    least_m = float(np.median(far_m)) / 2
+    return [track for track, each_m in zip(tracks, far_m, strict=True) if each_m >= least_m]
+
+
+def _turned(track: Track, along: int, origin: FloatArray) -> tuple[int, FloatArray]:
+    """(sign, (T, 2) ahead and left)."""
+    places = track.position_m - origin
+    sign = 1 if places[-1, along] >= places[0, along] else -1
+    left = sign if along == 0 else -sign
+    return sign, np.stack([sign * places[:, along], left * places[:, 1 - along]], axis=1)
+
+
+def _grid(path: Path, begin: float, end: float, width_m: float, settings: GridSettings) -> Grid:
+    """Symmetric about the origin, so that both directions have the same cells."""
+    half_m, cell_m = min(-begin, end), settings.cell_size_m
+    n_columns = int(2 * half_m / cell_m)
+    if n_columns < settings.observed_cells + 3:
+        raise SerdError(
+            f"{path} must show at least {settings.observed_cells + 3} cells of {cell_m:g} m along"
+            f" the corridor, got {max(n_columns, 0)}; choose a smaller cell_size_m"
+        )
+    n_rows = max(1, round(width_m / cell_m))
+    corner = (-n_columns * cell_m / 2, -n_rows * cell_m / 2)
+    return Grid(corner, cell_m, np.ones((n_rows, n_columns), dtype=np.bool_))
+
+
+def _walks_through(grid: Grid, crossings: Crossings) -> bool:
+    """From one of the first two columns into the last one."""
+    if len(crossings) < 2:
+        return False
+    columns = grid.cells[crossings.state][:, 1]
+    return bool(columns[0] <= 1 and columns.max() == grid.walkable.shape[1] - 1)

@@ -1,0 +1,85 @@
+"""Settings of the people study: people_study.yaml, with what a file or --quick changes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from lab.experiments.running.statistics import StatisticsSettings
+from lab.experiments.study.settings import merged_settings
+from storage.trajectories.columns import TableColumns
+from storage.yaml_config import StrictModel
+
+YAML = Path(__file__).parent / "people_study.yaml"
+
+
+class GridSettings(StrictModel):
+    """How ways become moves between cells; observed_cells: before the arrival is predicted."""
+
+    cell_size_m: float = Field(gt=0)
+    hysteresis_m: float = Field(ge=0)
+    observed_cells: int = Field(ge=1)
+
+
+class CrowdSettings(StrictModel):
+    """Density and flow at a time: kernel_m is the standard deviation of each person's share.
+
+    snapshot_s: from one time to the next; training_layers, training_people: at most so many are
+    learned from.
+    """
+
+    kernel_m: float = Field(gt=0)
+    snapshot_s: float = Field(gt=0)
+    training_layers: int = Field(ge=2)
+    training_people: int = Field(ge=10)
+
+
+class FoldSettings(StrictModel):
+    """number: of folds, of runs where there are at least runs files, else of time blocks.
+
+    gap_s: between the people of a test block and those learned from.
+    """
+
+    number: int = Field(ge=2)
+    runs: int = Field(ge=2)
+    gap_s: float = Field(ge=0)
+
+
+class ForecastSettings(StrictModel):
+    """step_s, horizon: grid of times of arrival, up to horizon times the longest measured one.
+
+    simulation_s: step of the social-force model.
+    """
+
+    step_s: float = Field(gt=0)
+    horizon: float = Field(gt=1)
+    simulation_s: float = Field(gt=0)
+
+
+class PeopleSettings(StrictModel):
+    """Everything that decides what comes out of the people study."""
+
+    files: tuple[str, ...] = Field(min_length=1)
+    columns: TableColumns = TableColumns()
+    grid: GridSettings
+    crowd: CrowdSettings
+    folds: FoldSettings
+    forecast: ForecastSettings
+    discount: float = Field(ge=0, lt=1)
+    seed: int = Field(ge=0)
+    statistics: StatisticsSettings
+
+
+def people_settings(
+    files: Sequence[Path],
+    *,
+    mapping: TableColumns | None = None,
+    quick: bool = False,
+    config: Path | None = None,
+) -> PeopleSettings:
+    """The defaults, changed by --quick and a YAML file; FileError with one sentence."""
+    given: dict[str, Any] = {"files": [str(path) for path in files]}
+    if mapping is not None:
+        given["columns"] = mapping.model_dump(mode="json")
+    return merged_settings(PeopleSettings, YAML, quick=quick, config=config, given=given)

@@ -1,0 +1,171 @@
+"""Settings of a study: its YAML file, with what another file or --quick changes."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from pydantic import Field, model_validator
+
+from lab.experiments.running.experiment import settings_of_file
+from lab.experiments.running.statistics import StatisticsSettings
+from lab.experiments.study.recordings.experts import PEOPLE
+from serd_app.learning.settings import RecipeSettings
+from storage.yaml_config import StrictModel, yaml_model
+from storage.yaml_text import write_yaml
+
+YAML = Path(__file__).parent / "hallway_study.yaml"
+
+Sizes = tuple[int, ...]
+
+
+class DemonstrationSettings(StrictModel):
+    """Episodes of each set of one repetition.
+
+    bags: recordings that take the place of the driver's; empty for none.
+    """
+
+    driver: str
+    training: int = Field(ge=2)
+    test: int = Field(ge=1)
+    transfer: int = Field(ge=1)
+    bags: tuple[str, ...] = ()
+
+
+class ReferenceSettings(StrictModel):
+    """Episodes of the reference recordings, by who drives."""
+
+    experts: int = Field(ge=1)
+    against_flow: int = Field(ge=1)
+    exploring: int = Field(ge=1)
+    exploring_s: float = Field(gt=0)
+
+
+class ComparisonSettings(RecipeSettings):
+    """How the learners are compared; sizes count demonstrations, validation included."""
+
+    repetitions: int = Field(ge=2)
+    sizes: Sizes = Field(min_length=1)
+
+
+class BeliefSettings(StrictModel):
+    """Experts that plan with a known reward and a known belief."""
+
+    repetitions: int = Field(ge=2)
+    sizes: Sizes = Field(min_length=1)
+    reward_weights: tuple[float, float, float]
+    episodes: int = Field(ge=1)
+
+
+class ArrivalSettings(StrictModel):
+    """How times of arrival are predicted and measured."""
+
+    episodes: int = Field(ge=1)
+    sampled: int = Field(ge=1)
+
+
+class WorldSettings(StrictModel):
+    """What every study states: where it is recorded, and how learners are compared."""
+
+    scenario: str
+    people: int = Field(ge=1)
+    crowd: str
+    drive: str
+    planner: str
+    discount: float = Field(ge=0, lt=1)
+    seed: int = Field(ge=0)
+    demonstrations: DemonstrationSettings
+    reference: ReferenceSettings
+    learning: ComparisonSettings
+    statistics: StatisticsSettings
+
+    def n_repetitions(self, expert: str) -> int:
+        """How often an expert's demonstrations are recorded anew."""
+        del expert
+        return self.learning.repetitions
+
+    def repetitions_of(self, experts: Sequence[str]) -> list[tuple[str, int]]:
+        """(expert, number) of each repetition."""
+        return [(each, number) for each in experts for number in range(self.n_repetitions(each))]
+
+    @property
+    def planned_weights(self) -> tuple[float, ...]:
+        """Reward weights of planned experts."""
+        raise NotImplementedError
+
+    @property
+    def all_sizes(self) -> tuple[Sizes, ...]:
+        """Numbers of demonstrations learned from."""
+        return (self.learning.sizes,)
+
+    @model_validator(mode="after")
+    def _sizes_fit(self) -> "WorldSettings":
+        most = self.demonstrations.training
+        for sizes in self.all_sizes:
+            if min(sizes) < 2 or max(sizes) > most or list(sizes) != sorted(set(sizes)):
+                raise ValueError(
+                    f"sizes must grow from at least 2 to at most demonstrations.training ({most}),"
+                    f" got {list(sizes)}"
+                )
+        return self
+
+
+class StudySettings(WorldSettings):
+    """Everything that decides what comes out of the hallway study."""
+
+    beliefs: BeliefSettings
+    arrival: ArrivalSettings
+
+    def n_repetitions(self, expert: str) -> int:
+        """How often an expert's demonstrations are recorded anew."""
+        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
+
+    @property
+    def planned_weights(self) -> tuple[float, ...]:
+        """Reward weights of planned experts."""
+        return self.beliefs.reward_weights
+
+    @property
+    def all_sizes(self) -> tuple[Sizes, ...]:
+        """Numbers of demonstrations learned from."""
+        return self.learning.sizes, self.beliefs.sizes
+
+
+SettingsT = TypeVar("SettingsT", bound=StrictModel)
+
+
+def study_settings(
+    *, quick: bool = False, config: Path | None = None, bags: Sequence[Path] = ()
+) -> StudySettings:
+    """Those of the hallway study, also changed by bags."""
+    given = {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}} if bags else {}
+    return merged_settings(StudySettings, YAML, quick=quick, config=config, given=given)
+
+
+def merged_settings(
+    model: type[SettingsT],
+    defaults: Path,
+    *,
+    quick: bool,
+    config: Path | None,
+    given: Mapping[str, Any] = MappingProxyType({}),
+) -> SettingsT:
+    """The defaults, changed by *_quick.yaml beside them, a user's file and values.
+
+    FileError with one sentence where they do not fit the model.
+    """
+    files = [defaults.with_stem(f"{defaults.stem}_quick")] if quick else []
+    files += [config] if config is not None else []
+    values = settings_of_file(defaults)
+    for path in files:
+        values = _merged(values, settings_of_file(path))
+    name = " with ".join(map(str, [defaults.name, *files]))
+    return yaml_model(write_yaml(_merged(values, given)), model, name=name)
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(values)
+    for name, change in changes.items():
+        both = isinstance(change, dict) and isinstance(merged.get(name), dict)
+        merged[name] = _merged(merged[name], change) if both else change
+    return merged

@@ -1,0 +1,1 @@
+"""Draws from the posterior by chains, and the calibration of posteriors by simulation."""

@@ -1,0 +1,1 @@
+"""Route choice with many destinations and no discount: the recursive logit."""

@@ -1,1 +1,0 @@
-"""Route choice on networks: recursive logit with many destinations, undiscounted."""

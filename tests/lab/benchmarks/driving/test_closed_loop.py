@@ -1,0 +1,73 @@
+"""The closed-loop benchmark's plan and its summary."""
+
+import math
+from dataclasses import fields
+
+import pytest
+
+from lab.benchmarks.driving.closed_loop import ClosedLoopPlan
+from serd_core.errors import SerdError
+from sim.episodes.batch_summary import summarise
+from sim.episodes.metrics import EpisodeMetrics
+
+
+def row(seed, outcome, time_s, **values):
+    base = {
+        "planner": "dwa",
+        "scenario": "hallway",
+        "n_people": 30,
+        "start_area": "train",
+        "driver": "expert_with_flow",
+        "people_from": "given",
+        "guarded": 1,
+        "seed": seed,
+        "outcome": outcome,
+        "time_of_arrival_s": time_s,
+        "distance_m": 20.0 + seed,
+        "minimum_person_distance_m": 0.1 * seed,
+        "spl": 0.5,
+        "robot_on_person": 0,
+        "person_on_robot": seed,
+        "robot_on_wall": 0,
+        **{each.name: 0.5 for each in fields(EpisodeMetrics)},
+    }
+    return base | values
+
+
+def test_the_plan_has_every_combination_once():
+    plan = ClosedLoopPlan(n_seeds=3)
+    assert len(set(plan.tasks)) == len(plan.tasks) == 2 * 2 * 4 * 2 * 2 * 3
+    assert sum(task.people_from == "scan" for task in plan.tasks) == 2 * 4 * 2 * 2 * 3
+
+
+def test_a_summary_averages_over_the_episodes_of_a_condition():
+    rows = [row(1, "arrived", 50.0), row(2, "arrived", 60.0), row(3, "timeout", math.nan)]
+    (summary,) = summarise(rows)
+    assert summary.n_episodes == 3
+    assert summary.arrival_rate == pytest.approx(2 / 3)
+    assert summary.mean_time_of_arrival_s == pytest.approx(55.0)
+    assert summary.mean_distance_m == pytest.approx(22.0)
+    assert summary.person_on_robot == pytest.approx(2.0)
+    assert summary.minimum_person_distance_m == pytest.approx(0.1)
+
+
+def test_conditions_are_kept_apart():
+    rows = [row(1, "arrived", 50.0), row(1, "arrived", 40.0, planner="mppi")]
+    assert [summary.planner for summary in summarise(rows)] == ["dwa", "mppi"]
+
+
+def test_a_condition_without_arrivals_has_no_time_of_arrival():
+    (summary,) = summarise([row(1, "timeout", math.nan)])
+    assert math.isnan(summary.mean_time_of_arrival_s)
+
+
+def test_a_plan_without_seeds_is_refused():
+    with pytest.raises(SerdError, match="n_seeds must be at least 1, got 0; use 20"):
+        ClosedLoopPlan(n_seeds=0)
+
+
+def test_the_interval_of_the_arrival_rate_is_the_exact_one():
+    """Closed form where all n arrive: the lower end is 0.025 ** (1 / n)."""
+    (summary,) = summarise([row(seed, "arrived", 50.0) for seed in (1, 2, 3)])
+    assert summary.arrival_low == pytest.approx(0.025 ** (1 / 3))
+    assert summary.arrival_high == 1.0

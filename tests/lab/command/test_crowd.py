@@ -1,0 +1,124 @@
+"""`python -m lab crowd`: the crowd against measured ones, as a table and a picture."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from lab.crowd import comparison, corridor_measures
+from sim.crowd.social_force import model_names
+
+pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch):
+    monkeypatch.setattr(comparison, "DENSITIES", (0.5,))
+    defaults = corridor_measures.measure_simulation.__kwdefaults__
+    quick = defaults | {"settle_s": 5.0, "duration_s": 5.0}
+    monkeypatch.setattr(corridor_measures.measure_simulation, "__kwdefaults__", quick)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Eight people in a corridor of 4 m, four each way: half a person per square metre."""
+    frames = np.arange(150)
+    along = (frames - 75) / 25.0
+    rows = []
+    for person in range(8):
+        way, y_cm = (1, -150 + 40 * person) if person % 2 else (-1, -150 + 40 * person)
+        rows += [[person, f, 100 * way * x, y_cm, 170] for f, x in zip(frames, along, strict=True)]
+    path = tmp_path / "people.txt"
+    np.savetxt(path, rows)
+    return path
+
+
+def test_every_model_is_compared_with_weidmann_and_with_the_recording(lab, recording, tmp_path):
+    picture = tmp_path / "crowd.png"
+    ended = lab("crowd", "--recording", recording, "--output", picture, "--json")
+    rows = json.loads(ended.out)["rows"]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert [(row["model"], row["place"], row["flow"]) for row in rows] == [
+        (model, *place)
+        for model in model_names()
+        for place in (("Weidmann", "one way"), ("people", "two ways"))
+    ]
+    weidmann, people = rows[:2]
+    assert weidmann["measured_speed_mps"] == pytest.approx(1.30, abs=0.01)
+    assert people["measured_speed_mps"] == pytest.approx(1.0, abs=0.01)
+    assert 0.4 <= people["measured_nearest_m"] <= 0.8
+    assert 0.8 < weidmann["speed_mps"] < 1.5
+    assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
+
+
+def test_recordings_of_one_file_name_are_different_places(lab, recording, tmp_path):
+    given = []
+    for run in ("first", "second"):
+        (tmp_path / run).mkdir()
+        given += ["--recording", shutil.copy(recording, tmp_path / run)]
+    picture = tmp_path / "crowd.png"
+    ended = lab("crowd", *given, *given[:2], "--output", picture, "--json")
+    places = [row["place"] for row in json.loads(ended.out)["rows"]]
+    assert places[:3] == ["Weidmann", "first/people", "second/people"]
+
+
+def test_a_recording_along_y_with_other_frames_is_the_same(lab, recording, tmp_path):
+    rows = np.loadtxt(recording)[:, [0, 1, 3, 2, 4]]
+    turned = tmp_path / "turned.txt"
+    np.savetxt(turned, rows)
+    words = ("--fps", 16, "--width", 3, "--json", "--output", tmp_path / "crowd.png")
+    ended = lab("crowd", "--recording", turned, *words)
+    people = json.loads(ended.out)["rows"][1]
+    assert people["measured_speed_mps"] == pytest.approx(16 / 25, abs=0.01)
+    assert "corridor of 3 m along y" in ended.err
+
+
+def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(lab, recording, tmp_path):
+    rows = np.loadtxt(recording)
+    one, far = tmp_path / "one.txt", tmp_path / "far.txt"
+    np.savetxt(one, rows[rows[:, 0] == 0])
+    np.savetxt(far, rows, header="framerate: 25\nid frame x/mm y/mm z/mm")
+    for path, sentence in ((one, "at least 2, got 1"), (far, "check the unit")):
+        words = ("--recording", recording, "--recording", path)
+        ended = lab("crowd", *words, "--output", tmp_path / "crowd.png")
+        assert ended.code == 2
+        assert f"lab: {path}: " in ended.err
+        assert sentence in " ".join(ended.err.split())
+
+
+def test_people_elsewhere_do_not_widen_the_corridor(lab, recording, tmp_path):
+    rows = np.loadtxt(recording)
+    far = rows[rows[:, 0] == 0] + [9, 0, 0, 4000, 0]
+    path = tmp_path / "far.txt"
+    np.savetxt(path, np.concatenate([rows, far]))
+    ended = lab("crowd", "--recording", path, "--output", tmp_path / "crowd.png")
+    said = " ".join(ended.err.split())
+    assert "far.txt: agent 9, from row 1201, is more than 2 m away" in said
+    assert "far.txt: 8 people, corridor of 3.2 m along x, two ways" in said
+
+
+def test_without_a_recording_only_weidmann_is_there(lab, tmp_path):
+    ended = lab("crowd", "--output", tmp_path / "crowd.png")
+    assert "Weidmann, one way" in ended.out
+    assert "two ways" not in ended.out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--output", "crowd.jpg"), "--output must end in .png, got crowd.jpg"),
+        (("--recording", "none.txt"), "lab: cannot read none.txt: it does not exist"),
+        (
+            ("--output", "here.png/x.png"),
+            "cannot write here.png: a file of this name is in the way",
+        ),
+        (("--recroding", "none.txt"), "No such option"),
+        (("--fps", "0"), "--fps must be above 0, got 0"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(lab, words, sentence, tmp_path):
+    (tmp_path / "here" / "here.png").touch()
+    ended = lab("crowd", *words)
+    assert ended.code == 2
+    assert sentence in ended.err

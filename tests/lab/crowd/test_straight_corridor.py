@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from lab.crowd.corridor_measures import corridor_of
+from lab.crowd.straight_corridor import corridor_people
+from sim.errors import SimError
+from storage.trajectories.read import Track
+
+TIME_S = np.arange(0.0, 8.0, 0.1)
+
+
+def walk(agent, *, y_m, sign=1, angle_rad=0.0, x_m=0.0, time_s=TIME_S):
+    """10 m along the x axis, turned by an angle about the origin; 100 rows per agent."""
+    along = sign * (1.25 * TIME_S - 5.0) + x_m
+    places = np.stack([along, np.full_like(along, y_m)], axis=1)
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    turned = places @ np.array([[cos, sin], [-sin, cos]])
+    return Track(str(agent), time_s, turned, row=100 * agent + 1)
+
+
+def two_way(n=12, **how):
+    return [
+        walk(i, y_m=y_m, sign=(-1) ** i, **how) for i, y_m in enumerate(np.linspace(-1.5, 1.5, n))
+    ]
+
+
+@pytest.mark.parametrize("angle_deg", [-80, -46, -17, 17, 40, 50])
+def test_a_corridor_at_any_angle_has_the_width_of_one_along_an_axis(angle_deg):
+    found = corridor_people(two_way(angle_rad=np.deg2rad(angle_deg)))
+    corridor = corridor_of(found.tracks)
+    straight = corridor_of(corridor_people(two_way()).tracks)
+    assert found.axis == corridor.axis == (1 if abs(angle_deg) > 45 else 0)
+    assert (corridor.width_m, corridor.flow) == (straight.width_m, "two ways")
+    across = np.stack([track.position_m[:, 1 - found.axis] for track in found.tracks])
+    np.testing.assert_allclose(np.ptp(across, axis=1), 0.0, atol=1e-9)
+
+
+def test_a_turned_corridor_is_stated():
+    (sentence,) = corridor_people(two_way(angle_rad=np.deg2rad(17))).remarks
+    assert sentence == ("the corridor is at 17° to the x axis, so places are turned by that angle")
+    assert corridor_people(two_way(angle_rad=np.deg2rad(2))).remarks == ()
+
+
+def test_few_people_who_walk_aslant_do_not_turn_the_corridor():
+    tracks = two_way(5, angle_rad=np.deg2rad(8))
+    np.testing.assert_array_equal(
+        corridor_people(tracks).tracks[0].position_m, tracks[0].position_m
+    )
+
+
+@pytest.mark.parametrize(
+    "elsewhere",
+    [walk(20, y_m=40.0), walk(20, y_m=0.0, x_m=90.0), walk(20, y_m=-3.6)],
+    ids=["across", "along", "near"],
+)
+def test_a_person_away_from_the_corridor_is_left_out_with_the_row(elsewhere):
+    found = corridor_people([*two_way(), elsewhere])
+    assert (len(found.tracks), found.n_apart) == (12, 1)
+    assert found.remarks == (
+        "agent 20, from row 2001, is more than 2 m away from all who walk in the corridor;"
+        " left out",
+    )
+    assert corridor_of(found.tracks) == corridor_of(corridor_people(two_way()).tracks)
+
+
+def test_of_several_places_the_one_of_most_people_is_the_corridor():
+    others = [walk(20 + i, y_m=30.0 + i) for i in range(3)]
+    found = corridor_people([*others, *two_way()])
+    assert {int(track.agent) for track in found.tracks} == set(range(12))
+    assert "agent 20, from row 2001, is" in found.remarks[0]
+    assert found.remarks[0].endswith("corridor, as are 2 more; left out")
+
+
+def test_people_who_cross_are_refused():
+    across = [walk(20 + i, y_m=0.3 * i, angle_rad=np.pi / 2) for i in range(12)]
+    with pytest.raises(SimError, match="walk in several directions"):
+        corridor_people([*two_way(), *across])
+
+
+def test_people_who_stand_are_refused():
+    still = Track("1", TIME_S, np.zeros((len(TIME_S), 2)))
+    with pytest.raises(SimError, match="end where they begin"):
+        corridor_people([still])
+
+
+def test_an_id_that_is_used_again_is_another_person():
+    first, second = walk(1, y_m=0.0), walk(1, y_m=0.5, sign=-1, time_s=TIME_S + 60.0)
+    both = Track(
+        "1",
+        np.concatenate([first.time_s, second.time_s]),
+        np.concatenate([first.position_m, second.position_m]),
+        row=101,
+    )
+    found = corridor_people([both, *two_way()])
+    np.testing.assert_array_equal(found.tracks[1].position_m, second.position_m)
+    assert found.remarks == ("agent 1, from row 101, is away for 52 s; another person from there",)

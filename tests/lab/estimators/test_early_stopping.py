@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from lab.estimators.early_stopping import (
+    EarlyStopping,
+    fit_serd_with_early_stopping,
+    validation_score,
+)
+from lab.estimators.gradient_ascent import GradientAscent
+from serd_core.ascent.ascent import FunctionObjective
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.errors import SerdError
+from serd_core.learners.serd import SerdSettings, fit_mdce_serd
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.beliefs import FixedBelief, TiedBelief
+from serd_core.priors.prior import UniformPrior
+from serd_core.selection.evaluation import validation_log_likelihood
+from serd_core.selection.prior_weight import split_episodes
+
+
+def slope(vector):
+    return -float(vector @ vector) / 2, -vector
+
+
+def test_the_step_with_the_best_score_is_returned():
+    ascent = EarlyStopping(
+        GradientAscent(step_size=lambda _: 0.1), lambda v: -abs(float(v[0]) - 0.5), patience=3
+    )
+    found = ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+    assert found.vector[0] == pytest.approx(0.9**7)
+    assert found.n_steps == 7
+    assert len(found.objective_trace) == 7
+    assert not found.converged
+    assert found.message.startswith("stopped early: best validation score")
+
+
+def test_a_start_without_a_score_is_refused_and_does_not_win():
+    ascent = EarlyStopping(GradientAscent(), lambda _: float("nan"))
+    with pytest.raises(SerdError, match="score of the start must be a number, got nan"):
+        ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+
+
+def test_known_dynamics_with_zeros_can_be_stopped_early(gridworld):
+    training, validation = split_episodes(gridworld.decisions, 0.3, np.random.default_rng(0))
+    fit = fit_serd_with_early_stopping(
+        gridworld.problem,
+        training,
+        validation,
+        MdcePolicy(),
+        SerdSettings(belief=FixedBelief()),
+        initial_weights=np.zeros(2),
+        dynamics=gridworld.probabilities,
+    )
+    np.testing.assert_allclose(fit.outcome_probabilities, gridworld.probabilities, rtol=1e-12)
+    assert np.all(np.isfinite(fit.reward_weights))
+
+
+def test_a_score_that_keeps_growing_changes_nothing():
+    inner = GradientAscent(step_size=lambda _: 0.5)
+    plain = inner.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+    watched = EarlyStopping(inner, lambda v: -abs(float(v[0]))).maximise(
+        FunctionObjective(slope), np.array([1.0]), lambda _: False
+    )
+    assert watched.converged
+    np.testing.assert_array_equal(watched.vector, plain.vector)
+
+
+def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=12, n_steps=8)
+    training, validation = split_episodes(case.decisions, 0.5, np.random.default_rng(0))
+    start = {
+        "initial_weights": np.array([-4.0, 9.0]),
+        "dynamics": estimate_dynamics(case.problem, training),
+    }
+    scores = []
+    fit = fit_serd_with_early_stopping(
+        case.problem, training, validation, MdcePolicy(), SerdSettings(), patience=15, **start
+    )
+    score = validation_score(case.problem, validation, MdcePolicy(), TiedBelief(), fit.parameters)
+    fit_mdce_serd(
+        case.problem,
+        training,
+        prior=UniformPrior(),
+        on_step=lambda step: scores.append(score(step.vector)),
+        **start,
+    )
+    reached = validation_log_likelihood(case.problem, validation, fit)
+    assert reached == pytest.approx(max(scores[: fit.n_steps + 15]), abs=1e-6)
+    assert reached > scores[-1]
+    assert not fit.converged
+    assert fit.message.startswith("stopped early")
+
+
+def test_a_patience_of_no_step_is_refused():
+    with pytest.raises(SerdError, match="patience must be at least 1, got 0"):
+        EarlyStopping(Lbfgs(), lambda _: 0.0, patience=0)

@@ -1,0 +1,133 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab.estimators.multi_start import describe, differences, multi_start
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.errors import SerdError
+from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
+from serd_core.posterior.parameters import Block
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+
+
+@pytest.fixture
+def always_a():
+    """Thirty decisions for a, two thirds of which led on."""
+    zeros = np.zeros(30, int)
+    return Decisions(np.arange(30), zeros.astype(float), zeros, zeros, np.array([0, 1, 1] * 10))
+
+
+def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a):
+    """Both explanations of section 4.6.1: b leads on less often, or more often, than a."""
+    prior = KldPrior(0.1) + GaussianPrior(2.0, Block.REWARD)
+    found = multi_start(
+        lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=prior),
+        12,
+        np.random.default_rng(0),
+    )
+    assert found.n_converged == 12
+    assert len(found.explanations) == 2
+    signs = {float(np.sign(one.fit.reward_weights[0])) for one in found.explanations}
+    assert signs == {-1.0, 1.0}
+    assert sorted(start for one in found.explanations for start in one.starts) == list(range(12))
+    assert found.best.objective == max(fit.objective for fit in found.fits)
+    first, second = (one.fit for one in found.explanations)
+    named = differences(first, second, largest=1)[0]
+    assert named.name == "reward state"
+    assert named.first == first.reward_weights[0]
+    lines = describe(found).splitlines()
+    assert lines[0] == "2 distinct explanation(s) from 12 starts (12 converged)"
+    assert lines[2].startswith("2. objective ")
+    assert "differs from 1 in reward state" in lines[2]
+
+
+def test_one_optimum_is_one_explanation(gridworld):
+    found = multi_start(
+        lambda rng: fit_mdce_serd(
+            gridworld.problem, gridworld.decisions, rng=rng, prior=KldPrior(1.0)
+        ),
+        3,
+        np.random.default_rng(0),
+    )
+    assert len(found.explanations) == 1
+    assert found.explanations[0].starts == (0, 1, 2)
+
+
+def test_one_seed_gives_the_same_fits(minimum_example, always_a):
+    prior = KldPrior(1.0) + GaussianPrior(2.0, Block.REWARD)
+
+    def run():
+        return multi_start(
+            lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=prior),
+            1,
+            np.random.default_rng(5),
+        )
+
+    np.testing.assert_array_equal(run().best.reward_weights, run().best.reward_weights)
+
+
+def test_no_starts_are_refused():
+    with pytest.raises(SerdError, match="n_starts must be a whole number of at least 1, got 0"):
+        multi_start(lambda _: None, 0, np.random.default_rng(0))
+    with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
+        multi_start(lambda _: None, 2, 3)
+
+
+def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
+    """Rewards and temperature ten times as large choose alike."""
+    prior = GaussianPrior(2.0, Block.REWARD) + GaussianPrior(0.1, Block.POLICY, 1.0)
+    one = fit_pm_serd(
+        minimum_example, always_a, initial_weights=np.ones(1), prior=prior + DirichletPrior(1.0)
+    )
+    ten_times = one.parameters.with_block(Block.REWARD, 10 * one.reward_weights)
+    large = replace(one, parameters=ten_times, temperature=10 * one.temperature)
+    other = replace(one, parameters=ten_times)
+    assert len(multi_start(iter_of(one, large), 2, np.random.default_rng(0)).explanations) == 1
+    assert len(multi_start(iter_of(one, other), 2, np.random.default_rng(0)).explanations) == 2
+
+
+def iter_of(*fits):
+    """A learner that returns these fits one after the other."""
+    remaining = iter(fits)
+    return lambda _: next(remaining)
+
+
+def test_fits_that_did_not_converge_are_no_explanations(gridworld):
+    """Half of the starts get one step only, so they end in places of their own."""
+    numbers = iter(range(6))
+
+    def fit(rng):
+        steps = 200 if next(numbers) % 2 else 1
+        return fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            rng=rng,
+            prior=KldPrior(1.0),
+            ascent=TrustRegion(max_steps=steps),
+        )
+
+    found = multi_start(fit, 6, np.random.default_rng(0))
+    assert found.unconverged == (0, 2, 4)
+    assert [one.starts for one in found.explanations] == [(1, 3, 5)]
+    assert found.best.converged
+    lines = describe(found).splitlines()
+    assert lines[0] == "1 distinct explanation(s) from 6 starts (3 converged)"
+    assert lines[1] == "fits that did not converge and are no explanation: starts 0, 2, 4"
+
+
+def test_no_fit_that_converged_leaves_no_best_one(gridworld):
+    found = multi_start(
+        lambda rng: fit_mdce_serd(
+            gridworld.problem, gridworld.decisions, rng=rng, ascent=TrustRegion(max_steps=1)
+        ),
+        2,
+        np.random.default_rng(0),
+    )
+    assert found.explanations == ()
+    assert describe(found).startswith("0 distinct explanation(s) from 2 starts (0 converged)")
+    with pytest.raises(SerdError, match="at least one of 2 fits must have converged, got none"):
+        _ = found.best

@@ -1,0 +1,113 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from lab.experiments.study.arrival.distances import ArrivalTables, distance_row, ks_p_value
+from lab.experiments.study.arrival.stage import measured_cdf, sampled_cdf
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.policies.solved_policy import optimal_policy
+
+PERIOD_S = 2.0
+
+
+def step_at(period, periods=20):
+    return (np.arange(periods + 1) >= period).astype(float)
+
+
+def tables(predicted, measured, n_episodes=10):
+    return ArrivalTables(np.array(predicted), np.array(measured), n_episodes, PERIOD_S)
+
+
+def test_a_prediction_that_is_two_periods_late_is_four_seconds_off(settings):
+    late = tables([step_at(12)] * 3, [step_at(10)] * 3)
+    row = distance_row(late, settings.statistics, np.random.default_rng(0))
+    assert row["ks"] == 1.0
+    assert row["wasserstein_s"] == row["crps_s"] == 2 * PERIOD_S
+    assert row["predicted_mean_s"] - row["measured_mean_s"] == pytest.approx(2 * PERIOD_S)
+    assert row["arrival_error"] == 0.0
+    assert row["ks_p_value"] < 0.01
+
+
+def test_a_perfect_prediction_has_no_distance(settings):
+    right = tables([step_at(10)] * 3, [step_at(10)] * 3)
+    row = distance_row(right, settings.statistics, np.random.default_rng(0))
+    assert row["ks"] == row["wasserstein_s"] == row["crps_s"] == 0.0
+    assert row["ks_p_value"] == 1.0
+
+
+def test_errors_that_cancel_out_are_seen_by_the_score_alone(settings):
+    crossed = tables([step_at(8), step_at(12)], [step_at(12), step_at(8)])
+    row = distance_row(crossed, settings.statistics, np.random.default_rng(0))
+    assert row["ks"] == 0.0
+    assert row["crps_s"] == 4 * PERIOD_S
+
+
+def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(settings):
+    rng = np.random.default_rng(2)
+    measured = np.sort(rng.random((3, 21)))
+    measured[:, -1] = 0.8
+    late = tables(0.5 * measured, measured)
+    row = distance_row(late, settings.statistics, rng)
+    # Who never arrives counts with the limit, 20 periods, in both means.
+    assert row["wasserstein_s"] == pytest.approx(row["predicted_mean_s"] - row["measured_mean_s"])
+    assert row["arrival_error"] == pytest.approx(-0.4)
+    assert late.measured_means_s.mean() == pytest.approx(row["measured_mean_s"])
+
+
+def test_a_mean_time_counts_who_never_arrives_with_the_limit():
+    half = 0.5 * step_at(10)
+    assert tables([half], [half]).measured_means_s == pytest.approx([0.5 * 20.0 + 0.5 * 40.0])
+
+
+def test_arrivals_that_are_certain_have_no_error_by_rounding(settings):
+    nearly = tables([step_at(10) - 1e-15] * 3, [step_at(10)] * 3)
+    row = distance_row(nearly, settings.statistics, np.random.default_rng(0))
+    assert row["arrival_error"] == row["arrival_error_lower"] == row["arrival_error_upper"] == 0.0
+
+
+def test_models_that_always_or_never_arrive_leave_their_share_uncertain(settings):
+    never = np.zeros(21)
+    mixed = [step_at(10), never] * 3
+    row = distance_row(tables(mixed, mixed, 1000), settings.statistics, np.random.default_rng(0))
+    assert row["measured_arrival"] == 0.5
+    assert row["measured_arrival_lower"] <= 0.2
+    assert row["measured_arrival_upper"] >= 0.8
+
+
+def test_the_score_is_that_of_its_definition_episode_by_episode():
+    rng = np.random.default_rng(5)
+    predicted = np.sort(rng.random(21))
+    arrived = rng.integers(1, 30, size=6)
+    measured = np.mean([step_at(each) for each in arrived], axis=0)
+    gaps = [(predicted - step_at(each))[:-1] for each in arrived]
+    expected = np.mean([PERIOD_S * (gap**2).sum() for gap in gaps])
+    assert tables([predicted], [measured], 6).scores[0] == pytest.approx(expected)
+
+
+def test_the_test_accepts_episodes_that_were_drawn_from_the_prediction():
+    rng = np.random.default_rng(6)
+    predicted = np.cumsum(np.full(21, 0.04))
+    p_values = []
+    for _ in range(40):
+        shares = np.diff(predicted, prepend=0.0, append=1.0)
+        counts = rng.multinomial(50, shares / shares.sum())[:-1]
+        p_values.append(ks_p_value(tables([predicted], [counts.cumsum() / 50], 50), 200, rng))
+    assert np.mean(np.array(p_values) < 0.05) < 0.15
+    assert 0.3 < np.mean(p_values) < 0.7
+
+
+def test_measured_times_are_rounded_up_to_whole_periods_and_what_never_arrived_stays_out():
+    rows = pd.DataFrame({"arrived": [True, True, False, True], "time_s": [2.05, 4.0, 10.0, 9.95]})
+    np.testing.assert_allclose(measured_cdf(rows, 2.0, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])
+
+
+def test_sampled_trajectories_arrive_as_the_chain_says(study, problem, shipped_training):
+    truth = estimate_dynamics(problem, shipped_training)
+    greedy = optimal_policy(problem, np.array([5.0, 1.0, 0.0]), truth).greedy
+    policy = np.eye(5)[greedy]
+    starts = study.starts
+    chain = arrival_time_distribution(problem, policy, truth, starts, 60).cdf
+    sampled = sampled_cdf(problem, policy, truth, starts, 60, 4000, np.random.default_rng(1))
+    # Dvoretzky-Kiefer-Wolfowitz: beyond this in one of 10^6 samples.
+    assert np.abs(chain - sampled).max() < np.sqrt(np.log(2e6) / (2 * 4000))

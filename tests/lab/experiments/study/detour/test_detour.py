@@ -1,0 +1,117 @@
+"""The detour study in miniature, and its parts."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lab.experiments.study.detour.decoy import with_forward
+from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD, model_divergences
+from lab.experiments.study.detour.run import run_detour, stages_of
+from lab.experiments.study.detour.settings import DetourStudy, detour_settings
+from lab.experiments.study.detour.tables import decoy_summary, headline, summary_of
+from serd_core.errors import SerdError
+from serd_core.grid.navigation import AGAINST_FLOW
+from sim.episodes.execution import Execution
+from sim.scenario.grid import flow_of, grid_of
+from sim.scenario.scenario import load_scenario
+from support.changed_scenario import changed_scenario
+
+TINY = """
+scenario: {scenario}
+people: 4
+demonstrations: {{training: 2, test: 1, transfer: 1}}
+reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 16.0}}
+learning: {{repetitions: 2, sizes: [2]}}
+pseudo_counts: [0.3, 1.0]
+decoy: {{truths: [0.3], repetitions: 2, sizes: [2]}}
+statistics: {{bootstrap: 20}}
+"""
+NEAR = {
+    "train: [[13, 7], [17, 7], [17, 9], [13, 9]]": "train: [[0, 3], [4, 3], [4, 5], [0, 5]]",
+    "transfer: [[9, 0], [12, 0], [12, 4], [9, 4]]": "transfer: [[6, 0], [8, 0], [8, 4], [6, 4]]",
+    "episode_timeout_s: 160.0": "episode_timeout_s: 24.0",
+    "warm_up_s: 10.0": "warm_up_s: 1.0",
+}
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """Near the goal and short of time, so that an episode takes a moment."""
+    scenario = changed_scenario(tmp_path, "ring", NEAR)
+    config = tmp_path / "tiny.yaml"
+    config.write_text(TINY.format(scenario=scenario))
+    return detour_settings(config=config)
+
+
+@pytest.mark.slow
+def test_every_stage_leaves_its_products_from_which_tables_and_the_figure_are_made(
+    settings, tmp_path
+):
+    folder, calls = tmp_path / "detour", []
+    tables = run_detour(settings, folder, Execution(n_jobs=1), lambda *each: calls.append(each))
+    assert not any(stage.missing for stage in stages_of(DetourStudy(settings, folder / "work")))
+    measures = tables["measures"]
+    assert set(measures["method"]) == {SERD, COUNTED, INFORMED}
+    assert set(measures["reward"]) == set(REWARDS)
+    driven = measures[measures["driven"].notna()]
+    assert set(driven["reward"]) == {"goal and wall"}
+    assert driven["driven"].between(0, 12.1).all()
+    informed = measures[measures["method"] == INFORMED]
+    np.testing.assert_allclose(informed["divergence_against_flow"], 0.0, atol=1e-9)
+    assert set(measures[measures["method"] == COUNTED]["chosen"]) <= {0.3, 1.0}
+    assert list(headline(tables)["method"]) == [SERD, COUNTED]
+    assert len(tables["decoy"]) == 2
+    for name in ("detour.png", "detour.svg", "paired.csv", "decoy_summary.csv", "settings.yaml"):
+        assert (folder / name).stat().st_size > 100
+
+
+def test_everybody_walks_one_way_and_the_short_way_of_the_transfer_task_is_against_it():
+    scenario = load_scenario("ring")
+    grid = grid_of(scenario)
+    flow = flow_of(scenario, grid)
+    assert np.all(flow >= 0)
+    south = grid.centers_m[:, 1] < 1.0
+    middle = south & (np.abs(grid.centers_m[:, 0] - 8.0) < 3.0)
+    assert set(flow[middle]) == {2}  # east, away from the goal
+    (start, _), (goal, _) = scenario.start_areas_m["transfer"][0], scenario.goal_area_m[1]
+    assert start > goal
+
+
+def test_a_decoy_changes_one_probability_and_scales_its_row():
+    truth = np.full((4, 5), 0.2)
+    table = with_forward(truth, 0.6)
+    np.testing.assert_allclose(table[AGAINST_FLOW], [0.1, 0.6, 0.1, 0.1, 0.1])
+    np.testing.assert_array_equal(np.delete(table, AGAINST_FLOW, 0), truth[1:])
+
+
+def test_divergences_are_of_each_model_by_itself():
+    truth, estimate = np.array([[0.5, 0.5], [1.0, 0.0]]), np.array([[0.5, 0.5], [0.25, 0.75]])
+    np.testing.assert_allclose(model_divergences(truth, estimate), [0.0, np.log(4.0)])
+
+
+def test_a_median_beyond_the_time_limit_is_empty():
+    place = {"size": 2, "reward": "r", "method": SERD, "converged": True, "value": 1.0}
+    times = ((10, 12, 8.0), (None, 14, 9.0), (None, 16, 40.0))
+    rows = [
+        place | {"predicted": one, "predicted_by_truth": two, "driven": three}
+        for one, two, three in times
+    ]
+    (found,) = summary_of(pd.DataFrame(rows), ["value"]).to_dict("records")
+    assert np.isnan(found["predicted"])
+    assert (found["predicted_by_truth"], found["driven"]) == (14.0, 9.0)
+
+
+def test_decoys_are_grouped_by_moves_seen():
+    row = {"truth": 0.5, "converged": True, "lower": 0.1, "median": 0.3, "upper": 0.4}
+    rows = [row | {"moves": moves, "from_choices": 0.0} for moves in (0.0, 3.0, 25.0)]
+    rows[2]["upper"] = 0.6
+    table = decoy_summary(pd.DataFrame(rows)).set_index("moves")
+    assert list(table.index) == ["0", "1–5", "6–25"]
+    assert list(table["coverage"]) == [0.0, 0.0, 1.0]
+
+
+def test_sizes_beyond_what_is_recorded_are_rejected(tmp_path):
+    config = tmp_path / "large.yaml"
+    config.write_text("learning: {sizes: [2, 40]}")
+    with pytest.raises(SerdError, match=r"at most demonstrations.training \(10\), got \[2, 40\]"):
+        detour_settings(config=config)

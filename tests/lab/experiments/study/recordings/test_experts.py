@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from lab.experiments.study.recordings.experts import BELIEFS, planned_policy
+from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
+
+TRUTH = np.array(
+    [
+        [0.03, 0.94, 0.01, 0.01, 0.01],
+        [0.43, 0.53, 0.015, 0.01, 0.015],
+        [0.2, 0.78, 0.007, 0.006, 0.007],
+        [0.93, 0.02, 0.02, 0.015, 0.015],
+    ]
+)
+
+
+@pytest.mark.parametrize("name", BELIEFS)
+def test_what_an_expert_believes_is_a_probability(name):
+    belief = BELIEFS[name](TRUTH)
+    assert (belief >= 0).all()
+    np.testing.assert_allclose(belief.sum(axis=1), 1.0)
+
+
+def test_who_errs_errs_about_the_crowd_alone():
+    for name in ("ignores_crowd", "fears_crowd"):
+        belief = BELIEFS[name](TRUTH)
+        np.testing.assert_array_equal(belief[[WITH_FLOW, WAITING]], TRUTH[[WITH_FLOW, WAITING]])
+        assert not np.allclose(belief[AGAINST_FLOW], TRUTH[AGAINST_FLOW])
+    assert BELIEFS["fears_crowd"](TRUTH)[ACROSS_FLOW, 0] == pytest.approx(0.65)
+
+
+def test_who_ignores_the_crowd_walks_against_it_more_readily(settings, problem):
+    policies = {
+        name: planned_policy(problem, name, settings.beliefs.reward_weights, TRUTH)
+        for name in BELIEFS
+    }
+    # Lower left: people walk against a robot that goes north.
+    against = problem.outcome_models.model_of == AGAINST_FLOW
+    chosen = {name: policy[against].mean() for name, policy in policies.items()}
+    assert chosen["ignores_crowd"] > chosen["knows"] > chosen["fears_crowd"]

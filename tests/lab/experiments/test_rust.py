@@ -1,0 +1,95 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from lab.experiments.rust import (
+    HEADER_LENGTH,
+    KEEP,
+    REPLACE,
+    RustConfig,
+    as_decisions,
+    monthly_increments,
+    rust_problem,
+    sparse_rust_problem,
+    states_and_decisions,
+)
+
+
+def bus(odometer, first=0.0, second=0.0):
+    header = np.zeros(HEADER_LENGTH)
+    header[[5, 8]] = [first, second]
+    return np.concatenate([header, odometer])
+
+
+def test_a_replacement_resets_the_mileage_and_falls_in_the_month_before():
+    column = bus([4000.0, 9000.0, 12000.0, 16000.0, 21000.0], first=11000.0)
+    state, decision = states_and_decisions(column, 5000.0)
+    np.testing.assert_array_equal(decision, [KEEP, REPLACE, KEEP, KEEP, KEEP])
+    np.testing.assert_array_equal(state, [0, 1, 0, 0, 1])
+    np.testing.assert_array_equal(monthly_increments(state, decision), [1, 1, 0, 1])
+
+
+def test_bins_close_at_their_upper_edge():
+    state, _ = states_and_decisions(bus([5000.0, 5000.5]), 5000.0)
+    np.testing.assert_array_equal(state, [0, 1])
+
+
+def test_replacing_goes_on_from_the_first_bin():
+    problem = rust_problem(n_bins=6, n_increments=3, discount=0.9)
+    successors = problem.mdp.transitions.successors
+    np.testing.assert_array_equal(successors[4, KEEP], [4, 5, 5])
+    np.testing.assert_array_equal(successors[4, REPLACE], successors[0, KEEP])
+    np.testing.assert_allclose(problem.features[4, KEEP], [-0.004, 0.0])
+    np.testing.assert_allclose(problem.features[4, REPLACE], [0.0, -1.0])
+
+
+def test_each_bus_month_carries_the_increment_that_led_into_it():
+    rows = np.array([[0, 1, KEEP], [0, 3, REPLACE], [1, 5, KEEP]])
+    decisions = as_decisions(rows, np.array([1, 2, 2]), n_bins=6)
+    np.testing.assert_array_equal(decisions.next_state, [2, 2, 5])
+    np.testing.assert_array_equal(decisions.episodes, [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"groups": (9,)}, "groups.0\n.* less than or equal to 8"),
+        ({"groups": ()}, "groups\n.* at least 1 item"),
+        ({"n_bins": 1}, "n_bins\n.* greater than or equal to 2"),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(change, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        RustConfig(data=Path(), **change)
+
+
+def test_a_sparse_model_of_the_transitions_gives_the_same_likelihood_and_gradient():
+    logits = np.array([0.4, -1.2])
+    share = np.exp(np.append(0.0, logits))
+    share /= share.sum()
+    local, sparse = rust_problem(6, 3, 0.9), sparse_rust_problem(6, 3, 0.9)
+    entries = sparse.mdp.transitions.local_probabilities(logits)
+    given = local.mdp.transitions
+    np.testing.assert_allclose(
+        sparse.mdp.transitions.entries(entries), given.entries(share[None]), atol=1e-15
+    )
+    weights = np.random.default_rng(0).normal(size=len(entries))
+    step = 1e-6
+    differences = [
+        weights
+        @ (
+            sparse.mdp.transitions.local_probabilities(logits + step * unit)
+            - sparse.mdp.transitions.local_probabilities(logits - step * unit)
+        )
+        / (2 * step)
+        for unit in np.eye(2)
+    ]
+    found = sparse.mdp.transitions.pull_back(logits, weights)
+    np.testing.assert_allclose(found, differences, atol=1e-8)
+
+
+def test_unknown_transitions_are_refused():
+    with pytest.raises(ValidationError, match="'outcomes' or 'sparse'"):
+        RustConfig(data=Path(), transitions="dense")

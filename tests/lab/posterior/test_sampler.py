@@ -1,0 +1,82 @@
+import importlib
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from lab.posterior import sampler
+from lab.posterior.sampler import sample_posterior
+from serd_core.bayes.modes import posterior_modes
+from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.learners.serd import fit_mdce_serd
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
+
+GIVEN = PriorByEvidence(deviation=3.0, pseudo_count=1.0)
+
+
+@pytest.fixture
+def counted():
+    """One action, whose two outcomes were seen 9 and 3 times: a beta posterior, and no choices."""
+    successors = np.zeros((2, 1, 2), int)
+    successors[0, 0], successors[1, 0] = [0, 1], 1
+    models = OutcomeModels(successors, np.zeros((2, 1), int), np.ones((2, 1), bool), 1)
+    problem = TabularProblem(Mdp(models, 0.5), np.ones((2, 1, 1)), ("constant",))
+    zeros = np.zeros(12, int)
+    following = np.repeat([0, 1], [9, 3])
+    return problem, Decisions(np.arange(12), zeros * 1.0, zeros, zeros, following)
+
+
+def test_the_sampler_draws_from_a_known_posterior(counted):
+    problem, decisions = counted
+    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
+    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=2)
+    found = sample_posterior(problem, modes, np.random.default_rng(0), n_draws=400, n_warm_up=100)
+    exact = scipy.stats.beta(10, 4)
+    first = found.draws.outcome_probabilities[:, 0, 0]
+    assert first.mean() == pytest.approx(exact.mean(), abs=0.02)
+    for level in (0.1, 0.5, 0.9):
+        assert np.quantile(first, level) == pytest.approx(exact.ppf(level), abs=0.03)
+    # The weight of a constant feature keeps its prior.
+    assert found.draws.reward.std() == pytest.approx(3.0, rel=0.15)
+    assert found.r_hat <= 1.01
+    assert found.n_effective >= 400
+    posterior = found.inference_data.posterior
+    assert posterior["outcome_probabilities"].shape == (4, 400, 1, 2)
+    assert list(posterior["feature"].values) == ["constant"]
+
+
+def test_chains_that_did_not_mix_are_no_result(counted):
+    problem, decisions = counted
+    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
+    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
+    with pytest.raises(SerdError, match=r"chains must have mixed, with R-hat at most 1\.01, 400"):
+        sample_posterior(problem, modes, np.random.default_rng(0), n_draws=8, n_warm_up=4)
+    stuck = np.repeat(np.arange(4.0), 500).reshape(4, 500, 1)
+    stuck = stuck + 0.01 * np.random.default_rng(0).normal(size=stuck.shape)
+    with pytest.raises(SerdError, match="take more draws"):
+        sampler._require_mixed(importlib.import_module("arviz"), stuck, np.zeros((4, 500)))
+
+
+def test_a_missing_library_is_named(counted, monkeypatch):
+    problem, decisions = counted
+    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
+    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
+
+    def missing(name: str):
+        raise ImportError(name)
+
+    monkeypatch.setattr(sampler.importlib, "import_module", missing)
+    with pytest.raises(SerdError, match="needs the library arviz, which is not installed"):
+        sample_posterior(problem, modes, np.random.default_rng(0))
+
+
+def test_too_few_chains_are_rejected(counted):
+    problem, decisions = counted
+    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
+    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
+    with pytest.raises(SerdError, match="n_chains must be a whole number of at least 2, got 1"):
+        sample_posterior(problem, modes, np.random.default_rng(0), n_chains=1)

@@ -1,0 +1,203 @@
+"""Recursive logit: enumerated routes, derivatives, convergence of the series, and recovery."""
+
+import re
+
+import numpy as np
+import pytest
+
+import serd_core as sc
+from lab.routes.network import RouteNetwork, Trips, trips_on
+from lab.routes.recursive_logit import RouteLikelihood, fit_routes, route_values, sample_routes
+
+
+def grid_network(side=4, seed=0):
+    """Directed links between neighbours of a grid; turns with a time, a constant and u-turns."""
+    nodes = [(r, c) for r in range(side) for c in range(side)]
+    links = [
+        (a, (a[0] + dr, a[1] + dc))
+        for a in nodes
+        for dr, dc in ((0, 1), (1, 0), (0, -1), (-1, 0))
+        if (a[0] + dr, a[1] + dc) in nodes
+    ]
+    time = np.random.default_rng(seed).uniform(0.5, 1.5, len(links))
+    pairs = [(i, j) for i, (_, b) in enumerate(links) for j, (c, _) in enumerate(links) if b == c]
+    first, second = np.array(pairs).T
+    back = [links[i][0] == links[j][1] for i, j in pairs]
+    features = np.stack([time[second], np.ones(len(pairs)), np.array(back, float)], axis=1)
+    return RouteNetwork(len(links), first, second, features, ("time", "links", "u-turn"))
+
+
+WEIGHTS = np.array([-1.0, -0.8, -2.0])
+
+
+def simulated(n_trips=200, seed=1, n_goals=5):
+    network, rng = grid_network(), np.random.default_rng(seed)
+    goals = rng.choice(network.n_links, n_goals, replace=False)[rng.integers(n_goals, size=n_trips)]
+    origins = rng.integers(network.n_links, size=n_trips)
+    routes = sample_routes(network, WEIGHTS, origins, goals, rng=rng)
+    return network, trips_on(network, goals, routes)
+
+
+def test_without_cycles_probabilities_are_those_of_the_enumerated_routes():
+    """0 -> {1, 2} -> 3, 1 -> 2: three routes."""
+    turns = np.array([(0, 1), (0, 2), (1, 3), (2, 3), (1, 2)])
+    cost = np.array([1.0, 2.0, 1.0, 0.5, 0.3])
+    network = RouteNetwork(4, *turns.T, cost[:, None], ("cost",))
+    routes = [[0, 1, 3], [0, 2, 3], [0, 1, 2, 3]]
+    utilities = -1.5 * np.array([2.0, 2.5, 1.8])
+    expected = utilities - np.log(np.sum(np.exp(utilities)))
+    for route, log_probability in zip(routes, expected, strict=True):
+        likelihood = RouteLikelihood(network, trips_on(network, [3], [route]))
+        assert likelihood.evaluate(np.array([-1.5]))[0] == pytest.approx(log_probability, rel=1e-12)
+
+
+def test_value_is_that_of_the_soft_mdp_whose_discount_goes_to_one():
+    network = grid_network(3)
+    goal, n_links = 7, network.n_links
+    utility, rows = network.features @ WEIGHTS, []
+    for link in range(n_links):
+        turns = np.flatnonzero(network.from_link == link)
+        steps = [(int(network.to_link[t]), float(utility[t])) for t in turns]
+        steps += [(n_links, 0.0)] if link == goal else []
+        rows += [(link, a, s, r) for a, (s, r) in enumerate(steps)]
+    rows.append((n_links, 0, n_links, 0.0))
+    state, action, following = np.array([row[:3] for row in rows]).T
+    transitions = np.zeros((n_links + 1, 1 + int(action.max()), n_links + 1))
+    features = np.zeros((*transitions.shape[:2], 1))
+    transitions[state, action, following] = 1.0
+    features[state, action, 0] = [row[3] for row in rows]
+    problem = sc.from_transitions(transitions, features, discount=1.0 - 1e-9, terminal=[n_links])
+    expected = sc.soft_policy(problem, [1.0]).value[:n_links]
+    found = route_values(network, WEIGHTS, [goal])[:, 0]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_gradient_scores_and_hessian_are_those_of_differences():
+    network, trips = simulated(50)
+    likelihood, step = RouteLikelihood(network, trips), 1e-5
+    _, gradient = likelihood.evaluate(WEIGHTS)
+    hessian = likelihood.hessian(WEIGHTS)
+    np.testing.assert_allclose(likelihood.scores(WEIGHTS).sum(axis=0), gradient, atol=1e-9)
+    for f in range(3):
+        unit = step * np.eye(3)[f]
+        above, below = likelihood.evaluate(WEIGHTS + unit), likelihood.evaluate(WEIGHTS - unit)
+        assert (above[0] - below[0]) / (2 * step) == pytest.approx(gradient[f], rel=1e-6, abs=1e-6)
+        np.testing.assert_allclose(
+            (above[1] - below[1]) / (2 * step), hessian[f], rtol=1e-6, atol=1e-5
+        )
+    assert np.all(np.linalg.eigvalsh(hessian) < 0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_series_converges_where_the_spectral_radius_is_below_one(seed):
+    """Random networks with weights just below and above the limit."""
+    rng = np.random.default_rng(seed)
+    pairs = np.argwhere(rng.random((12, 12)) < 0.3)
+    network = RouteNetwork(12, *pairs.T, np.ones((len(pairs), 1)), ("links",))
+    radius = np.max(np.abs(np.linalg.eigvals(network.matrix(np.ones(len(pairs))).toarray())))
+    limit = -np.log(radius)
+    assert np.all(np.isfinite(route_values(network, [limit - 1e-3], [0])[0]))
+    with pytest.raises(sc.SerdError, match=r"but the spectral radius of .* is 1 or more at"):
+        route_values(network, [limit + 1e-3], [0])
+
+
+def test_weights_are_recovered_with_their_errors_from_many_destinations():
+    away = []
+    for seed in range(12):
+        fit = fit_routes(*simulated(400, seed))
+        assert fit.converged
+        away.append((fit.weights - WEIGHTS) / fit.standard_errors)
+        np.testing.assert_allclose(fit.robust_errors, fit.standard_errors, rtol=0.3)
+    assert np.all(np.abs(np.mean(away, axis=0)) < 3 / np.sqrt(12))
+    assert np.all(np.sum(np.square(away), axis=0) < 30)  # chi-squared of 12: 0.998
+    assert "u-turn" in fit.summary()
+
+
+def test_a_feature_that_no_turn_has_is_named_as_undetermined_by_infinite_errors():
+    network, trips = simulated(60)
+    zero = np.zeros((len(network.from_link), 1))
+    wider = RouteNetwork(
+        network.n_links,
+        network.from_link,
+        network.to_link,
+        np.concatenate([network.features, zero], axis=1),
+        (*network.feature_names, "bridge"),
+    )
+    features = np.concatenate([trips.features, np.zeros((len(trips), 1))], axis=1)
+    fit = fit_routes(wider, Trips(trips.origin, trips.destinations, trips.to, features))
+    assert not fit.converged
+    assert re.search("nothing determines [-+]1.00 bridge; leave these features out", fit.message)
+    assert np.all(np.isinf(fit.standard_errors))
+    assert fit.summary().startswith("converged: no")
+
+
+def test_scaling_a_feature_scales_its_weight():
+    network, trips = simulated(100)
+    scale = np.array([1e4, 1.0, 1e-4])
+    other = RouteNetwork(
+        network.n_links,
+        network.from_link,
+        network.to_link,
+        network.features * scale,
+        network.feature_names,
+    )
+    scaled = Trips(trips.origin, trips.destinations, trips.to, trips.features * scale)
+    expected = fit_routes(network, trips).weights
+    np.testing.assert_allclose(fit_routes(other, scaled).weights * scale, expected, rtol=1e-6)
+
+
+def test_destinations_may_be_places_with_exits_on_several_links():
+    turns = np.array([(0, 1), (0, 2)])
+    exits = np.array([(1, 77), (2, 77)])
+    network = RouteNetwork(3, *turns.T, np.array([[1.0], [2.0]]), ("cost",), exits)
+    value = route_values(network, [-1.0], [77])[:, 0]
+    np.testing.assert_allclose(value, [np.log(np.exp(-1) + np.exp(-2)), 0.0, 0.0])
+
+
+def test_wrong_networks_trips_and_weights_are_rejected_with_a_sentence():
+    network = grid_network(2)
+    ones = np.ones((2, 1))
+    with pytest.raises(sc.SerdError, match="got the turn from link 0 to link 1 twice; keep one"):
+        RouteNetwork(2, [0, 0], [1, 1], ones, ("x",))
+    with pytest.raises(sc.SerdError, match=r"to_link\[1\] must be a link from 0 to 1, got 2"):
+        RouteNetwork(2, [0, 0], [1, 2], ones, ("x",))
+    with pytest.raises(sc.SerdError, match="trip 0 turns from link 0 to link 0, which the network"):
+        trips_on(network, [0], [[0, 0]])
+    with pytest.raises(sc.SerdError, match="trip 0 ends on link 0, which is no exit of its"):
+        trips_on(network, [1], [[0]])
+    trips = trips_on(network, [0], [[0]])
+    with pytest.raises(sc.SerdError, match="weights must make the undiscounted series of routes"):
+        fit_routes(network, trips, initial_weights=np.zeros(3))
+    rng = np.random.default_rng(0)
+    with pytest.raises(sc.SerdError, match=r"destinations\[1\] must be a whole number, got 0.5"):
+        route_values(network, WEIGHTS, [0, 0.5])
+    with pytest.raises(sc.SerdError, match=r"destinations\[1\] must have an exit .* got 99"):
+        route_values(network, WEIGHTS, [0, 99])
+    with pytest.raises(sc.SerdError, match=r"origins\[0\] must be a link from 0 to 7, got -1"):
+        sample_routes(network, WEIGHTS, [-1], [0], rng=rng)
+    with pytest.raises(sc.SerdError, match="features must be of at least one turn, got none"):
+        RouteNetwork(2, [], [], np.zeros((0, 1)), ("x",))
+    one_way = RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
+    with pytest.raises(sc.SerdError, match="no turns lead there; choose another pair"):
+        sample_routes(one_way, [-1.0], [1], [0], rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("n_links", [3.5, "3", 0])
+def test_a_number_of_links_that_is_no_count_is_rejected(n_links):
+    with pytest.raises(sc.SerdError, match="n_links must be a whole number of at least 1, got"):
+        RouteNetwork(n_links, [0], [1], np.ones((1, 1)), ("x",))
+
+
+def test_trips_of_another_network_are_rejected():
+    line = RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 1)), ("x",))
+    short = RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
+    wide = RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 2)), ("x", "y"))
+    trips, begun = trips_on(line, [3], [[2, 3]]), trips_on(line, [3], [[1, 2, 3]])
+    with pytest.raises(sc.SerdError, match=r"origin\[0\] must be a link from 0 to 1, got 2"):
+        fit_routes(short, trips)
+    with pytest.raises(sc.SerdError, match=r"destinations\[0\] must have an exit in the network"):
+        fit_routes(short, begun)
+    with pytest.raises(sc.SerdError, match="features of trips must have shape"):
+        fit_routes(wide, trips)
+    with pytest.raises(sc.SerdError, match="network must be a RouteNetwork object"):
+        fit_routes(trips, line)

@@ -1,0 +1,139 @@
+"""What documents keep of results: written and compared by commands, packed with provenance."""
+
+import shutil
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from PIL import Image
+
+from lab.__main__ import main
+from lab.experiments.running.provenance import recorded
+from lab.kept import KEPT, compared, keep, small_picture
+
+
+@pytest.fixture
+def results(root, tmp_path, monkeypatch):
+    """A root with the project's documents, and results of one study and one benchmark."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(root / "docs" / "results", tmp_path / "docs" / "results")
+    for name in ("thesis.md", "hallway_study.md"):
+        shutil.copy(root / "docs" / name, tmp_path / "docs")
+    folder = tmp_path / "lab" / "results"
+    with recorded(folder / "ascents", "python -m lab ascents", None):
+        (folder / "ascents").mkdir(parents=True)
+        shutil.copy(root / "docs" / "results" / "ascents.csv", folder / "ascents" / "costs.csv")
+    rows, columns = np.mgrid[:64, :96]
+    shades = np.stack([4 * rows, 2 * columns, rows + columns], axis=2).astype(np.uint8)
+    for name in ("ascents/gaps.png", "growth.png"):
+        Image.fromarray(shades).save(folder / name)
+    return folder
+
+
+def test_what_is_kept_is_compared_and_a_change_is_found(results, capsys):
+    assert main(["keep"]) == 0
+    kept = results.parents[1] / "docs" / "results"
+    (run,) = yaml.safe_load((kept / "provenance.yaml").read_text())["ascents"]
+    assert run["command"] == "python -m lab ascents"
+    assert main(["check"]) == 0
+    costs = results / "ascents" / "costs.csv"
+    costs.write_text(costs.read_text().replace("20000", "10000"))
+    capsys.readouterr()
+    assert main(["check"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "differs     docs/results/ascents.csv" in lines
+    assert "no results  docs/results/detour.csv" in lines
+    assert "equal       docs/thesis.md" in lines  # it has the kept number
+    assert main(["keep"]) == 0
+    assert main(["check"]) == 0
+    assert "10000 steps of gradient ascent" in Path("docs/thesis.md").read_text()
+
+
+def test_results_that_are_not_there_leave_what_is_kept(results, tmp_path):
+    documents = tmp_path / "documents"
+    written = keep(results, documents)
+    assert [path.name for path in written] == ["ascents.csv", "ascents.png", "growth.png"]
+    before = {path.name: path.read_bytes() for path in documents.iterdir()}
+    for path in (results / "ascents").iterdir():
+        path.unlink()
+    assert [path.name for path in keep(results, documents)] == ["growth.png"]
+    assert {path.name: path.read_bytes() for path in documents.iterdir()} == before
+
+
+def test_an_archive_has_all_results_and_how_it_was_made(results, tmp_path, capsys):
+    assert main(["archive", "out.tar.xz"]) == 0
+    assert capsys.readouterr().out == f"4 files: {tmp_path / 'out.tar.xz'}\n"
+    with tarfile.open(tmp_path / "out.tar.xz") as archive:
+        content = {member.name: archive.extractfile(member).read() for member in archive}
+    provenance = yaml.safe_load(content.pop("results/provenance.yaml"))
+    assert provenance["command"] == "python -m lab archive out.tar.xz"
+    assert {"commit", "python", "packages"} <= provenance.keys()
+    assert provenance["files"] == len(content) == 4
+    for name, packed in content.items():
+        assert packed == (results.parent / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [("out.zip", "must be named *.tar.xz, got out.zip"), ("a/b.tar.xz", "lab/results must hold")],
+)
+def test_an_archive_that_cannot_be_made_gets_a_sentence(
+    name, sentence, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["archive", name]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_kept_picture_looks_like_the_drawn_one(results):
+    small = results / "small.png"
+    small.write_bytes(small_picture(results / "growth.png"))
+    with Image.open(small) as kept, Image.open(results / "growth.png") as drawn:
+        assert kept.size == drawn.size
+        apart = np.abs(np.asarray(kept.convert("RGB"), float) - np.asarray(drawn, float))
+    assert apart.mean() < 4
+
+
+def test_the_documents_keep_a_table_and_a_figure_of_each_study(root):
+    named = {
+        f"{kept.name}{suffix}"
+        for kept in KEPT
+        for suffix, file in ((".csv", kept.table), (".png", kept.figure))
+        if file
+    }
+    files = {path.name for path in (root / "docs" / "results").iterdir()}
+    assert files == named | {"provenance.yaml"}
+    noted = yaml.safe_load((root / "docs" / "results" / "provenance.yaml").read_text())
+    assert set(noted) == {kept.name for kept in KEPT if kept.table}
+
+
+def test_tables_without_results_are_listed_as_such(tmp_path):
+    states = [state for _, state in compared(tmp_path, tmp_path)]
+    assert states == ["no results"] * sum(bool(kept.table) for kept in KEPT)
+
+
+#: Learners of the table by their names in the kept one.
+LEARNERS = {
+    "SERD, averaged": "SERD, averaged",
+    "SERD, evidence": "SERD, evidence",
+    "MDCE SERD, no prior": "MDCE SERD",
+    "MDCE IRL": "MDCE IRL",
+    "REIRL": "REIRL",
+}
+
+
+@pytest.mark.parametrize("page", ["chapter_4.md", "results.md"])
+def test_the_log_likelihoods_on_a_page_are_those_of_the_kept_table(root, page):
+    table = pd.read_csv(root / "docs" / "results" / "gridworld.csv")
+    lines = (root / "docs" / page).read_text().splitlines()
+    for shown, learner in LEARNERS.items():
+        # Below the first table another one has some of the learners again.
+        line = next(line for line in lines if line.startswith(f"| {shown} | "))
+        texts = [cell.strip(" *") for cell in line.split("|")[2:-1]]
+        medians = table[table["learner"] == learner].sort_values("size")["median"]
+        for text, median in zip(texts, medians, strict=True):
+            digits = len(text.partition(".")[2])
+            assert round(median, digits) == float(text), (shown, text, median)
