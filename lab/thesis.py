@@ -3,7 +3,7 @@
 `python -m lab keep` writes it; its numbers are computed from the tables that the documents keep.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,13 +67,24 @@ def _distributions(table: pd.DataFrame) -> str:
     return "; ".join(parts).replace("|", r"\|")
 
 
-def _medians(size: int, *learners: str) -> Callable[[pd.DataFrame], str]:
+def _gridworld(learners: Sequence[str], **measures: str) -> Callable[[pd.DataFrame], str]:
+    """Medians at 12 demonstrations; measures: their words by the names of the table."""
+
     def number(table: pd.DataFrame) -> str:
-        medians = table[table["size"] == size].set_index("learner")["median"]
-        shown = ", ".join(f"{name} {medians[name]:.3f}" for name in learners)
-        return f"log-likelihood at {size} demonstrations: {shown}"
+        parts = []
+        for name, words in measures.items():
+            rows = table[(table["size"] == _SIZE) & (table["measure"] == name)]
+            medians = rows.set_index("learner")["median"]
+            shown = (f"{learner} {medians[learner]:.3f}" for learner in learners)
+            parts.append(f"{words}: {', '.join(shown)}")
+        return f"at {_SIZE} demonstrations {'; '.join(parts)}"
 
     return number
+
+
+_SIZE = 12
+_MDCE = ("MDCE SERD", "MDCE IRL", "REIRL")
+_PM = ("PM SERD, regularised", "PM SERD", "MDCE IRL", "REIRL")
 
 
 def _hallway(*measures: str) -> Callable[[pd.DataFrame], str]:
@@ -187,7 +198,7 @@ SHOWN = (
         " demonstrations",
         "gridworld",
         "gridworld",
-        _medians(12, "MDCE SERD", "MDCE IRL", "REIRL"),
+        _gridworld(_MDCE, log_likelihood="log-likelihood"),
         "agrees from 6 demonstrations on; at 1 and 3 SERD without a prior is worse, with priors by"
         " evidence better ([chapter_4.md](chapter_4.md))",
     ),
@@ -195,14 +206,26 @@ SHOWN = (
         "Fig. 4.12 b, c, d",
         "dynamics, policy and transfer; transfer significant from 12 on",
         "gridworld",
-        differs="agrees from 12, 6 and 12 demonstrations on ([chapter_4.md](chapter_4.md))",
+        "gridworld",
+        _gridworld(
+            _MDCE,
+            dynamics_divergence="dynamics",
+            policy_divergence="policy",
+            transfer_log_likelihood="transfer",
+        ),
+        "agrees from 12, 6 and 12 demonstrations on ([chapter_4.md](chapter_4.md))",
     ),
     Shown(
         "Fig. 4.13",
         "PM SERD, with and without priors",
         "gridworld --expert pm",
         "gridworld-pm",
-        _medians(12, "PM SERD, regularised", "PM SERD", "MDCE IRL", "REIRL"),
+        _gridworld(
+            _PM,
+            log_likelihood="log-likelihood",
+            dynamics_divergence="dynamics",
+            transfer_log_likelihood="transfer",
+        ),
         "agrees from 6 demonstrations on; without priors it does not over-fit from 12 on"
         " ([chapter_4.md](chapter_4.md))",
     ),

@@ -92,9 +92,9 @@ def run_gridworld(config: GridworldConfig, session: Session) -> Findings:
 def with_measures(table: pd.DataFrame) -> Findings:
     """The rows, quartiles of each measure and their figure; the log-likelihood is the summary."""
     by = {name: quartiles(table, name, ["size", "learner"]) for name in MEASURES}
-    tables = {"measures": table, **by}
-    files = {f"{name}.csv": content for name, content in tables.items()}
-    return Findings(by["log_likelihood"], files | {"measures.png": measures_figure(table)})
+    summary = pd.concat(by, names=["measure", None]).reset_index("measure")
+    files = {"measures.csv": table, "summary.csv": summary, "measures.png": measures_figure(table)}
+    return Findings(by["log_likelihood"], files)
 
 
 def one_repetition(config: GridworldConfig, number: int) -> list[Row]:

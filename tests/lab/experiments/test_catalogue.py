@@ -42,11 +42,11 @@ LEFT_BEHIND = {
     "hidden-actions": {"estimates.csv", "summary.csv", "hidden_actions.png"},
     "next-demonstration": {"shortfalls.csv", "needed.csv", "next_demonstration.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
-    "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},
+    "early-stopping": {"measures.csv", "summary.csv", "measures.png"},
     "ascents": {"costs.csv", "gaps.csv", "gaps.png"},
     "priors": {"optimal_distributions.csv", "surfaces.png"},
     "policy-cost": {"seconds.csv", "exponents.csv", "cost.png"},
-    "gridworld": {"measures.csv", "welch_log_likelihood.csv", "measures.png", "transfer.png"},
+    "gridworld": {"summary.csv", "welch_log_likelihood.csv", "measures.png", "transfer.png"},
 }
 
 
