@@ -28,12 +28,12 @@ help:
 	@echo "               after a change of the demo: make pictures ARGS='--demo demo_output/run-1'"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
 	@echo "make site      build the documents as a site in site/, strictly (Python 3.11 or 3.12)"
-	@echo "make dist      build the wheel and the source distribution, and check their metadata"
+	@echo "make dist      build the wheels and source distributions, and check their metadata"
 	@echo "make clean     remove .venv, builds and caches (never your demo output)"
 
 setup: build
 
-$(VENV)/.ready: pyproject.toml constraints.txt tools/setup_venv.sh
+$(VENV)/.ready: pyproject.toml serd_core/pyproject.toml bags/pyproject.toml constraints.txt tools/setup_venv.sh
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" bash tools/setup_venv.sh
 
 build: $(VENV)/.ready
@@ -84,7 +84,7 @@ reference: $(VENV)/.ready
 	@$(BIN)/python tools/write_reference.py
 
 $(VENV)/.docs: $(VENV)/.ready pyproject.toml constraints.txt
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ./serd_core -e ./bags -e '.[docs]'
 	@touch $@
 
 site: $(VENV)/.docs
@@ -96,7 +96,7 @@ site: $(VENV)/.docs
 
 dist: $(VENV)/.docs
 	@rm -rf dist
-	@$(BIN)/python -m build -q
+	@for project in serd_core bags .; do $(BIN)/python -m build -q --outdir dist $$project || exit 1; done
 	@$(BIN)/twine check --strict dist/*
 
 clean:

@@ -23,11 +23,11 @@ from lab.catalogue import (
     VALIDATIONS,
     experiment_named,
 )
+from serd_bag.nearest import hint
+from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, UsageError
 from serd_cli.output.terminal import progress_console
 from serd_core.errors import SerdError
-from storage.nearest import hint
-from storage.standard_output import written_output
 
 
 def main(words: Sequence[str]) -> int:

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from report.figures.charts import draw_bars
-from report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
+from serd_app.report.figures.charts import draw_bars
+from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
 from serd_core.arrays import FloatArray
 
 

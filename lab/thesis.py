@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from lab.experiments.study.hallway.tables.page import PAGE as HALLWAY_PAGE
-from storage.files import read_text
+from serd_bag.files import read_text
 
 #: Below the root, as `lab.RESULTS`.
 PAGE = Path("docs/thesis.md")

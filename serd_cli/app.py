@@ -11,12 +11,12 @@ from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command as click_command
 
+from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
 from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
-from serd_core.errors import SerdError
-from storage.standard_output import written_output
+from serd_files.errors import USER_ERRORS
 
 
 class LazyCommands(FlagGroup):
@@ -109,7 +109,7 @@ def run(app: typer.Typer) -> int:
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
-    except SerdError as error:
+    except USER_ERRORS as error:
         progress_console.print(Text.assemble(("serd:", "red"), f" {error}"), soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
     return exit_code

@@ -10,9 +10,9 @@ import typer
 from pydantic import BaseModel, ValidationError
 
 from serd_cli.errors import UsageError
-from sim.episodes.execution import BACKENDS, Execution
-from storage.settings import settings_of
-from storage.yaml_config import sentence_of
+from serd_files.settings import settings_of
+from serd_files.yaml_config import sentence_of
+from serd_sim.episodes.execution import BACKENDS, Execution
 
 Model = TypeVar("Model", bound=BaseModel)
 Command = TypeVar("Command", bound=Callable[..., None])

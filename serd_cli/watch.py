@@ -12,14 +12,17 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
 
-from bags.errors import BagError
-from bags.playback import Excerpt, Playback
-from bags.reader import BagReader
-from bags.topic import CDR, RawMessage, topics_named
 from serd_app.drives.episode_mark import END, START
 from serd_app.drives.episode_spans import marks_of
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
+from serd_app.teleop.page.requests import PageRequest, Replay
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import overlay_message
+from serd_bag.errors import BagError
+from serd_bag.playback import Excerpt, Playback
+from serd_bag.reader import BagReader
+from serd_bag.topic import CDR, RawMessage, topics_named
 from serd_cli.errors import UsageError
 from serd_ros.convert.frames import Frames
 from serd_ros.endpoints import topics
@@ -27,10 +30,7 @@ from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.page_view import WatchView
 from serd_ros.errors import MessageError
 from serd_ros.graph.graph import full_namespace
-from sim.scenario.scenario import Scenario
-from teleop.page.requests import PageRequest, Replay
-from teleop.page.server import PageServer
-from teleop.page.view import overlay_message
+from serd_sim.scenario.scenario import Scenario
 
 #: Before the time that is gone to, messages of this span (s) give what is shown there, beside all
 #: those of the topics that have few.

@@ -19,10 +19,10 @@ from domain_coordinator import domain_id
 from hypothesis import HealthCheck, settings
 
 from serd_cli.processes.workspace import ros_environment
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel
-from storage.yaml_config import save_yaml_model
+from serd_files.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel
+from serd_files.yaml_config import save_yaml_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 # A shell starts background jobs, and nohup all, with these ignored; child processes inherit it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

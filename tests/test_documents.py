@@ -19,7 +19,8 @@ PICTURES = {".gif", ".png", ".svg"}
 def documents(root: Path) -> list[Path]:
     found = [
         *root.glob("*.md"),
-        *root.glob("distributions/*/README.md"),
+        root / "bags" / "README.md",
+        root / "serd_core" / "README.md",
         *(path for each in FOLDERS for path in root.glob(f"{each}/**/*.md")),
     ]
     return [path for path in found if not {"build", "install"} & set(path.parts)]
@@ -69,7 +70,7 @@ def test_files_of_the_method_exist(root):
 RUN_ELSEWHERE = {
     "docs/library.md",
     "docs/people_study.md",
-    "distributions/serd-core/README.md",
+    "serd_core/README.md",
 }
 
 

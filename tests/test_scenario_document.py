@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")

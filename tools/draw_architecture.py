@@ -29,15 +29,15 @@ GRAPH_FILE = ROOT / "serd_ros" / "graph" / "graph.yaml"
 STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
 #: The way of the data from a recording to an arrival: each module, and what it passes on.
 JOURNEY = (
-    ("bags.reader", "messages"),
+    ("serd_bag.reader", "messages"),
     ("serd_app.drives.sessions", "drives: poses, actions, episodes"),
     ("serd_app.demonstrations.discretise", "decisions (s, a, s')"),
     ("serd_app.learning.recipe", "rewards and outcome models"),
-    ("storage.model_file", "model.yaml"),
+    ("serd_files.model_file", "model.yaml"),
     ("serd_app.navigation.strategy", "plan: policy and remaining time"),
     ("serd_app.navigation.navigator", "waypoint"),
-    ("sim.planning.local_planner", "velocity"),
-    ("sim.world.world", "pose, time of arrival"),
+    ("serd_sim.planning.local_planner", "velocity"),
+    ("serd_sim.world.world", "pose, time of arrival"),
     ("serd_app.navigation.arrival_log", "arrivals.csv"),
 )
 JOURNEY_START = "bag"

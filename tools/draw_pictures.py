@@ -22,31 +22,37 @@ import shapely
 from PIL import Image
 from selenium.webdriver import Chrome
 
-from report.figures.arrival import draw_comparison
-from report.figures.map_axes import layout_of
-from report.figures.maps import draw_policy_map, draw_visitation
-from report.style import png_bytes
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_app.report.figures.arrival import draw_comparison
+from serd_app.report.figures.map_axes import layout_of
+from serd_app.report.figures.maps import draw_policy_map, draw_visitation
+from serd_app.report.style import png_bytes
+from serd_app.teleop.page.access import PageAccess
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import (
+    overlay_message,
+    point,
+    scene_of,
+    watched_scene_of,
+    world_state,
+)
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import read_recording
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action
-from sim.drivers.catalogue import make_driver
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick, waypoint_of_intent
-from sim.world.world import HallwayWorld
-from storage.episode_table import load_episodes
-from teleop.page.access import PageAccess
-from teleop.page.server import PageServer
-from teleop.page.view import overlay_message, point, scene_of, watched_scene_of, world_state
+from serd_files.episode_table import load_episodes
+from serd_sim.drivers.catalogue import make_driver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import is_decision_tick, waypoint_of_intent
+from serd_sim.world.world import HallwayWorld
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"

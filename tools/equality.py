@@ -41,12 +41,12 @@ def digest(content: bytes | str) -> str:
 
 def trajectories(_: Path) -> Found:
     """Every pose of 21 episodes: planners, robots, crowds, people given or by scans, no guard."""
-    from sim.drivers.catalogue import make_driver
-    from sim.episodes.batch import scenario_of
-    from sim.episodes.episode import run_episode
-    from sim.planning.catalogue import planner_in_world
-    from sim.safety.world_guard import no_guard
-    from sim.world.world import HallwayWorld
+    from serd_sim.drivers.catalogue import make_driver
+    from serd_sim.episodes.batch import scenario_of
+    from serd_sim.episodes.episode import run_episode
+    from serd_sim.planning.catalogue import planner_in_world
+    from serd_sim.safety.world_guard import no_guard
+    from serd_sim.world.world import HallwayWorld
 
     found: Found = {}
 
@@ -149,7 +149,7 @@ def keep(found: Found, name: str, *numbers: Any) -> None:
 
 def bags(folder: Path) -> Found:
     """Exit code, output and files of each serd-bag command for 148 recordings."""
-    from bags.command.main import main
+    from serd_bag.command.main import main
 
     found: Found = {}
     for bag in sorted(damaged_bags(folder / "bags")):
@@ -219,7 +219,7 @@ def files(folder: Path) -> Found:
 
 def wire(folder: Path) -> Found:
     """Messages by topic of the stack demonstrate for one seed, without diagnostics."""
-    from bags.reader import BagReader
+    from serd_bag.reader import BagReader
 
     words = [
         "launch",
@@ -243,7 +243,8 @@ def wire(folder: Path) -> Found:
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
     """Run a command of this tree in a folder."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", "SERD_QUIET": "1"}
+    packages = os.pathsep.join(str(ROOT / each) for each in ("", "sim", "bags"))
+    environment = {**os.environ, "PYTHONPATH": packages, "COLUMNS": "100", "SERD_QUIET": "1"}
     return subprocess.run(
         words, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )

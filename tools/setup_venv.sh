@@ -36,6 +36,6 @@ fi
 echo "setup: creating $VENV with Python $version and installing (one to two minutes) ..."
 [ -x "$VENV/bin/python" ] || "$PYTHON" -m venv "$VENV"
 "$VENV/bin/python" -m pip install ${verbose:--q} --disable-pip-version-check \
-  -c constraints.txt -e '.[workspace,dev]' 2> >(grep -v '^WARNING: Location' >&2)
+  -c constraints.txt -e ./serd_core -e ./bags -e '.[workspace,dev]' -e ./lab 2> >(grep -v '^WARNING: Location' >&2)
 touch "$VENV/.ready"
 echo "setup: done."

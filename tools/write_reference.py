@@ -18,19 +18,19 @@ from pydantic_core import PydanticUndefined
 from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
 from serd_cli.signatures import FILE as SIGNATURES
 from serd_cli.signatures import signatures, text_of
+from serd_files.settings import Setting, settings_of
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import NodeEndpoints, load_graph
-from sim.planning.settings import PlannerSettings
-from sim.scenario.obstacle import Obstacle
-from sim.scenario.scenario import Scenario
-from sim.scenario.settings import (
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.obstacle import Obstacle
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import (
     LidarSettings,
     Loop,
     OdometrySettings,
     PedestrianSettings,
     RobotSettings,
 )
-from storage.settings import Setting, settings_of
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH = 100

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from lab import RESULTS
 from lab.experiments.running.provenance import code_commit
-from storage.files import atomic_write_text, read_text
+from serd_bag.files import atomic_write_text, read_text
 
 Row = Mapping[str, Any]
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from lab.benchmarks.report import RESULTS
-from report import style
-from report.style import new_figure, save_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure, save_figure
 
 PEOPLE = 200
 _BAR_IN, _ROOM_IN, _WIDTH_IN = 0.23, 1.3, 8.2

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from lab.catalogue import BENCHMARKS
+from serd_bag.nearest import choice_rule
 from serd_cli.errors import UsageError
-from storage.nearest import choice_rule
 
 
 def bench(

@@ -17,17 +17,17 @@ from lab.crowd.comparison import (
 from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
 from lab.crowd.figure import CrowdCurve, CrowdPlace, draw_crowd_comparison
 from lab.crowd.straight_corridor import corridor_people
-from report.style import save_figure
+from serd_app.report.style import save_figure
+from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import short_names
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
-from sim.crowd.social_force import model_names
-from sim.errors import SimError
-from storage.files import require_file_place
-from storage.trajectories.columns import TableColumns
-from storage.trajectories.read import read_trajectories
+from serd_files.trajectories.columns import TableColumns
+from serd_files.trajectories.read import read_trajectories
+from serd_sim.crowd.social_force import model_names
+from serd_sim.errors import SimError
 
 _Recording = tuple[str, Corridor, CorridorMeasures]
 

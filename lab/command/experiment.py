@@ -16,12 +16,12 @@ from lab.command.tables import print_results
 from lab.experiments.running.experiment import Experiment, Session, settings_of_file
 from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import plain_rows
+from serd_bag.files import require_folder
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_parameters
 from serd_cli.output.resume_notice import results_kept_in
 from serd_cli.output.terminal import counting_bar, print_json
-from sim.episodes.execution import Execution
-from storage.files import require_folder
-from storage.settings import Setting, settings_of
+from serd_files.settings import Setting, settings_of
+from serd_sim.episodes.execution import Execution
 
 #: Numbers below this are written with an exponent: four decimals would lose their digits.
 SMALL = 1e-3

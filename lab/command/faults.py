@@ -13,16 +13,16 @@ from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tas
 from lab.faults.campaign_summary import arrival_price, summarise_faults
 from lab.faults.faults import FAULTS
 from lab.faults.figure import FaultWays, draw_fault_ways
-from report.style import save_figure
+from serd_app.report.style import save_figure
 from serd_cli.commands.simulation.batch import MOST_SEEDS
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
-from sim.drivers.catalogue import driver_names
-from sim.episodes.batch import EpisodeTask, run_batch
-from sim.episodes.execution import Execution
-from sim.planning.catalogue import planner_names
-from storage.row_table import Row
+from serd_files.row_table import Row
+from serd_sim.drivers.catalogue import driver_names
+from serd_sim.episodes.batch import EpisodeTask, run_batch
+from serd_sim.episodes.execution import Execution
+from serd_sim.planning.catalogue import planner_names
 
 
 def faults(

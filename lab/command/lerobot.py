@@ -10,9 +10,9 @@ from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.recordings import read_recordings
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_cli.errors import UsageError
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.yaml_config import load_yaml_model
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 
 def lerobot(

@@ -11,8 +11,8 @@ from lab.experiments.study.products import SETTINGS_YAML
 from lab.kept import DOCUMENTS, compared
 from lab.kept import archive as pack
 from lab.kept import keep as keep_results
+from serd_bag.files import atomic_write_text, read_text, require_file_place
 from serd_cli.errors import FAILED, UsageError
-from storage.files import atomic_write_text, read_text, require_file_place
 
 _HALLWAY = RESULTS / "hallway"
 

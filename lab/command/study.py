@@ -26,14 +26,14 @@ from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
 from lab.experiments.study.settings import study_settings
+from serd_bag.files import require_folder
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import results_kept_in
 from serd_cli.output.terminal import WorkProgress, print_json
-from sim.episodes.execution import Execution
-from storage.files import require_folder
-from storage.trajectories.columns import TableColumns
-from storage.yaml_config import load_yaml_model
+from serd_files.trajectories.columns import TableColumns
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.episodes.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
 Quick = Annotated[bool, typer.Option("--quick", help="small numbers that still run every stage")]

@@ -12,8 +12,8 @@ import numpy as np
 
 from lab.crowd.ring_corridor import ring_corridor_crowd
 from serd_core.arrays import FloatArray
-from sim.errors import SimError
-from storage.trajectories.read import Track
+from serd_files.trajectories.read import Track
+from serd_sim.errors import SimError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lab.learner_curves import LearnerStyle
-from report import style
-from report.style import new_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
 
 

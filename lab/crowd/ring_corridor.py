@@ -7,11 +7,11 @@ import numpy as np
 import scipy  # loads special at its first use
 
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import Crowd
-from sim.crowd.routes import Routes
-from sim.crowd.social_force import model_named
-from sim.errors import SimError
-from sim.scenario.rules import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
+from serd_sim.crowd.crowd import Crowd
+from serd_sim.crowd.routes import Routes
+from serd_sim.crowd.social_force import model_named
+from serd_sim.errors import SimError
+from serd_sim.scenario.rules import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
 
 _FAR_M = 1e7
 #: Of the wanted speeds.

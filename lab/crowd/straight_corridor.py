@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import BoolArray
-from sim.errors import SimError
-from storage.trajectories.read import Track
+from serd_files.trajectories.read import Track
+from serd_sim.errors import SimError
 
 #: |Z| of people who walk in one corridor; two equal flows that cross have 0.
 _PARALLEL = 0.8

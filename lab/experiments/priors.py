@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from lab.experiments.running.experiment import Findings, Session
 from lab.experiments.running.tables import Row
-from report.style import INK, RED, new_figure
+from serd_app.report.style import INK, RED, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.posterior.parameters import Block, Parameters
@@ -22,8 +22,8 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
 
 #: One state with two outcomes: stay, or leave for a second state that only stays.
 MODEL = OutcomeModels(

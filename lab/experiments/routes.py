@@ -19,8 +19,8 @@ from lab.routes.network import RouteNetwork, Trips, trips_on
 from lab.routes.recursive_logit import fit_routes
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.errors import SerdError
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
 
 
 class RoutesConfig(StrictModel):

@@ -35,8 +35,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
 
 KEEP, REPLACE = 0, 1
 FEATURE_NAMES = ("maintenance", "replacement")

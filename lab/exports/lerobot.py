@@ -16,9 +16,9 @@ import numpy as np
 
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.errors import AppError
+from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import DIRECTION_VECTORS
-from storage.files import atomic_write_bytes, atomic_write_text
 
 if TYPE_CHECKING:
     import pandas as pd

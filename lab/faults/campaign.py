@@ -12,27 +12,27 @@ from dataclasses import asdict, dataclass, fields, replace
 
 from lab.faults.faults import Messages, fault_named
 from serd_core.grid.grid import Action, Grid
-from sim.drivers.catalogue import Driver, make_driver
-from sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
-from sim.episodes.progress import EpisodeProgress
-from sim.perception.scanning_planner import ScanMatcher
-from sim.planning.catalogue import make_planner
-from sim.robot.contacts import ContactCounts
-from sim.safety.guard import Guard, GuardOutput
-from sim.safety.reasons import Fault, GuardAction, Source
-from sim.safety.settings import GuardSettings
-from sim.safety.world_guard import Message, guarded, published
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import Scenario
-from sim.world.command import STOP, Command
-from sim.world.directive import REPEAT_PERIOD_S, FollowedDirective
-from sim.world.observation import Observation
-from sim.world.observation_inbox import ObservationInbox
-from sim.world.seeds import FAULT, episode_rng
-from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_cell, waypoint_of_intent
-from sim.world.world import HallwayWorld
-from storage.row_table import Row
-from storage.table import Column, OptionalFloat, columns_of
+from serd_files.row_table import Row
+from serd_files.table import Column, OptionalFloat, columns_of
+from serd_sim.drivers.catalogue import Driver, make_driver
+from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
+from serd_sim.episodes.progress import EpisodeProgress
+from serd_sim.perception.scanning_planner import ScanMatcher
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.robot.contacts import ContactCounts
+from serd_sim.safety.guard import Guard, GuardOutput
+from serd_sim.safety.reasons import Fault, GuardAction, Source
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.safety.world_guard import Message, guarded, published
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.directive import REPEAT_PERIOD_S, FollowedDirective
+from serd_sim.world.observation import Observation
+from serd_sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.seeds import FAULT, episode_rng
+from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_cell, waypoint_of_intent
+from serd_sim.world.world import HallwayWorld
 
 #: A fault begins when the robot drives at this share of its largest speed, after this time (s).
 _FULL_SPEED = 0.9

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.errors import SimError
-from sim.safety.motion import Pose
-from sim.safety.reasons import Source
-from sim.safety.scan import Scan
-from sim.safety.world_guard import Message
-from storage.nearest import choice_rule
+from serd_bag.nearest import choice_rule
+from serd_sim.errors import SimError
+from serd_sim.safety.motion import Pose
+from serd_sim.safety.reasons import Source
+from serd_sim.safety.scan import Scan
+from serd_sim.safety.world_guard import Message
 
 _NOISE_M = 0.05
 _JUMP_M = 2.0

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from report import style
-from report.style import new_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
 
 _SIDES = (("without", style.RED, "o", -0.17), ("with", style.BLUE, "s", 0.17))

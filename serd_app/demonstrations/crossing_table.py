@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.crossing_chain import Kind, direction_of_move
 from serd_core.demonstrations.crossings import cell_crossings
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, model_of_action
-from storage.errors import FileError
-from storage.table import read_rows
+from serd_files.table import read_rows
 
 #: Share of a cell beyond its border.
 HYSTERESIS = 0.1

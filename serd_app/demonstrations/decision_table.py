@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from serd_app.errors import AppError
+from serd_bag.errors import FileError
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from storage.errors import FileError
-from storage.table import Column, read_table, write_table
+from serd_files.table import Column, read_table, write_table
 
 COLUMNS = (
     Column("episode", int),

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from bags.errors import BagError
 from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
@@ -18,6 +17,7 @@ from serd_app.drives.episode_spans import CUT_OFF
 from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
+from serd_bag.errors import BagError
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from bags.errors import BagError
 from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.episode_spans import CUT_OFF, RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
+from serd_bag.errors import BagError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid, action_of_direction
-from storage.yaml_config import StrictModel
+from serd_files.yaml_config import StrictModel
 
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"

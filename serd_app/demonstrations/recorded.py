@@ -25,14 +25,14 @@ from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
+from serd_bag.files import delete_file
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
-from sim.scenario.grid import flow_of
-from sim.scenario.scenario import Scenario
-from storage.files import delete_file
-from storage.table import read_rows, write_rows
-from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
+from serd_files.table import read_rows, write_rows
+from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
+from serd_sim.scenario.grid import flow_of
+from serd_sim.scenario.scenario import Scenario
 
 
 class _Bag(StrictModel):
@@ -79,7 +79,7 @@ class DemonstrationRecord(StrictModel):
 class RecordedDemonstrations:
     """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts.
 
-    goal_entry_s: see `storage.model_file.ModelFile`. n_of_drives: decisions of each drive.
+    goal_entry_s: see `serd_files.model_file.ModelFile`. n_of_drives: decisions of each drive.
     """
 
     recording: Recording

@@ -10,7 +10,7 @@ from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recorded_people import Sighting, sightings_of_all
 from serd_app.drives.recording import Recording, read_recording
 from serd_app.drives.table_drives import is_table
-from sim.scenario.scenario import Scenario
+from serd_sim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.plain import diagnostic_array
 from serd_app.drives.episode_mark import DISCARDED, END, EPISODE, SAVED, START, EpisodeMark
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import diagnostic_array
 from serd_core.arrays import FloatArray
 
 CUT_OFF, RETURN = "cut_off", "return"

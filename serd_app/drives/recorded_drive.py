@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.errors import BagError
 from serd_app.drives.episode_spans import EpisodeSpan
+from serd_bag.errors import BagError
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import action_of_direction
 

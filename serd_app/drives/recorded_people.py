@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from bags.messages.people import SeenPeople, SightedIds, people_in, require_people
-from bags.reader import BagReader
-from bags.topic import topic_named, topics_named
 from serd_app.drives.table_drives import Crowd, is_table
 from serd_app.drives.transforms import Poses, RecordedTransforms, TransformTree
 from serd_app.errors import AppError
+from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
+from serd_bag.reader import BagReader
+from serd_bag.topic import topic_named, topics_named
 from serd_core.arrays import BoolArray, FloatArray
-from storage.trajectories.read import Track
+from serd_files.trajectories.read import Track
 
 #: Between two messages: a person who is not seen for longer, or jumps farther, is another one.
 _LONGEST_S, _FARTHEST_M = 1.0, 0.5

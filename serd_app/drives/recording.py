@@ -5,10 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bags.damage import Losses
-from bags.errors import BagError, DamagedBagError
-from bags.reader import BagReader
-from bags.topic import topics_named
 from serd_app.drives.episode_mark import EPISODE
 from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.mapped.drive import mapped_drive_in
@@ -18,6 +14,10 @@ from serd_app.drives.recorded_people import crowd_of_sightings, recorded_sightin
 from serd_app.drives.sessions import drives_in
 from serd_app.drives.table_drives import Crowd, drives_of_table, drives_of_tracks, is_table
 from serd_app.errors import AppError
+from serd_bag.damage import Losses
+from serd_bag.errors import BagError, DamagedBagError
+from serd_bag.reader import BagReader
+from serd_bag.topic import topics_named
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
 

@@ -10,11 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.plain import decode, message_stamp_ns, pose_position
-from bags.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
-from bags.reader import BagReader
-from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_mark import END, EPISODE, EpisodeMark
 from serd_app.drives.episode_spans import marks_of, spans_of_marks
 from serd_app.drives.recorded_drive import (
@@ -27,6 +22,11 @@ from serd_app.drives.recorded_drive import (
     finite_poses,
     source_of,
 )
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import decode, message_stamp_ns, pose_position
+from serd_bag.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
+from serd_bag.reader import BagReader
+from serd_bag.topic import RawMessage, topic_named
 from serd_core.arrays import FloatArray
 
 

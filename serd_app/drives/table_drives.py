@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.formats.rosbag2.layout import is_bag_file
 from serd_app.drives.mapped.actions import PoseTrack, posed_intents
 from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
+from serd_bag.errors import FileError
+from serd_bag.formats.rosbag2.layout import is_bag_file
 from serd_core.arrays import FloatArray
-from storage.errors import FileError
-from storage.trajectories.columns import TableColumns
-from storage.trajectories.read import Track, read_trajectories
+from serd_files.trajectories.columns import TableColumns
+from serd_files.trajectories.read import Track, read_trajectories
 
 #: Velocities of people are central differences over about this time.
 _VELOCITY_S = 0.4

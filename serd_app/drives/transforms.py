@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bags.errors import BagError
-from bags.messages.fields import store_of
-from bags.messages.plain import Transform, transforms
-from bags.topic import RawMessage, Topic
+from serd_bag.errors import BagError
+from serd_bag.messages.fields import store_of
+from serd_bag.messages.plain import Transform, transforms
+from serd_bag.nearest import hint
+from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
-from storage.nearest import hint
 
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_REACH_S = 1.0

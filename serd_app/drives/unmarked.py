@@ -19,7 +19,7 @@ from serd_app.drives.episode_spans import RETURN, EpisodeSpan
 from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.drives.recorded_drive import LONGEST_GAP_S
 from serd_core.arrays import BoolArray, FloatArray
-from sim.scenario.polygon import Point, contains
+from serd_sim.scenario.polygon import Point, contains
 
 UNMARKED, ARRIVED = "unmarked", "arrived"
 GAP, BUTTON, GOAL, STOP, TURN = "gap", "button", "goal", "stop", "turn"

@@ -15,15 +15,15 @@ from pydantic import Field
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
 from serd_app.learning.fit_data import FitProgress
+from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
-from sim.scenario.grid import flow_of, grid_of
-from sim.scenario.scenario import Scenario
-from storage.errors import FileError
-from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
+from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
+from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.scenario import Scenario
 
 
 class LearnerCheckpoint(StrictModel):
@@ -31,7 +31,7 @@ class LearnerCheckpoint(StrictModel):
 
     step: steps of the fit under way, to all episodes or of a candidate weight; 0 between fits.
     n_learned: decisions the newest finished fit had learned from.
-    goal_entry_s: see `storage.model_file.ModelFile`.
+    goal_entry_s: see `serd_files.model_file.ModelFile`.
     """
 
     format: Literal["serd-learner"] = "serd-learner"

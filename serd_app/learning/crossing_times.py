@@ -16,14 +16,14 @@ from scipy.special import ndtri
 
 from serd_app.demonstrations.crossing_table import FLOWS, LEAVING, Crossing, load_crossings
 from serd_app.errors import AppError
+from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.crossing_chain import Kind
 from serd_core.arrival.dwell_times import DwellModel, Pace, fit_dwell_times
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
-from storage.model_file import CROSSING_COVARIATES as COVARIATES
-from storage.model_file import CrossingTimes
-from storage.quantities import counted
+from serd_files.model_file import CROSSING_COVARIATES as COVARIATES
+from serd_files.model_file import CrossingTimes
 
 #: Fewest episodes from which the differences between drives are estimated.
 FEWEST_EPISODES = 3

@@ -21,7 +21,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.uncertainty.identifiability import Identifiability, identifiability
 from serd_core.uncertainty.information import Information, fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
-from storage.table import read_rows, write_rows
+from serd_files.table import read_rows, write_rows
 
 #: Share of the posterior within the intervals.
 MASS = 0.9

@@ -9,15 +9,15 @@ from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.learning.learned_traps import LearnedTraps
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
+from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.posterior.parameters import Parameters
-from storage.files import atomic_write_text, delete_file
-from storage.model_file import ModelFile
-from storage.table import Column, csv_text, read_table
-from storage.yaml_config import save_yaml_model
+from serd_files.model_file import ModelFile
+from serd_files.table import Column, csv_text, read_table
+from serd_files.yaml_config import save_yaml_model
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,9 @@ from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws
 from serd_core.grid.navigation import NavigationProblem
-from sim.scenario.grid import grid_of, navigation_problem_of
-from sim.scenario.scenario import Scenario
-from storage.model_file import model_of_fit
+from serd_files.model_file import model_of_fit
+from serd_sim.scenario.grid import grid_of, navigation_problem_of
+from serd_sim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
 
 MethodName = Literal[
     "mdce_serd",

@@ -6,12 +6,14 @@ from queue import Empty, SimpleQueue
 
 from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
+from serd_bag.errors import FileError
 from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 _STOP_TIMEOUT_S = 10.0
 
 Job = Callable[[ProgressCallback], FitOutcome]
-Event = FitProgress | FitOutcome | SerdError
+Event = FitProgress | FitOutcome | SerdError | FileError
 
 
 class FitStoppedError(SerdError):
@@ -46,7 +48,7 @@ class FitWorker:
                 return fetched
             if not isinstance(event, FitProgress):
                 self._thread = None
-            if isinstance(event, BaseException) and not isinstance(event, SerdError):
+            if isinstance(event, BaseException) and not isinstance(event, USER_ERRORS):
                 raise event
             fetched.append(event)
 

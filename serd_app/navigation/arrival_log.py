@@ -10,10 +10,10 @@ from pathlib import Path
 from serd_app.navigation.forecast import HALF, MOST, quantile_or_nan_s
 from serd_app.navigation.navigator import Navigator
 from serd_core.arrival.law import ArrivalLaw
-from sim.scenario.scenario import Scenario
-from sim.world.observation import Observation
-from storage.episode_table import EpisodeResult
-from storage.table import OptionalFloat, append_row, columns_of, read_rows
+from serd_files.episode_table import EpisodeResult
+from serd_files.table import OptionalFloat, append_row, columns_of, read_rows
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from serd_core.arrival.law import ArrivalLaw, steps_within
 from serd_core.arrival.semi_markov import DwellTimes, semi_markov_arrival
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
-from storage.model_file import CrossingTimes
+from serd_files.model_file import CrossingTimes
 
 STEP_S = 0.2
 #: Share of the first cell from the start to its border, on average over starts all over the cell.

@@ -13,20 +13,20 @@ from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
+from serd_bag.files import read_text
 from serd_core.grid.grid import Action
-from sim.episodes.episode import run_episode
-from sim.episodes.result import result_of_record
-from sim.episodes.settings import WorldSettings
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
-from sim.world.command import Command
-from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick
-from sim.world.world import HallwayWorld
-from storage.episode_table import EpisodeResult, load_episodes
-from storage.files import read_text
-from storage.table import write_rows
-from storage.yaml_config import load_yaml_model, save_yaml_model
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.table import write_rows
+from serd_files.yaml_config import load_yaml_model, save_yaml_model
+from serd_sim.episodes.episode import run_episode
+from serd_sim.episodes.result import result_of_record
+from serd_sim.episodes.settings import WorldSettings
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import Scenario, load_scenario, scenario_digest
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import is_decision_tick
+from serd_sim.world.world import HallwayWorld
 
 
 class DriveSettings(NavigationSettings, WorldSettings):

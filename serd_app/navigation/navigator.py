@@ -16,12 +16,12 @@ from serd_core.arrays import FloatArray
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action, action_of_direction
-from sim.drivers.policy_driver import PolicyDriver
-from sim.scenario.goal import goal_at, with_goal
-from sim.scenario.scenario import Scenario
-from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
-from storage.model_file import ModelFile, load_model
+from serd_files.model_file import ModelFile, load_model
+from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.scenario.goal import goal_at, with_goal
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
 
 
 class GiveUp(Enum):

@@ -2,8 +2,8 @@
 
 from typing import Literal
 
-from sim.episodes.settings import EpisodeSettings
-from storage.settings import setting, setting_of
+from serd_files.settings import setting, setting_of
+from serd_sim.episodes.settings import EpisodeSettings
 
 PolicyKind = Literal["optimal", "soft"]
 

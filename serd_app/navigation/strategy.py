@@ -17,6 +17,7 @@ import numpy as np
 
 from serd_app.learning.crossing_times import leaving_outcomes
 from serd_app.navigation.crossing_forecast import STEP_S, CrossingForecast
+from serd_bag.errors import FileError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
 from serd_core.arrival.chain import (
@@ -33,11 +34,10 @@ from serd_core.bayes.draws import averaged_policy
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
-from sim.scenario.grid import grid_of, start_states_of
-from sim.scenario.model_problem import problem_of_model
-from sim.scenario.scenario import Scenario
-from storage.errors import FileError
-from storage.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
+from serd_files.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
+from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.model_problem import problem_of_model
+from serd_sim.scenario.scenario import Scenario
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)

@@ -13,10 +13,10 @@ import shapely
 from scipy.ndimage import binary_opening, label
 
 from serd_app.errors import AppError
+from serd_bag.errors import FileError
+from serd_bag.files import read_text
 from serd_core.arrays import BoolArray, FloatArray
-from sim.scenario.occupancy import OccupancyRaster
-from storage.errors import FileError
-from storage.files import read_text
+from serd_sim.scenario.occupancy import OccupancyRaster
 
 #: Occupancies below this, in percent, are free; unknown cells are not.
 _FREE_BELOW = 50

@@ -8,10 +8,10 @@ from hashlib import blake2b
 from pathlib import Path
 
 from serd_app.errors import AppError
-from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from storage.errors import FileError
-from storage.files import atomic_write_text, delete_file, read_text
-from storage.yaml_config import model_yaml, yaml_model
+from serd_bag.errors import FileError
+from serd_bag.files import atomic_write_text, delete_file, read_text
+from serd_files.yaml_config import model_yaml, yaml_model
+from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 
 
 def kept_scenario_file(beside: Path) -> Path:

@@ -14,17 +14,17 @@ from scipy.sparse.csgraph import shortest_path
 from serd_app.errors import AppError
 from serd_app.places.free_area import largest, outline_of_cells, rings_m
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
-from sim.scenario.goal import cell_area_m, goal_cell
-from sim.scenario.grid import grid_of
-from sim.scenario.polygon import contains, edges_of
-from sim.scenario.rules import LEAST_PERIOD_S, MOST_CELLS, has_room, require_cell_count
-from sim.scenario.scenario import Scenario
-from sim.scenario.settings import RobotSettings
-from sim.scenario.walkable_cells import walkable_cells
-from storage.settings import setting, setting_of
-from storage.yaml_config import StrictModel, yaml_model
+from serd_files.errors import USER_ERRORS
+from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import StrictModel, yaml_model
+from serd_sim.scenario.goal import cell_area_m, goal_cell
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.polygon import contains, edges_of
+from serd_sim.scenario.rules import LEAST_PERIOD_S, MOST_CELLS, has_room, require_cell_count
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import RobotSettings
+from serd_sim.scenario.walkable_cells import walkable_cells
 
 _CELL_RADII, _RADII_TO_WALL, _ROUNDING_M = 2.25, 1.1, 1e-4
 #: Cells along a side of the areas of goal and start.
@@ -205,7 +205,7 @@ def grid_scenario(
             robot=(radius_m, speed_mps),
         )
         found = yaml_model(text, Scenario, name=name)
-    except SerdError:
+    except USER_ERRORS:
         return None
     return (text, found) if grid_of(found).fingerprint() == grid.fingerprint() else None
 

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import ConfigDict, Field, model_validator
 
-from bags.messages.plain import decode, yaw_of_quaternion
-from bags.reader import BagReader
-from bags.topic import topic_named
 from serd_app.errors import AppError
+from serd_bag.errors import FileError
+from serd_bag.files import read_bytes
+from serd_bag.messages.plain import decode, yaw_of_quaternion
+from serd_bag.reader import BagReader
+from serd_bag.topic import topic_named
 from serd_core.arrays import FloatArray
-from sim.scenario.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyRaster
-from storage.errors import FileError
-from storage.files import read_bytes
-from storage.yaml_config import StrictModel, load_yaml_model
+from serd_files.yaml_config import StrictModel, load_yaml_model
+from serd_sim.scenario.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyRaster
 
 _SHADE_OF_UNKNOWN = 205 / 255
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"

@@ -6,10 +6,10 @@ from pathlib import Path
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
-from sim.episodes.settings import EpisodeSettings
-from storage.episode_table import EpisodeResult, load_episodes
-from storage.settings import setting, setting_of
-from storage.yaml_config import load_yaml_model, save_yaml_model
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import load_yaml_model, save_yaml_model
+from serd_sim.episodes.settings import EpisodeSettings
 
 
 class DemoSettings(EpisodeSettings):

@@ -3,14 +3,14 @@
 import time
 from collections.abc import Mapping
 
-from report.inputs import PhaseTiming
+from serd_app.report.inputs import PhaseTiming
+from serd_bag.files import atomic_write_text
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.processes.node_commands import shared_file
 from serd_cli.processes.stack_run import run_stack
+from serd_files.episode_table import EpisodeResult
 from serd_ros.graph.graph import PACKAGE
-from storage.episode_table import EpisodeResult
-from storage.files import atomic_write_text
 
 
 def demonstrate(

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.messages.decoded import messages_of
-from report.inputs import CrowdSnapshot, snapshot_from_history
 from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_app.report.inputs import CrowdSnapshot, snapshot_from_history
+from serd_bag.messages.decoded import messages_of
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
-from sim.world.observation import People
+from serd_sim.world.observation import People
 
 _TRAIL_S = 4.0
 _MOMENT = 0.45

@@ -9,10 +9,6 @@ from importlib.metadata import version
 from rich.table import Table
 from rich.text import Text
 
-from report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
-from report.page import summary_rows
-from report.summary import headline_of, summary_of
-from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.goal import episodes_reaching, until_goal
 from serd_app.demonstrations.recorded import report_of_table
@@ -21,12 +17,16 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.prediction_support import recorded_times
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
+from serd_app.report.page import summary_rows
+from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.write import write_report
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.output.terminal import console, print_json
 from serd_core.arrival.law import steps_within
-from sim.scenario.scenario import Scenario, load_scenario
-from storage.model_file import load_model
+from serd_files.model_file import load_model
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (

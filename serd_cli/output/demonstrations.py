@@ -7,10 +7,6 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from report.figures.map_axes import layout_of
-from report.figures.maps import draw_flow_map, draw_visitation
-from report.figures.resolution import draw_resolution
-from report.style import save_figure
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
@@ -22,12 +18,16 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
+from serd_app.report.figures.map_axes import layout_of
+from serd_app.report.figures.maps import draw_flow_map, draw_visitation
+from serd_app.report.figures.resolution import draw_resolution
+from serd_app.report.style import save_figure
+from serd_bag.files import delete_file
+from serd_bag.quantities import counted
 from serd_cli.output.terminal import table_of
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
-from storage.files import delete_file
-from storage.quantities import counted
 
 #: Share of decisions off the grid above which a bag may be that of another place.
 _MANY_OUTSIDE = 0.1

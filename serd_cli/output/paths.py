@@ -5,8 +5,8 @@ from itertools import count
 from os.path import lexists, realpath
 from pathlib import Path
 
+from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
-from storage.errors import disk_errors
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:

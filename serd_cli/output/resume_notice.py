@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from serd_cli.output.terminal import counting_bar, progress_console
-from sim.episodes.batch import Progress
-from storage.row_table import Row
+from serd_files.row_table import Row
+from serd_sim.episodes.batch import Progress
 
 
 @contextmanager

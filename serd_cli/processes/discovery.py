@@ -74,8 +74,8 @@ def _look_at_scans(node: Any) -> None:
 
     from serd_ros.convert.sensors import from_scan, scan_geometry_of
     from serd_ros.errors import MessageError
-    from sim.safety.scan import Scan
-    from sim.safety.zero_ranges import ZeroRanges
+    from serd_sim.safety.scan import Scan
+    from serd_sim.safety.zero_ranges import ZeroRanges
 
     zeros, n_scans = ZeroRanges(), 0
 

@@ -10,9 +10,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from serd_bag.errors import shortened
+from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
+from serd_files.yaml_text import read_yaml
 from serd_ros.graph.graph import (
     COMPOSABLE,
     COMPOSED,
@@ -22,9 +25,6 @@ from serd_ros.graph.graph import (
     load_graph,
     placed_nodes,
 )
-from storage.errors import shortened
-from storage.nearest import hint
-from storage.yaml_text import read_yaml
 
 _MARKERS = "share/ament_index/resource_index/packages"
 

@@ -11,7 +11,7 @@ from serd_ros.convert.checks import LARGEST, require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_header
 from serd_ros.endpoints import topics
-from sim.world.command import Command
+from serd_sim.world.command import Command
 
 
 def to_twist(command: Command) -> Twist:

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from bags.messages.plain import Transform
+from serd_bag.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from sim.robot.quaternion import matrix_of
-from sim.safety.motion import compose
-from sim.world.observation import Pose
+from serd_sim.robot.quaternion import matrix_of
+from serd_sim.safety.motion import compose
+from serd_sim.world.observation import Pose
 
 LONGEST_S = 3.0
 _LEAST_UPRIGHT = 0.9

@@ -13,7 +13,7 @@ from serd_core.grid.grid import DIRECTION_VECTORS, Action
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_header
 from serd_ros.endpoints import topics
-from sim.world.observation import People
+from serd_sim.world.observation import People
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
 _TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)

@@ -5,13 +5,13 @@ from zlib import crc32
 
 import numpy as np
 
-from bags.messages.people import SeenPeople, SightedIds
+from serd_bag.messages.people import SeenPeople, SightedIds
 from serd_ros.convert.checks import require_finite
 from serd_ros.convert.frames import Frames, plain_name
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
-from sim.perception.people_tracker import PeopleTracker
-from sim.world.observation import People
+from serd_sim.perception.people_tracker import PeopleTracker
+from serd_sim.world.observation import People
 
 
 class PeopleInMap:

@@ -18,17 +18,17 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 
-from bags.messages.plain import yaw_of_quaternion
+from serd_bag.messages.plain import yaw_of_quaternion
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from sim.robot.urdf import Placed
-from sim.safety.motion import STANDING, compose, motion_between
-from sim.scenario.goal import Area
-from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
+from serd_sim.robot.urdf import Placed
+from serd_sim.safety.motion import STANDING, compose, motion_between
+from serd_sim.scenario.goal import Area
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint
 
 PlanarPose = tuple[float, float, float]
 _UNIT_TOLERANCE = 0.01

@@ -14,10 +14,10 @@ from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import stamp_ns, to_header, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from sim.safety.scan import ScanGeometry
-from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import LidarSettings
-from sim.world.observation import People
+from serd_sim.safety.scan import ScanGeometry
+from serd_sim.scenario.occupancy import OccupancyRaster
+from serd_sim.scenario.settings import LidarSettings
+from serd_sim.world.observation import People
 
 _NAMES = ("x", "y", "z", "vx", "vy")
 #: Four times as many as the finest lidar of a robot, which has 0.02 degrees between rays.

@@ -8,7 +8,7 @@ from enum import Enum
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-from bags.messages.times import RESTART_NS
+from serd_bag.messages.times import RESTART_NS
 from serd_ros.errors import MessageError
 
 _NS = 1_000_000_000

@@ -13,7 +13,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
-from sim.safety.motion import compose, motion_between
+from serd_sim.safety.motion import compose, motion_between
 
 #: Messages of odom among which that of the stamp of an amcl_pose is looked up.
 _KEPT = 200

@@ -18,8 +18,8 @@ from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.graph.configs import LocalisationConfig, ObservationConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.observation import Observation, People
-from sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.observation import Observation, People
+from serd_sim.world.observation_inbox import ObservationInbox
 
 #: Without an observation for this time (s) what is missing is reported.
 _SILENCE_S = 2.5

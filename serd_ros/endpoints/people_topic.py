@@ -11,10 +11,10 @@ from typing import Any
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
-from bags.errors import BagError
-from bags.formats.rosbag2.message_types import MessageType, message_type
-from bags.messages.people import CLOUD, people_in, require_people
-from bags.topic import Topic
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import MessageType, message_type
+from serd_bag.messages.people import CLOUD, people_in, require_people
+from serd_bag.topic import Topic
 from serd_ros.convert.people import PeopleInMap
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.endpoints import qos
@@ -22,7 +22,7 @@ from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
-from sim.world.observation import People
+from serd_sim.world.observation import People
 
 _LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
 _HASH = "RIHS01_"

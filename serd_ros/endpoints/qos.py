@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from bags.formats.rosbag2.qos import QosProfile
+from serd_bag.formats.rosbag2.qos import QosProfile
 
 STATE_DEPTH = 2000
 COMMAND_DEPTH = 10

@@ -15,7 +15,7 @@ from typing import Any
 
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from bags.formats.rosbag2.message_types import MessageType
+from serd_bag.formats.rosbag2.message_types import MessageType
 
 _MIDDLEWARE = "rmw_fastrtps_cpp"
 _SUPPORT = b"rosidl_typesupport_fastrtps_c"

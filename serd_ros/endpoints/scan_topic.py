@@ -10,8 +10,8 @@ from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import LidarConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.safety.scan import Scan
-from sim.world.observation import Pose
+from serd_sim.safety.scan import Scan
+from serd_sim.world.observation import Pose
 
 
 class ScanTopic:

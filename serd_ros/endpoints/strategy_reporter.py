@@ -21,7 +21,7 @@ from serd_ros.convert.pose import to_goal_area_message, to_path
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import StrategyConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.observation import Observation
+from serd_sim.world.observation import Observation
 
 _LOG_PERIOD_S = 5.0
 

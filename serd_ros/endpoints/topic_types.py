@@ -13,11 +13,11 @@ from rclpy.qos import QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
 from rosbags.interfaces import Nodetype
 
-from bags.formats.rosbag2.message_types import MessageType, message_type, typestore_of
+from serd_bag.formats.rosbag2.message_types import MessageType, message_type, typestore_of
+from serd_bag.nearest import hint
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.errors import NodeError
-from storage.nearest import hint
 
 _TYPE_NAME = re.compile(r"\w+/\w+/\w+")
 _TIMES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")

@@ -10,16 +10,16 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 
-from bags.errors import BagError
-from bags.formats.rosbag2.message_types import rosbags_types
-from bags.messages.plain import Transform, transforms
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.plain import Transform, transforms
 from serd_ros.convert.pose import PlanarPose, odom_in_map, to_static_transform, to_transform
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
-from sim.robot.urdf import LinkTransform
+from serd_sim.robot.urdf import LinkTransform
 
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 _LOOK_PERIOD_S = 0.5

@@ -11,6 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from serd_app.drives.episode_mark import END, START
 from serd_core.grid.grid import Action
+from serd_files.episode_table import EpisodeResult
+from serd_files.table import write_rows
 from serd_ros.convert.diagnostics import from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
@@ -20,14 +22,12 @@ from serd_ros.episodes.starter import EpisodeStarter
 from serd_ros.graph.configs import DriverConfig
 from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
-from sim.drivers.catalogue import Driver
-from sim.episodes.progress import Ending, EpisodeProgress
-from sim.episodes.result import EpisodeStart, observed_result
-from sim.scenario.scenario import Scenario, load_scenario
-from sim.world.observation import Observation
-from sim.world.waypoint import DecisionClock
-from storage.episode_table import EpisodeResult
-from storage.table import write_rows
+from serd_sim.drivers.catalogue import Driver
+from serd_sim.episodes.progress import Ending, EpisodeProgress
+from serd_sim.episodes.result import EpisodeStart, observed_result
+from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import DecisionClock
 
 Config = TypeVar("Config", bound=DriverConfig)
 _CLOCK_ROUNDING_S = 1e-6

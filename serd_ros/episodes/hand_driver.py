@@ -20,6 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
 from std_msgs.msg import Bool
 
+from serd_app.teleop.keyboard import DirectionChoice, Mode
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_twist
 from serd_ros.convert.diagnostics import values_of
@@ -29,11 +30,10 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.graph.configs import HandDriverConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP, Command
-from sim.world.observation import Observation
-from sim.world.waypoint import DecisionClock
-from teleop.keyboard import DirectionChoice, Mode
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import DecisionClock
 
 Config = TypeVar("Config", bound=HandDriverConfig)
 _BEAT_PERIOD_S = 0.05

@@ -7,14 +7,14 @@ from std_msgs.msg import String
 
 from serd_app.navigation.overlay import ModelOverlay, overlay_of
 from serd_app.navigation.strategy import load_strategy
-from serd_core.errors import SerdError
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import overlay_message
+from serd_files.errors import USER_ERRORS
+from serd_files.model_file import ModelFile
+from serd_files.yaml_config import yaml_model
 from serd_ros.endpoints import qos, topics
 from serd_ros.process.serd_node import SerdNode
-from sim.scenario.scenario import Scenario
-from storage.model_file import ModelFile
-from storage.yaml_config import yaml_model
-from teleop.page.server import PageServer
-from teleop.page.view import overlay_message
+from serd_sim.scenario.scenario import Scenario
 
 _NAME = "model of the learner"
 
@@ -35,7 +35,7 @@ class LearnedOverlay:
             solved, self._solved = self._solved, None
             try:
                 self._server.show_overlay(overlay_message(solved.result()))
-            except SerdError as error:
+            except USER_ERRORS as error:
                 self._node.get_logger().warning(f"no overlay: {error}")
         if self._solved is None and self._newest is not None:
             text, self._newest = self._newest, None

@@ -11,6 +11,8 @@ from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
 
 from serd_app.drives.episode_mark import START, EpisodeMark
+from serd_app.teleop.page.view import point, world_state
+from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
@@ -20,12 +22,10 @@ from serd_ros.endpoints import topics
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import Scenario
-from sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
-from sim.world.waypoint import Waypoint, waypoint_of_intent
-from teleop.page.view import point, world_state
-from teleop.session import EpisodeTally
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
+from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 _SHOWN = ("teleop_mux", "guard", "demo_recorder")
 _STALE_S = 1.0

@@ -5,15 +5,15 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from serd_app.teleop.errors import TeleopError
+from serd_app.teleop.session import END, EpisodeEvent, EpisodeTally, Session
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.starter import EpisodeStarter
 from serd_ros.process.serd_node import SerdNode
-from sim.episodes.result import EpisodeStart
-from sim.scenario.scenario import Scenario
-from sim.world.observation import Observation
-from teleop.errors import TeleopError
-from teleop.session import END, EpisodeEvent, EpisodeTally, Session
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
 
 
 class PersonEpisodes:

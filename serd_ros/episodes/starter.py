@@ -12,14 +12,14 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from serd_app.drives.episode_mark import EpisodeMark
+from serd_bag.errors import FileError
+from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world.worlds import WORLD_TOPICS, several_worlds
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
-from sim.episodes.result import EpisodeStart
-from storage.errors import FileError
-from storage.yaml_config import yaml_model
+from serd_sim.episodes.result import EpisodeStart
 
 _LOOK_AGAIN_S = 0.05
 #: The middleware loses the response of a server that has not found its client's reader yet.

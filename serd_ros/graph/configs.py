@@ -5,19 +5,19 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import model_validator
 
-from bags.recorder_settings import RecorderSettings
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import NavigationSettings
-from sim.drivers.catalogue import driver_names
-from sim.episodes.settings import EpisodeSettings, WorldSettings
-from sim.perception.scan_people import WALL_MARGIN_M
-from sim.planning.settings import PlannerSettings
-from sim.safety.settings import GuardSettings, LidarPlace
-from sim.scenario.scenario import Scenario, load_scenario
-from sim.scenario.settings import RobotSettings
-from storage.settings import setting, setting_of
-from storage.yaml_config import StrictModel
-from teleop.keyboard import Mode
+from serd_app.teleop.keyboard import Mode
+from serd_bag.recorder_settings import RecorderSettings
+from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import StrictModel
+from serd_sim.drivers.catalogue import driver_names
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.perception.scan_people import WALL_MARGIN_M
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.safety.settings import GuardSettings, LidarPlace
+from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.settings import RobotSettings
 
 _ROBOT, _RECORDER = RobotSettings(), RecorderSettings()
 # A ROS parameter cannot be an empty list: [""] stands for none.

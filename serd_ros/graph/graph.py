@@ -12,10 +12,10 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from serd_bag.nearest import hint
+from serd_files.yaml_config import StrictModel, load_yaml_model
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
-from storage.nearest import hint
-from storage.yaml_config import StrictModel, load_yaml_model
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"

@@ -14,12 +14,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from serd_core.errors import SerdError
+from serd_bag.nearest import hint
+from serd_files.errors import USER_ERRORS
+from serd_files.settings import Setting, settings_of
+from serd_files.yaml_config import sentence_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS, NodeConfig
-from storage.nearest import hint
-from storage.settings import Setting, settings_of
-from storage.yaml_config import sentence_of
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 Config = TypeVar("Config", bound=NodeConfig)
@@ -98,7 +98,7 @@ def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> 
         try:
             for parameter in changed:
                 changes[parameter.name](parameter.value)
-        except SerdError as error:
+        except USER_ERRORS as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

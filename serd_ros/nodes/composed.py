@@ -13,13 +13,13 @@ from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
+from serd_bag.nearest import choice_rule
 from serd_ros.endpoints.world.worlds import publishers_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import COMPOSABLE
 from serd_ros.process.composition import Composition
 from serd_ros.process.executable import node_maker
 from serd_ros.process.serd_node import SerdNode
-from storage.nearest import choice_rule
 
 _LOOK_PERIOD_S = 1.0
 

@@ -1,9 +1,9 @@
 """guard: passes commands on to the robot as far as its inputs and obstacles allow, as a ROS 2 node.
 
-See sim.safety for the rules. In lock-step each command is answered by one command with its stamp,
-once the inputs of that stamp have arrived. Live, a command is answered at once, and a timer stops
-the robot when inputs or commands stop coming, or when several nodes publish commands; without a
-command the node publishes nothing.
+See serd_sim.safety for the rules. In lock-step each command is answered by one command with its
+stamp, once the inputs of that stamp have arrived. Live, a command is answered at once, and a timer
+stops the robot when inputs or commands stop coming, or when several nodes publish commands; without
+a command the node publishes nothing.
 """
 
 from collections.abc import Callable
@@ -25,13 +25,13 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
-from sim.safety.guard import Guard, GuardOutput
-from sim.safety.reasons import Fault, GuardAction, Reason, Source
-from sim.safety.scan import Scan
-from sim.safety.zero_ranges import ZeroRanges
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP, Command
-from sim.world.observation import People
+from serd_sim.safety.guard import Guard, GuardOutput
+from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
+from serd_sim.safety.scan import Scan
+from serd_sim.safety.zero_ranges import ZeroRanges
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.observation import People
 
 _REPORT_PERIOD_S = 0.5
 _LOG_PERIOD_S = 5.0

@@ -13,11 +13,11 @@ from serd_ros.endpoints.world.world_publisher import ClockPublisher, WorldPublis
 from serd_ros.endpoints.world.worlds import OtherClocks
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.episodes.result import EpisodeStart
-from sim.errors import SimError
-from sim.scenario.goal import with_goal
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.errors import SimError
+from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):

@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from bags.errors import BagError
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import LearnerMemory
@@ -21,7 +20,10 @@ from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
-from serd_core.errors import SerdError
+from serd_bag.errors import BagError
+from serd_bag.files import require_file_place
+from serd_files.errors import USER_ERRORS
+from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
@@ -29,10 +31,8 @@ from serd_ros.errors import MessageError, NodeError
 from serd_ros.graph.configs import LearnerConfig
 from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.files import require_file_place
-from storage.yaml_config import model_yaml
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 _LOOK_PERIOD_S = 0.1
 _CHECKPOINT_PERIOD_S = 1.0
@@ -177,7 +177,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
     def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
             self._gather(memory, unfinished=False)
-        except SerdError as error:
+        except USER_ERRORS as error:
             self._refuse(str(error))
             return
         self._again = self.config.learn_on == "episode" and memory.unlearned
@@ -194,7 +194,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         try:
             if self._memory is not None:
                 require_enough(self._gather(self._memory, unfinished=True), self.config)
-        except SerdError as error:
+        except USER_ERRORS as error:
             self._refuse(str(error))
             raise NodeError(f"not learned: {error}") from None
         self._begin_anew = True

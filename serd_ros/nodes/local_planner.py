@@ -21,14 +21,14 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.configs import LocalPlannerConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.managed_node import ManagedNode
-from sim.perception.scanning_planner import ScanMatcher
-from sim.planning.catalogue import make_planner
-from sim.planning.local_planner import PlannerStatus
-from sim.scenario.grid import grid_of
-from sim.world.command import STOP, Command
-from sim.world.directive import FollowedDirective
-from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
+from serd_sim.perception.scanning_planner import ScanMatcher
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import PlannerStatus
+from serd_sim.scenario.grid import grid_of
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.directive import FollowedDirective
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
 
 class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):

@@ -15,10 +15,10 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.graph.configs import PeopleTrackerConfig
 from serd_ros.process.managed_node import ManagedNode
-from sim.perception.lidar_people import LidarPeople
-from sim.safety.reasons import Fault, Reason, Source
-from sim.scenario.scenario import load_scenario
-from sim.world.observation import Observation
+from serd_sim.perception.lidar_people import LidarPeople
+from serd_sim.safety.reasons import Fault, Reason, Source
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.observation import Observation
 
 _LOG_PERIOD_S = 5.0
 

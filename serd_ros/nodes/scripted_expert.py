@@ -7,8 +7,8 @@ from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.graph.configs import ScriptedExpertConfig
-from sim.drivers.catalogue import Driver, make_driver
-from sim.world.observation import Observation
+from serd_sim.drivers.catalogue import Driver, make_driver
+from serd_sim.world.observation import Observation
 
 
 class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):

@@ -15,8 +15,12 @@ from std_msgs.msg import String
 from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
-from serd_core.errors import SerdError
+from serd_bag.files import FileWatch
 from serd_core.grid.grid import Action
+from serd_files.episode_table import EpisodeResult
+from serd_files.errors import USER_ERRORS
+from serd_files.model_file import ModelFile
+from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import UNCOUNTED
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
 from serd_ros.convert.stamp import Jump, to_stamp
@@ -25,15 +29,11 @@ from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.graph.configs import StrategyConfig
 from serd_ros.graph.parameters import accept_changes
-from sim.drivers.catalogue import Driver
-from sim.episodes.result import ANYWHERE, EpisodeStart
-from sim.world.directive import REPEAT_PERIOD_S
-from sim.world.observation import Observation
-from sim.world.waypoint import heading_to
-from storage.episode_table import EpisodeResult
-from storage.files import FileWatch
-from storage.model_file import ModelFile
-from storage.yaml_config import yaml_model
+from serd_sim.drivers.catalogue import Driver
+from serd_sim.episodes.result import ANYWHERE, EpisodeStart
+from serd_sim.world.directive import REPEAT_PERIOD_S
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import heading_to
 
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
@@ -165,7 +165,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         try:
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._start_drive()
-        except SerdError as error:
+        except USER_ERRORS as error:
             self._reporter.report_rejection(error)
 
     def _change_goal(self, value: Any) -> None:
@@ -193,7 +193,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     def _try(self, change: Callable[[], None], what: str) -> None:
         try:
             self._replan(change, what)
-        except SerdError as error:
+        except USER_ERRORS as error:
             self._reporter.report_rejection(error)
 
     def _replan(self, change: Callable[[], None], what: str) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_ros.errors import MessageError
 
 _LOG_PERIOD_S = 5.0
@@ -74,7 +74,7 @@ class CallbackGuard:
                 callback(*arguments)
             except MessageError as error:
                 self._reject(topic, error.rule, str(error))
-            except SerdError as error:  # an executor would print its traceback
+            except USER_ERRORS as error:  # an executor would print its traceback
                 self._fail(str(error))
             except Exception as error:
                 self.note(topic, callback, error)
@@ -95,7 +95,7 @@ class CallbackGuard:
             try:
                 return callback(request, response)
             except Exception as error:
-                if not isinstance(error, SerdError):
+                if not isinstance(error, USER_ERRORS):
                     self.note(service, callback, error)
                 refusal = type(response)()
                 if isinstance(refusal, Trigger.Response | SetBool.Response):
@@ -118,7 +118,7 @@ class CallbackGuard:
             try:
                 callback()
                 n_failures = 0
-            except SerdError as error:  # an executor would print its traceback
+            except USER_ERRORS as error:  # an executor would print its traceback
                 self._fail(str(error))
             except Exception as error:
                 n_failures += 1

@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.service import Service
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import ManagedConfig
@@ -135,7 +135,7 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
         """Set what is given, those whose defaults depend on it, and parameters of rclpy."""
         try:
             config = validated(self.kind, given, type(self.config))
-        except SerdError as error:
+        except USER_ERRORS as error:
             return SetParametersResult(successful=False, reason=str(error))
         changed = [
             Parameter(name, value=plain(getattr(config, name)))
@@ -203,7 +203,7 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
     def _result_of(self, transition: str, step: Step) -> TransitionCallbackReturn:
         try:
             step()
-        except SerdError as error:
+        except USER_ERRORS as error:
             self.get_logger().error(f"{transition} refused: {error}")
             self._report_state(ERROR, f"{transition} refused: {error}")
             return _REFUSED

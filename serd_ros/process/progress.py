@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from pydantic import ValidationError
 
-from storage.yaml_config import StrictModel
+from serd_files.yaml_config import StrictModel
 
 VARIABLE = "SERD_PROGRESS"
 _MARK = "serd-progress "

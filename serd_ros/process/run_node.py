@@ -14,7 +14,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
 
@@ -41,7 +41,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         exit_code = _spin(node, stop) or _internal_errors(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         exit_code = 0
-    except SerdError as error:
+    except USER_ERRORS as error:
         name = node.get_name() if node is not None else "serd_ros"
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         exit_code = BAD_INPUT

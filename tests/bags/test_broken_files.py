@@ -6,10 +6,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from bags.errors import BagError
-from bags.formats.mcap.records import RECORD_HEAD
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.errors import BagError
+from serd_bag.formats.mcap.records import RECORD_HEAD
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 
 
 def read(path, tolerant):

@@ -15,15 +15,15 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, Message, Schema
 
-from bags.formats.limits import MOST_FAULTS, most_records, most_unpacked
-from bags.health.check import check_bag
+from serd_bag.formats.limits import MOST_FAULTS, most_records, most_unpacked
+from serd_bag.health.check import check_bag
 from support.mcap_files import CONTENTS, Feature, mcap_file
 
 _MOST_MEMORY_MB = 300
 _CHECK = """
 import re, sys
 from pathlib import Path
-from bags.health.check import check_bag
+from serd_bag.health.check import check_bag
 found = check_bag(sys.argv[1])
 print(len(found.faults), re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
 """

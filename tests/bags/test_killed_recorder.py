@@ -8,12 +8,12 @@ import time
 import numpy as np
 import pytest
 
-from bags.reader import BagReader
+from serd_bag.reader import BagReader
 from support.waiting import ProcessorWait
 
 _RECORD = """
 import sys, time
-from bags.writer import BagWriter
+from serd_bag.writer import BagWriter
 writer = BagWriter(sys.argv[1], flush_period_s=0.25)
 for topic in range(20):
     writer.add_topic(f"/topic_{topic}", "geometry_msgs/msg/PoseStamped")

@@ -5,15 +5,15 @@ import re
 import pytest
 from mcap.writer import Writer
 
-from bags.command.rewrite import recover
-from bags.errors import BagError
-from bags.formats.mcap.chunks import CHUNK_PATTERN
-from bags.formats.mcap.writer import McapWriter
-from bags.formats.rosbag2.message_types import message_type
-from bags.health.check import check_bag
-from bags.health.contents import contents_of_bag
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.command.rewrite import recover
+from serd_bag.errors import BagError
+from serd_bag.formats.mcap.chunks import CHUNK_PATTERN
+from serd_bag.formats.mcap.writer import McapWriter
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bags.errors import BagError
-from bags.playback import Excerpt, Playback
-from bags.reader import BagReader
-from bags.topic import RawMessage, selected_topics
+from serd_bag.errors import BagError
+from serd_bag.playback import Excerpt, Playback
+from serd_bag.reader import BagReader
+from serd_bag.topic import RawMessage, selected_topics
 
 
 def recorded(*times_s):

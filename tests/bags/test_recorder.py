@@ -5,9 +5,9 @@ import os
 
 import pytest
 
-from bags.errors import BagError
-from bags.reader import BagReader
-from bags.recorder import BagRecorder, RecorderSettings
+from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
+from serd_bag.recorder import BagRecorder, RecorderSettings
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -13,13 +13,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from bags.command.rewrite import convert, recover
-from bags.errors import BagError
-from bags.formats.mcap.writer import McapWriter
-from bags.formats.rosbag2.message_types import MessageType, message_type
-from bags.health.check import check_bag
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.command.rewrite import convert, recover
+from serd_bag.errors import BagError
+from serd_bag.formats.mcap.writer import McapWriter
+from serd_bag.formats.rosbag2.message_types import MessageType, message_type
+from serd_bag.health.check import check_bag
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 
 REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -81,8 +81,8 @@ def test_an_empty_folder_becomes_the_new_bag(small_bag, tmp_path):
 
 _CONVERT = """
 import os, signal, sys
-from bags.reader import BagReader
-from bags.command.rewrite import convert
+from serd_bag.reader import BagReader
+from serd_bag.command.rewrite import convert
 messages = BagReader.messages
 def killed_midway(self, topics=None):
     for number, message in enumerate(messages(self, topics)):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bags.errors import BagError
-from bags.topic import selected_topics
+from serd_bag.errors import BagError
+from serd_bag.topic import selected_topics
 
 
 def test_topics_are_found_without_their_slash_and_none_means_all():

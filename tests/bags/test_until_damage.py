@@ -2,9 +2,9 @@
 
 import pytest
 
-from bags.errors import BagError
-from bags.playback import Playback, UntilDamage
-from bags.topic import RawMessage
+from serd_bag.errors import BagError
+from serd_bag.playback import Playback, UntilDamage
+from serd_bag.topic import RawMessage
 
 MESSAGES = [RawMessage("/odom", "nav_msgs/msg/Odometry", b"", ns, ns) for ns in range(1, 6)]
 

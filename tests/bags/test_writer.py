@@ -9,11 +9,11 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
-from bags.errors import BagError
-from bags.formats.rosbag2.message_types import message_type
-from bags.formats.rosbag2.qos import QosProfile
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.formats.rosbag2.qos import QosProfile
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 

@@ -23,19 +23,21 @@ from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arr
 from serd_app.navigation.drive import BegunDrive
 from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
+from serd_app.teleop.joy_mapping import load_joy_mapping
+from serd_app.teleop.mux_settings import load_mux
 from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import Decisions
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.model_file import load_model
+from serd_files.row_table import RowTable
+from serd_files.table import write_rows, write_table
+from serd_files.trajectories.read import read_trajectories
+from serd_files.yaml_config import StrictModel, load_yaml_model, model_yaml
 from serd_ros.graph.graph import find_stack
-from sim.episodes.batch import COLUMNS, TASK_COLUMNS
-from sim.scenario.grid import flow_of, grid_of
-from sim.scenario.scenario import load_scenario
-from storage.episode_table import EpisodeResult, load_episodes
-from storage.model_file import load_model
-from storage.row_table import RowTable
-from storage.table import write_rows, write_table
-from storage.trajectories.read import read_trajectories
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS
+from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.fuzzing import (
     CSV_PIECES,
     FUZZ,
@@ -45,8 +47,6 @@ from support.fuzzing import (
     mutated_text,
     mutated_yaml,
 )
-from teleop.joy_mapping import load_joy_mapping
-from teleop.mux_settings import load_mux
 
 _ROOT = Path(__file__).resolve().parents[2]
 _CORRIDOR = load_scenario("corridor")

@@ -9,7 +9,7 @@ from lab.__main__ import main
 from lab.experiments.study.products import SETTINGS_YAML
 from lab.experiments.study.settings import study_settings
 from serd_cli.output import terminal
-from storage.yaml_config import model_yaml
+from serd_files.yaml_config import model_yaml
 
 
 class Ended(NamedTuple):

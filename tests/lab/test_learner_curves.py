@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lab.learner_curves import STYLES, draw_band, draw_intervals, tick_sizes
-from report.style import new_figure
+from serd_app.report.style import new_figure
 
 TOGETHER = (
     ("MDCE SERD", "MDCE IRL", "REIRL"),

@@ -17,6 +17,7 @@ from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_beside
+from serd_bag.errors import FileError
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
@@ -24,12 +25,11 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_files.model_file import load_model
+from serd_files.yaml_config import save_yaml_model
 from serd_ros.graph.configs import LearnerConfig
-from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
-from sim.scenario.scenario import load_scenario
-from storage.errors import FileError
-from storage.model_file import load_model
-from storage.yaml_config import save_yaml_model
+from serd_sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 SHIPPED = Path(__file__).parents[2] / "bags" / "data" / "hallway" / "training"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_cli.main import main
 from serd_cli.output import terminal
 

@@ -15,11 +15,11 @@ from serd_core import __version__
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
 
 
-def serd(root, *words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
+def serd(*words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
     program = "import sys; from serd_cli.main import main; sys.argv[0] = 'serd'; sys.exit(main())"
     return subprocess.run(
         [sys.executable, "-c", program, *words],
-        env={**os.environ, "PYTHONPATH": str(root), **environment},
+        env={**os.environ, **environment},
         stdout=stdout,
         stderr=subprocess.PIPE,
         preexec_fn=preexec_fn,
@@ -28,7 +28,7 @@ def serd(root, *words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
     )
 
 
-def imported(root, lines, **environment):
+def imported(lines, **environment):
     """The libraries that one process, which runs several commands, has imported after each."""
     program = (
         "import sys\n"
@@ -41,7 +41,7 @@ def imported(root, lines, **environment):
     )
     done = subprocess.run(
         [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": str(root), **environment},
+        env={**os.environ, **environment},
         capture_output=True,
         text=True,
         check=False,
@@ -49,18 +49,18 @@ def imported(root, lines, **environment):
     return {line: f"{line} []" in done.stderr.splitlines() for line in lines}
 
 
-def test_help_version_and_errors_of_usage_import_no_library(root):
+def test_help_version_and_errors_of_usage_import_no_library():
     helps = [f"{words} --help" for words in known_signatures()]
     wrong = [f"{words} --misspelt" for words in known_signatures() if words != "run"]
     assert len(helps) > 20
     lines = ("", "-h", "--version", "bagg", *helps, *wrong)
-    found = imported(root, lines)
+    found = imported(lines)
     assert [line for line in lines if not found[line]] == []
 
 
-def test_completion_of_options_imports_no_library(root):
+def test_completion_of_options_imports_no_library():
     environment = {"COMP_WORDS": "serd demos --", "COMP_CWORD": "2"}
-    assert imported(root, ["x"], _SERD_COMPLETE="complete_bash", **environment) == {"x": True}
+    assert imported(["x"], _SERD_COMPLETE="complete_bash", **environment) == {"x": True}
 
 
 def test_each_module_of_commands_has_a_signature_of_its_name(root):
@@ -79,8 +79,8 @@ def test_each_command_prints_its_result_as_json_on_request():
         assert option is not None, words
 
 
-def test_version(root):
-    assert serd(root, "--version").stdout == f"serd {__version__}\n"
+def test_version():
+    assert serd("--version").stdout == f"serd {__version__}\n"
 
 
 @pytest.mark.parametrize(
@@ -91,16 +91,16 @@ def test_version(root):
         (("xyz",), "No such command 'xyz'."),
     ],
 )
-def test_near_names_are_suggested_and_others_are_not(root, words, sentence):
-    done = serd(root, *words)
+def test_near_names_are_suggested_and_others_are_not(words, sentence):
+    done = serd(*words)
     assert done.returncode == 2
     assert f"│ {sentence} " in done.stderr
 
 
-def test_completion_offers_subcommands_and_their_options(root):
+def test_completion_offers_subcommands_and_their_options():
     def completed(words, number):
         environment = {"COMP_WORDS": words, "COMP_CWORD": str(number)}
-        return serd(root, _SERD_COMPLETE="complete_bash", **environment).stdout.split()
+        return serd(_SERD_COMPLETE="complete_bash", **environment).stdout.split()
 
     assert completed("serd na", 1) == ["navigate"]
     assert "--scenario" in completed("serd demos --", 2)
@@ -111,19 +111,18 @@ def test_completion_offers_subcommands_and_their_options(root):
     ("words", "code"),
     [("scenario schema", 0), ("scenario list", 0), ("--help", 0), ("bag info none", 2)],
 )
-def test_a_reader_that_ends_early_changes_no_exit_code(root, words, code, unbuffered):
+def test_a_reader_that_ends_early_changes_no_exit_code(words, code, unbuffered):
     reader, writer = os.pipe()
     os.close(reader)
-    done = serd(root, *words.split(), stdout=writer, PYTHONUNBUFFERED=unbuffered)
+    done = serd(*words.split(), stdout=writer, PYTHONUNBUFFERED=unbuffered)
     os.close(writer)
     assert done.returncode == code, done.stderr
 
 
-def test_a_reader_that_ends_early_is_no_error(root):
+def test_a_reader_that_ends_early_is_no_error():
     program = "import sys; from serd_cli.main import main; sys.exit(main())"
     with subprocess.Popen(
         [sys.executable, "-c", program, "scenario", "schema"],
-        env={**os.environ, "PYTHONPATH": str(root)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -140,9 +139,9 @@ FULL = Path("/dev/full")
 @pytest.mark.parametrize(
     "words", ["--help", "--version", "scenario schema", "scenario list", "doctor --help"]
 )
-def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
+def test_a_full_disk_under_the_output_gets_a_sentence(words):
     with FULL.open("w") as full:
-        done = serd(root, *words.split(), stdout=full)
+        done = serd(*words.split(), stdout=full)
     assert done.returncode == 2
     assert done.stderr == (
         "serd: cannot write the output: the disk is full; free some space or choose another"
@@ -157,17 +156,17 @@ def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
         ("x" * 300, "x: the name is too long; choose a shorter one"),
     ],
 )
-def test_a_path_that_no_file_can_have_gets_a_sentence(root, tmp_path, monkeypatch, name, sentence):
+def test_a_path_that_no_file_can_have_gets_a_sentence(tmp_path, monkeypatch, name, sentence):
     (tmp_path / "loop").symlink_to("loop")
     monkeypatch.chdir(tmp_path)
     for words in (["learn"], ["navigate"], ["bag", "info"]):
-        done = serd(root, *words, name)
+        done = serd(*words, name)
         assert done.returncode == 2
         assert sentence in done.stderr or (words[0] == "bag" and "check the path" in done.stderr)
 
 
-def test_a_closed_output_gets_a_sentence(root):
-    done = serd(root, "scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
+def test_a_closed_output_gets_a_sentence():
+    done = serd("scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
     assert done.returncode == 2
     sentence = "the output must be open, got a closed one; redirect it to /dev/null"
     assert done.stderr == f"serd: {sentence}\n"

@@ -2,9 +2,9 @@
 
 import pytest
 
+from serd_bag.errors import FileError
 from serd_cli.demo.folder import DemoSettings, new_folder, open_folder
 from serd_cli.errors import UsageError
-from storage.errors import FileError
 
 
 def test_runs_are_numbered_and_keep_their_settings(tmp_path):

@@ -59,7 +59,7 @@ with starting():
     subprocess.run([sys.executable, "-c", program], cwd=root, check=True, timeout=PATIENCE_S)
 
 
-def test_ctrl_c_in_a_finaliser_ends_the_command(root):
+def test_ctrl_c_in_a_finaliser_ends_the_command():
     program = """
 import os, signal, sys, time
 from serd_cli.app import run
@@ -79,7 +79,6 @@ sys.exit(run(command))
 """
     ended = subprocess.run(
         [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": str(root)},
         capture_output=True,
         text=True,
         check=False,

@@ -9,8 +9,8 @@ import pytest
 from serd_app.demonstrations.grid.resolution import ResolutionRow
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.navigation.strategy import load_strategy
-from sim.scenario.scenario import load_scenario
-from storage.table import read_rows
+from serd_files.table import read_rows
+from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
 from support.ros_maps import FREE, OCCUPIED, write_map

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from bags.writer import BagWriter
+from serd_bag.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import sim
+import serd_sim
 
-_BUILT_IN = Path(sim.__file__).parent / "scenario" / "scenarios"
+_BUILT_IN = Path(serd_sim.__file__).parent / "scenario" / "scenarios"
 
 
 def changed_scenario(folder: Path, name: str, changes: Mapping[str, str]) -> Path:

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from sim.safety.guard import Guard
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.settings import GuardSettings
-from sim.world.command import Command
+from serd_sim.safety.guard import Guard
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.world.command import Command
 
 PERIOD_S = 0.05
 RADIUS_M = 0.25

@@ -2,7 +2,7 @@
 
 import math
 
-from storage.episode_table import EpisodeResult
+from serd_files.episode_table import EpisodeResult
 
 
 def episode_result(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.writer import BagWriter
+from serd_bag.writer import BagWriter
 from support.bag_messages import Messages
 
 START_S = 1_650_000_000.0

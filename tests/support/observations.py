@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.world.observation import Observation, make_observation
+from serd_sim.world.observation import Observation, make_observation
 
 PERIOD_S = 0.05
 

@@ -3,7 +3,7 @@
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from bags.formats.rosbag2.message_types import ADDED, MessageType
+from serd_bag.formats.rosbag2.message_types import ADDED, MessageType
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 PEOPLE = "people_msgs/msg/People"

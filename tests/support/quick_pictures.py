@@ -11,8 +11,8 @@ _DOTS_PER_INCH = 20
 
 @pytest.fixture
 def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are drawn and encoded small, and not laid out; `tests/report` does all of it."""
-    from report import style  # which imports matplotlib, and most tests draw nothing
+    """Figures are drawn and encoded small, not laid out; tests/serd_app/report does all of it."""
+    from serd_app.report import style  # which imports matplotlib, and most tests draw nothing
 
     def saved(figure: Any, kind: str, metadata: Mapping[str, None]) -> bytes:
         buffer = BytesIO()

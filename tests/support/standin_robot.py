@@ -31,12 +31,12 @@ from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from bags.formats.rosbag2.message_types import message_type
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_ros.endpoints.raw_type import raw_message_class
-from sim.robot.sensors.lidar import Lidar
-from sim.safety.motion import compose, motion_between
-from sim.scenario.scenario import load_scenario
-from sim.world.observation import People
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.safety.motion import compose, motion_between
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.observation import People
 
 TF = "tf2_msgs/msg/TFMessage"
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -1,6 +1,6 @@
 """Messages of /tf in CDR: there is no wheel of tf2_msgs."""
 
-from bags.formats.rosbag2.message_types import rosbags_types
+from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_ros.endpoints.transforms import TF_TYPE
 
 

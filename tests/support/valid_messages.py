@@ -28,10 +28,10 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import to_stamp
-from sim.scenario.goal import goal_at
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.waypoint import Waypoint
+from serd_sim.scenario.goal import goal_at
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 from support.transforms_message import transforms_message
 

@@ -1,7 +1,7 @@
 """Scenarios with a physical robot, built in or a variant of it, and when it stands."""
 
-from sim.robot.urdf import BUILTIN_URDF
-from sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.robot.urdf import BUILTIN_URDF
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 #: Below it the physical robot stands; it rocks on its casters.
 STOPPED_MPS = 1e-3

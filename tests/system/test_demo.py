@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from bags.reader import BagReader
+from serd_bag.reader import BagReader
 from serd_cli.demo import report
 from serd_cli.main import main
-from storage.episode_table import load_episodes
+from serd_files.episode_table import load_episodes
 from support.changed_scenario import changed_scenario
 from support.waiting import PATIENCE_S, wait_until
 

@@ -13,9 +13,9 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.time import Time
 
-from bags.command.rewrite import recover
-from bags.messages.plain import message_stamp_ns
-from bags.reader import BagReader
+from serd_bag.command.rewrite import recover
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from support.waiting import PATIENCE_S, ProcessorWait

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
-from bags.reader import BagReader
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import to_pose_stamped

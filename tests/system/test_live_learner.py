@@ -12,11 +12,11 @@ from std_srvs.srv import Trigger
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder, LearnerCheckpoint
+from serd_files.model_file import ModelFile, load_model
+from serd_files.yaml_config import yaml_model
 from serd_ros.endpoints import qos
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelFile, load_model
-from storage.yaml_config import yaml_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

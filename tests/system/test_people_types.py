@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
-from bags.formats.rosbag2.message_types import message_type
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.command import from_twist_stamped
 from serd_ros.convert.pose import to_waypoint_message
@@ -15,7 +15,7 @@ from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationPublisher
 from serd_ros.endpoints.topic_types import message_class
-from sim.world.waypoint import Waypoint
+from serd_sim.world.waypoint import Waypoint
 from support.observations import PERIOD_S, observation_at
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.waiting import PATIENCE_S

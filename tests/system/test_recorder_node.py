@@ -12,9 +12,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from bags.command.rewrite import recover
-from bags.messages.plain import message_stamp_ns
-from bags.reader import BagReader
+from serd_bag.command.rewrite import recover
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp

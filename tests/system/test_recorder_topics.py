@@ -12,9 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header, String
 
-from bags.formats.rosbag2.qos import profile_to_offer
-from bags.messages.plain import message_stamp_ns
-from bags.reader import BagReader
+from serd_bag.formats.rosbag2.qos import profile_to_offer
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import find_command, node_command
 from serd_ros.convert.diagnostics import WARN
 from serd_ros.convert.stamp import to_stamp

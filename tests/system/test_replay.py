@@ -9,15 +9,15 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from bags.reader import BagReader
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.waiting import PATIENCE_S
 
 

@@ -16,7 +16,7 @@ from serd_ros.convert.command import to_intent
 from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.waiting import ProcessorWait
 from support.wheeled_robots import STOPPED_MPS
 

@@ -7,14 +7,14 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from serd_cli.demo.recorded import read_recording
-from sim.drivers.expert import ScriptedExpert
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner, planner_in_world
-from sim.planning.settings import PlannerSettings
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
-from storage.episode_table import load_episodes
-from storage.yaml_config import model_yaml
+from serd_files.episode_table import load_episodes
+from serd_files.yaml_config import model_yaml
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner, planner_in_world
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 from support.waiting import PATIENCE_S
 
 SEED, EPISODES, TIMEOUT_S = 11, 2, 16.0

@@ -16,11 +16,11 @@ from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.navigation import MODEL_NAMES
+from serd_files.episode_table import load_episodes
+from serd_files.model_file import OutcomeModel
 from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
-from storage.episode_table import load_episodes
-from storage.model_file import OutcomeModel
 from support.arrival_messages import from_arrival_message
 from support.waiting import PATIENCE_S
 

@@ -30,8 +30,8 @@ from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.browser import needs_chromium, start_chromium
 from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
 from support.wheeled_robots import STOPPED_MPS

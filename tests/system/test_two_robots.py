@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.reader import BagReader
-from sim.drivers.expert import ScriptedExpert
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
-from storage.episode_table import load_episodes
+from serd_bag.reader import BagReader
+from serd_files.episode_table import load_episodes
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 from support.recorded_messages import recorded
 from support.waiting import PATIENCE_S
 

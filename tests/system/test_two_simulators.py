@@ -12,10 +12,10 @@ from std_srvs.srv import SetBool
 
 from serd_app.drives.episode_mark import END
 from serd_cli.processes.node_commands import node_command
+from serd_files.episode_table import load_episodes
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import FIX
-from storage.episode_table import load_episodes
 from support.waiting import PATIENCE_S, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

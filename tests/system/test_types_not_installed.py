@@ -5,9 +5,9 @@ import signal
 import pytest
 from geometry_msgs.msg import TwistStamped
 
-from bags.formats.rosbag2.message_types import message_type
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.raw_type import raw_message_class

@@ -32,12 +32,12 @@ from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.chain import ArrivalTimes
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, entry_times_s, steps_within
-from sim.drivers.catalogue import make_driver
-from sim.episodes.episode import EpisodeRecord, run_episode
-from sim.planning.catalogue import make_planner
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.catalogue import make_driver
+from serd_sim.episodes.episode import EpisodeRecord, run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 
 LEARNED_IN, LEARNING_SEED, N_DEMONSTRATIONS = "hallway", 3, 40
 SIZES = (20, 5, 2)

@@ -10,18 +10,18 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from sim.crowd.social_force import model_named
-from sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_task
-from sim.errors import SimError
-from sim.planning.recovery import RecoveringPlanner
-from sim.planning.stopping import speed_to_stop_within
-from sim.scenario.scenario import Scenario
-from sim.world.command import STOP, Command
-from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
-from storage.row_table import Row
-from storage.table import Column
+from serd_files.row_table import Row
+from serd_files.table import Column
+from serd_sim.crowd.social_force import model_named
+from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_task
+from serd_sim.errors import SimError
+from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.stopping import speed_to_stop_within
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 
 #: Name -> behaviour of navground.
 BASELINES = {

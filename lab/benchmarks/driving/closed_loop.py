@@ -20,21 +20,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from lab.benchmarks.driving.closed_loop_figure import closed_loop_figure
 from lab.benchmarks.report import Row, save
-from report.style import save_figure
+from serd_app.report.style import save_figure
 from serd_cli.output.terminal import WorkProgress
-from sim.drivers.catalogue import make_driver
-from sim.episodes.batch import EpisodeTask, run_batch
-from sim.episodes.batch_summary import ConditionSummary, summarise
-from sim.episodes.episode import run_episode
-from sim.errors import SimError
-from sim.planning.catalogue import make_planner, planner_names
-from sim.planning.local_planner import LocalPlanner
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
-from storage.row_table import Row as TableRow
+from serd_files.row_table import Row as TableRow
+from serd_sim.drivers.catalogue import make_driver
+from serd_sim.episodes.batch import EpisodeTask, run_batch
+from serd_sim.episodes.batch_summary import ConditionSummary, summarise
+from serd_sim.episodes.episode import run_episode
+from serd_sim.errors import SimError
+from serd_sim.planning.catalogue import make_planner, planner_names
+from serd_sim.planning.local_planner import LocalPlanner
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 
 PLAN_CALL_PEOPLE = 20
 _ON_ITS_WAY_M = 0.3

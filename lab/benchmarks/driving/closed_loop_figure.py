@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from report import style
-from report.style import new_figure
-from sim.episodes.batch_summary import ConditionSummary
+from serd_app.report import style
+from serd_app.report.style import new_figure
+from serd_sim.episodes.batch_summary import ConditionSummary
 
 _Measure = Callable[[ConditionSummary], float]
 _MEASURES: dict[str, _Measure] = {

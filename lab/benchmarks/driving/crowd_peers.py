@@ -15,12 +15,12 @@ from lab.benchmarks.peers.crowd_task import seconds_per_step
 from lab.benchmarks.peers.peer_environment import run_peer
 from lab.benchmarks.report import Row, save
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import Crowd
-from sim.crowd.robots import RobotBody
-from sim.crowd.routes import Routes
-from sim.crowd.social_force import model_named, model_names
-from sim.robot.sensors.lidar import Lidar
-from sim.scenario.settings import LidarSettings
+from serd_sim.crowd.crowd import Crowd
+from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.routes import Routes
+from serd_sim.crowd.social_force import model_named, model_names
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.scenario.settings import LidarSettings
 
 PEOPLE = (30, 100, 200)
 WIDTH_M, LENGTH_M, STEP_S, RADIUS_M, SPEED_MPS = 6.0, 24.0, 0.05, 0.25, 1.34

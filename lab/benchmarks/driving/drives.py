@@ -13,11 +13,11 @@ import pandas as pd
 
 from lab.benchmarks.driving.step_profile import profile_steps
 from lab.benchmarks.report import measured_rows, save
-from sim.drivers.catalogue import make_driver
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import Scenario, load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.catalogue import make_driver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.world.world import HallwayWorld
 
 SEEDS = range(1, 7)
 SCENARIOS = ("hallway", "crossing")

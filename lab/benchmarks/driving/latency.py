@@ -16,9 +16,9 @@ from geometry_msgs.msg import Vector3Stamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-from bags.messages.plain import message_stamp_ns
 from lab.benchmarks.faults.kill_matrix import place
 from lab.benchmarks.report import Row, save
+from serd_bag.messages.plain import message_stamp_ns
 from serd_cli.processes.node_commands import stack_processes
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
@@ -27,7 +27,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.graph.graph import find_stack
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 
 PEOPLE, SEED, N_POSES = 30, 3, 640
 _TOPICS = (topics.ROBOT_POSE, topics.CMD_VEL_RAW, topics.CMD_VEL)

@@ -9,13 +9,13 @@ import subprocess
 from lab.benchmarks.driving.step_profile import StepProfile, profile_steps
 from lab.benchmarks.faults.kill_matrix import place
 from lab.benchmarks.report import Row, save
+from serd_bag.files import atomic_write_text
 from serd_cli.processes.node_commands import stack_processes
+from serd_files.episode_table import load_episodes
+from serd_files.yaml_config import model_yaml
 from serd_ros.graph.graph import find_stack
-from sim.planning.catalogue import planner_names
-from sim.scenario.scenario import Scenario, load_scenario
-from storage.episode_table import load_episodes
-from storage.files import atomic_write_text
-from storage.yaml_config import model_yaml
+from serd_sim.planning.catalogue import planner_names
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 PEOPLE, SEED, EPISODES = 30, 3, 5
 _WITHOUT_RECORDER = {

@@ -22,12 +22,12 @@ from lab.benchmarks.driving.baselines import (
 )
 from lab.benchmarks.driving.closed_loop import ROOT, code_digest, drive_all
 from lab.benchmarks.report import Row, save
-from report import style
-from report.style import new_figure, save_figure
-from sim.episodes.batch import EpisodeTask
-from sim.episodes.batch_summary import ConditionSummary, summarise
-from sim.planning.catalogue import planner_names
-from sim.scenario.scenario import scenario_suite
+from serd_app.report import style
+from serd_app.report.style import new_figure, save_figure
+from serd_sim.episodes.batch import EpisodeTask
+from serd_sim.episodes.batch_summary import ConditionSummary, summarise
+from serd_sim.planning.catalogue import planner_names
+from serd_sim.scenario.scenario import scenario_suite
 
 SUITE = "social_v1"
 N_SEEDS = 10

@@ -12,19 +12,19 @@ from dataclasses import dataclass
 from typing import Any
 from unittest.mock import patch
 
-from sim.crowd.crowd import Crowd
-from sim.drivers.expert import ScriptedExpert
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner
-from sim.planning.recovery import RecoveringPlanner
-from sim.robot.contacts import ContactCounter
-from sim.robot.physical_robot import PhysicalRobot
-from sim.robot.robot import KinematicRobot
-from sim.robot.sensors.lidar import Lidar
-from sim.safety.guard import Guard
-from sim.safety.world_guard import no_guard
-from sim.scenario.scenario import Scenario
-from sim.world.world import HallwayWorld
+from serd_sim.crowd.crowd import Crowd
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.robot.contacts import ContactCounter
+from serd_sim.robot.physical_robot import PhysicalRobot
+from serd_sim.robot.robot import KinematicRobot
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.safety.guard import Guard
+from serd_sim.safety.world_guard import no_guard
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.world import HallwayWorld
 
 #: What belongs to each part: (class, method).
 PARTS: dict[str, tuple[tuple[type, str], ...]] = {

@@ -12,17 +12,17 @@ import numpy as np
 
 from lab.benchmarks.report import save
 from serd_core.arrays import BoolArray, FloatArray
-from sim.drivers.expert import ScriptedExpert
-from sim.episodes.episode import run_episode
-from sim.perception.lidar_people import LidarPeople
-from sim.planning.catalogue import make_planner
-from sim.safety.reasons import Fault
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.settings import GuardSettings
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.observation import Observation, People
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.perception.lidar_people import LidarPeople
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.safety.reasons import Fault
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation, People
+from serd_sim.world.world import HallwayWorld
 
 SEEDS = range(1, 4)
 NOISE_M, BODY_M, REACH_M, MATCH_M = 0.02, 0.25, 5.0, 0.4

@@ -17,17 +17,17 @@ from typing import Any
 import pandas as pd
 from domain_coordinator import domain_id
 
-from bags.reader import BagReader
 from lab.benchmarks.faults.driven_stack import SOURCE, DrivenStack
 from lab.benchmarks.faults.launched_stack import LaunchedStack
 from lab.benchmarks.report import RESULTS, Row
 from serd_app.learning.checkpoint import CheckpointFolder
+from serd_bag.files import atomic_write_text
+from serd_bag.reader import BagReader
 from serd_cli.processes.workspace import ros_environment
+from serd_files.episode_table import load_episodes
 from serd_ros.graph.graph import find_stack
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.episode_table import load_episodes
-from storage.files import atomic_write_text
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 _ROOT = Path(__file__).resolve().parents[3]
 _BAG = _ROOT / "bags/data/hallway/training"

@@ -43,8 +43,8 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import soft_policy
-from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.scenario import load_scenario
 
 ACCURACY = 1e-9
 LARGE_SIDE = 316

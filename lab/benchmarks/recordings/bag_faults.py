@@ -21,10 +21,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.stream_reader import MAGIC_SIZE
 
-from bags.formats.mcap.records import RECORD_HEAD
-from bags.formats.mcap.scan import McapScan
-from bags.writer import BagWriter
 from lab.benchmarks.report import markdown_row, write_rows
+from serd_bag.formats.mcap.records import RECORD_HEAD
+from serd_bag.formats.mcap.scan import McapScan
+from serd_bag.writer import BagWriter
 
 _DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "bags.md"
 _TYPE = "geometry_msgs/msg/PoseStamped"
@@ -35,7 +35,7 @@ _PAGE = 4096
 _SEED = 5
 _RECORD = f"""
 import sys, time
-from bags.writer import BagWriter
+from serd_bag.writer import BagWriter
 writer = BagWriter(sys.argv[1], flush_period_s={_FLUSH_PERIOD_S})
 for topic in range({_N_TOPICS}):
     writer.add_topic(f"/topic_{{topic}}", "{_TYPE}")

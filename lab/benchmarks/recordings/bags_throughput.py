@@ -16,13 +16,13 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from bags.health.check import check_bag
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from lab.benchmarks.measurement import best_of, peak_memory_mb
 from lab.benchmarks.report import Row, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.drives.episode_mark import END, START, EpisodeMark
+from serd_bag.health.check import check_bag
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action, Grid
 
 _N_POSES = 200_000

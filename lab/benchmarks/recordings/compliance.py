@@ -17,7 +17,7 @@ import numpy as np
 
 from lab.benchmarks.recordings.sources import serd
 from lab.benchmarks.report import markdown_row, write_rows
-from storage.files import atomic_write_text
+from serd_bag.files import atomic_write_text
 
 _DOCUMENT = Path(__file__).absolute().parents[3] / "docs" / "compare.md"
 _PICTURE = _DOCUMENT.parent / "pictures" / "compare.png"

@@ -17,9 +17,9 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
 
-from bags.reader import BagReader
 from lab.benchmarks.faults.kill_matrix import place
 from lab.benchmarks.report import Row, save
+from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 

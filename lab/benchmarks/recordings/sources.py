@@ -20,8 +20,8 @@ from rosbags.rosbag2 import StoragePlugin
 from lab.benchmarks.recordings import written_drives as written
 from lab.benchmarks.recordings.held_out import held_out
 from lab.benchmarks.report import markdown_row, write_rows
+from serd_bag.files import atomic_write_text
 from serd_core.errors import SerdError
-from storage.files import atomic_write_text
 
 _ROOT = Path(__file__).absolute().parents[3]
 _DOCUMENT = _ROOT / "docs" / "sources.md"

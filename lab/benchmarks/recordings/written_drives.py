@@ -16,11 +16,11 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from bags.reader import BagReader
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import drives_in
+from serd_bag.reader import BagReader
 from serd_core.arrays import FloatArray
 
 _ODOM, _TWIST, _TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "tf2_msgs/msg/TFMessage"

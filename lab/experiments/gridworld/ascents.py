@@ -15,7 +15,7 @@ from lab.estimators.gradient_ascent import GradientAscent
 from lab.experiments.gridworld.experiment import GridworldConfig, demonstrate, scenes
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
-from report.style import BLUE, PURPLE, RED, new_figure, report_style
+from serd_app.report.style import BLUE, PURPLE, RED, new_figure, report_style
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
@@ -23,7 +23,7 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from storage.settings import setting, setting_of
+from serd_files.settings import setting, setting_of
 
 AscentName = Literal["gradient", "lbfgs", "trust-region"]
 LOOKS: dict[AscentName, tuple[str, str]] = {

@@ -30,7 +30,7 @@ from serd_core.learners.serd import SerdSettings, fit_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.selection.prior_weight import split_episodes
-from storage.settings import setting, setting_of
+from serd_files.settings import setting, setting_of
 
 POLICY = MdcePolicy()
 WHOLE, PART, STOPPED = "MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"

@@ -39,7 +39,7 @@ from serd_core.selection.evaluation import (
     policy_divergence,
     policy_log_likelihood,
 )
-from storage.settings import setting
+from serd_files.settings import setting
 
 
 class GridworldConfig(SeededConfig):

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lab.experiments.gridworld.problem import Gridworld
 from lab.experiments.running.tables import quartiles
 from lab.learner_curves import draw_band, tick_sizes
-from report.style import HAIRLINE, MUTED, RED, VISITS_MAP, new_figure
+from serd_app.report.style import HAIRLINE, MUTED, RED, VISITS_MAP, new_figure
 from serd_core.arrays import FloatArray
 
 MEASURES = {

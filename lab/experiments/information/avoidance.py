@@ -17,10 +17,10 @@ from scipy.stats import beta
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quantile, read_table
 from lab.learner_curves import tick_sizes
-from report import style
-from report.figures.charts import draw_bars
-from report.style import new_figure
 from serd_app.navigation.strategy import start_distribution
+from serd_app.report import style
+from serd_app.report.figures.charts import draw_bars
+from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
 from serd_core.bayes.information import OutcomeInformation, outcome_information
 from serd_core.bayes.laplace import laplace
@@ -33,9 +33,9 @@ from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationPro
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import load_scenario
-from storage.settings import setting
+from serd_files.settings import setting
+from serd_sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.scenario import load_scenario
 
 #: From the results of the hallway study.
 MEASURED = Path(__file__).parent / "hallway_dynamics.csv"

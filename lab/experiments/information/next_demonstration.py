@@ -15,9 +15,9 @@ from lab.experiments.information.avoidance import AvoidanceConfig, hallway, meas
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.statistics import StatisticsSettings, mean_interval, paired_p_value
 from lab.experiments.running.tables import Row
-from report import style
-from report.style import new_figure
 from serd_app.demonstrations.decision_table import concatenate_renumbered
+from serd_app.report import style
+from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
 from serd_core.bayes.design import expected_information_gain
 from serd_core.bayes.laplace import laplace
@@ -28,7 +28,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.selection.evaluation import fitted_policy, policy_log_likelihood
-from storage.settings import setting
+from serd_files.settings import setting
 
 CHOSEN, RANDOM = "chosen", "random"
 _TICKS = (0.02, 0.05, 0.1, 0.2, 0.5)

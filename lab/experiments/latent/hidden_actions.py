@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row
 from lab.learner_curves import draw_points
-from report import style
-from report.style import Look, new_figure
+from serd_app.report import style
+from serd_app.report.style import Look, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import laplace
@@ -30,7 +30,7 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
-from storage.settings import setting
+from serd_files.settings import setting
 
 MOVES = (Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST)
 TERRAINS = ("open", "forest")

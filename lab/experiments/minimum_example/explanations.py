@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quartiles
 from lab.learner_curves import STYLES, draw_band, tick_sizes
-from report.style import HAIRLINE, INK, MUTED, new_figure
+from serd_app.report.style import HAIRLINE, INK, MUTED, new_figure
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
@@ -28,7 +28,7 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
 from serd_core.selection.evaluation import fitted_policy
-from storage.settings import setting
+from serd_files.settings import setting
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2

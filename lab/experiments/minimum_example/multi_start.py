@@ -21,10 +21,10 @@ from lab.experiments.minimum_example.explanations import (
 )
 from lab.experiments.running.experiment import Count, Findings, Session, Sizes
 from lab.experiments.running.tables import Row
-from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
+from serd_app.report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
-from storage.settings import setting
+from serd_files.settings import setting
 
 COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}
 

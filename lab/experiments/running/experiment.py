@@ -12,13 +12,13 @@ from pydantic_core import PydanticUndefined
 
 from lab.experiments.running.repetitions import Progress, run_repetitions
 from lab.experiments.running.tables import Row, write_table
-from report.style import save_figure
+from serd_app.report.style import save_figure
+from serd_bag.files import atomic_write_text, read_text
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_text, read_text
-from storage.settings import setting, settings_of
-from storage.yaml_config import StrictModel, sentence_of
-from storage.yaml_text import read_yaml
+from serd_files.settings import setting, settings_of
+from serd_files.yaml_config import StrictModel, sentence_of
+from serd_files.yaml_text import read_yaml
+from serd_sim.episodes.execution import Execution
 
 #: A setting that is a number of things, and one that is a ladder of such numbers.
 Count = Annotated[int, Field(ge=1)]

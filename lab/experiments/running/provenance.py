@@ -14,9 +14,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from serd_bag.files import atomic_write_text, read_text
 from serd_core.errors import SerdError
-from storage.files import atomic_write_text, read_text
-from storage.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_text import read_yaml, write_yaml
 
 FILE_NAME = "provenance.yaml"
 PACKAGES = ("serd", "numpy", "scipy")

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from lab.experiments.running.provenance import FILE_NAME
 from lab.experiments.running.tables import Row
+from serd_bag.files import atomic_write_text, read_bytes
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_text, read_bytes
+from serd_sim.episodes.execution import Execution
 
 Progress = Callable[[int, int], None]
 Content = TypeVar("Content", dict[str, Any], list[Any])

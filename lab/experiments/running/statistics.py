@@ -15,7 +15,7 @@ from pydantic import Field
 
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray, IntArray
-from storage.yaml_config import StrictModel
+from serd_files.yaml_config import StrictModel
 
 #: All sign flips up to this many, else as many drawn.
 _FLIPS = 9_999

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
+from serd_bag.files import atomic_write_text, read_text
 from serd_core.arrays import FloatArray
 from serd_core.errors import SerdError
-from storage.files import atomic_write_text, read_text
 
 #: From pandas 3.1 on, read_csv reads every float as written; before, it must be asked to.
 _EXACT: dict[str, Any] = (

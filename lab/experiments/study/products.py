@@ -23,12 +23,12 @@ from lab.experiments.running.repetitions import (
     write_result,
 )
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_bag.files import read_bytes
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
-from storage.files import read_bytes
-from storage.yaml_config import model_yaml
-from storage.yaml_text import write_yaml
+from serd_files.errors import USER_ERRORS
+from serd_files.yaml_config import model_yaml
+from serd_files.yaml_text import write_yaml
+from serd_sim.episodes.execution import Execution
 
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
@@ -138,7 +138,7 @@ def load_recorded(file: Path) -> Decisions:
         decisions = load_decisions(file)
         # Tables of earlier versions have no digest.
         is_as_written = not kept.exists() or read_result(kept, dict) == _digest(file)
-    except SerdError:
+    except USER_ERRORS:
         is_as_written = False
     if not is_as_written:
         raise damaged(file)

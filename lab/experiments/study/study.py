@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from lab.experiments.study.settings import StudySettings, WorldSettings
-from report.figures.map_axes import HallwayLayout, layout_of
 from serd_app.navigation.strategy import start_distribution
+from serd_app.report.figures.map_axes import HallwayLayout, layout_of
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.navigation import NavigationProblem
-from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 TRAIN_AREA, TRANSFER_AREA = "train", "transfer"
 

@@ -52,7 +52,7 @@ def files(folder: str) -> list[str]:
 
 setup(
     name=PACKAGE,
-    version='0.2.0',
+    version='0.3.0',
     description='Hallway navigation that learns rewards and dynamics from demonstrations (SERD)',
     license='Apache-2.0',
     packages=[],

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from bags.errors import BagError
 from serd_app.drives.recording import Recording
 from serd_app.errors import AppError
+from serd_bag.errors import BagError
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 

@@ -17,12 +17,12 @@ import numpy as np
 
 from serd_app.drives.recorded_people import Sighting
 from serd_app.drives.recording import Recording
+from serd_bag.errors import FileError
+from serd_bag.nearest import hint
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import Action, Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW
-from storage.errors import FileError
-from storage.nearest import hint
-from storage.table import Column, read_table, write_table
+from serd_files.table import Column, read_table, write_table
 
 _LEAST_ORDER = 0.5
 _COLUMNS = (

@@ -5,10 +5,10 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
+from serd_bag.errors import FileError
 from serd_core.grid.grid import Grid
-from storage.errors import FileError
-from storage.grid_picture import BLOCKED, WALKABLE, walkable_of_picture, walkable_picture
-from storage.yaml_config import StrictModel, load_yaml_model, save_yaml_model
+from serd_files.grid_picture import BLOCKED, WALKABLE, walkable_of_picture, walkable_picture
+from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 
 
 class GridFile(StrictModel):

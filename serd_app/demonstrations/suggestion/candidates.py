@@ -11,9 +11,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.reader import BagReader
-from bags.topic import RawMessage, Topic, topics_named
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_mark import EPISODE
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
@@ -21,6 +18,9 @@ from serd_app.drives.mapped.drive import MappedMessages, mapped_messages
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.mapped.poses import MappedPoses
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
+from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
+from serd_bag.topic import RawMessage, Topic, topics_named
 
 PERIOD_S = 1.0
 _CELL_SIZES_M = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)

@@ -12,10 +12,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bags.damage import Losses
-from bags.errors import BagError
-from bags.reader import BagReader
-from bags.topic import Topic, topics_named
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
@@ -36,7 +32,10 @@ from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import TF_TYPES
 from serd_app.errors import AppError
-from serd_core.errors import printable
+from serd_bag.damage import Losses
+from serd_bag.errors import BagError, printable
+from serd_bag.reader import BagReader
+from serd_bag.topic import Topic, topics_named
 
 #: Periods with which a mapping is tested: the suggested and the usual one.
 _PERIODS_S = (PERIOD_S, 2.0)

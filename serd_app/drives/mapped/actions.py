@@ -14,13 +14,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
-from bags.messages.times import TimesOnClock, placed_s
-from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive, actions_of_directions
+from serd_bag.errors import BagError
+from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
+from serd_bag.messages.times import TimesOnClock, placed_s
+from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, action_of_direction

@@ -2,7 +2,7 @@
 
 The clock is that of the pose stamps (wall or simulated). Messages without a stamp, or with a stamp
 of another clock, are put on it by their log time, through the log times and stamps of the poses, at
-any rate between the two (`bags/messages/times.py`).
+any rate between the two (`bags/serd_bag/messages/times.py`).
 """
 
 from collections.abc import Mapping
@@ -10,10 +10,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.fields import FieldReader, field_reader, store_of
-from bags.reader import BagReader
-from bags.topic import RawMessage, Topic, topic_named
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
@@ -21,6 +17,10 @@ from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.mapped.poses import MappedPoses
 from serd_app.drives.recorded_drive import RecordedDrive, source_of
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
+from serd_bag.errors import BagError
+from serd_bag.messages.fields import FieldReader, field_reader, store_of
+from serd_bag.reader import BagReader
+from serd_bag.topic import RawMessage, Topic, topic_named
 from serd_core.arrays import FloatArray
 
 

@@ -4,9 +4,9 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from storage.settings import setting
-from storage.trajectories.columns import TableColumns
-from storage.yaml_config import StrictModel
+from serd_files.settings import setting
+from serd_files.trajectories.columns import TableColumns
+from serd_files.yaml_config import StrictModel
 
 #: What the fields of a bag do not state.
 ASSUMED_UNITS = "m, rad, m/s and s are assumed, as ROS defines the units of messages"

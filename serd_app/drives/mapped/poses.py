@@ -6,15 +6,15 @@ from copy import copy
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.fields import POSES, FieldReader, field_reader
-from bags.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
-from bags.topic import RawMessage, Topic, topic_named, topics_named
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import finite_poses
 from serd_app.drives.transforms import TF_TYPES, Poses, RecordedTransforms
+from serd_bag.errors import BagError
+from serd_bag.messages.fields import POSES, FieldReader, field_reader
+from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
+from serd_bag.nearest import hint
+from serd_bag.topic import RawMessage, Topic, topic_named, topics_named
 from serd_core.arrays import FloatArray, IntArray
-from storage.nearest import hint
 
 _LONGEST_STEP_BACK_S = 1.0
 #: Poses in order, of which fewer may be messages that a recorder received late.

@@ -18,7 +18,7 @@ from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
-from storage.episode_table import EpisodeResult
+from serd_files.episode_table import EpisodeResult
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from serd_app.demonstrations.crossing_table import (
 )
 from serd_app.navigation.strategy import Strategy
 from serd_core.grid.grid import Action
-from sim.world.observation import Observation
-from storage.episode_table import EpisodeResult
-from storage.table import write_rows
+from serd_files.episode_table import EpisodeResult
+from serd_files.table import write_rows
+from serd_sim.world.observation import Observation
 
 #: Its file, in the folder of a drive.
 CROSSINGS = "crossings.csv"

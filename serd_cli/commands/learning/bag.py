@@ -10,17 +10,19 @@ import typer
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from bags.command.commands import (
+from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
+from serd_bag.command.commands import (
     Page,
     convert_bags,
     recover_bags,
     show_checks,
     show_contents,
 )
-from bags.formats.mcap.writer import Compression
-from bags.reader import BagReader
-from bags.topic import selected_topics
-from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
+from serd_bag.files import atomic_write_text
+from serd_bag.formats.mcap.writer import Compression
+from serd_bag.quantities import counted
+from serd_bag.reader import BagReader
+from serd_bag.topic import selected_topics
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, option, validated
 from serd_cli.output.paths import require_suffix
@@ -29,8 +31,6 @@ from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import require_free, run_alone
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig
-from storage.files import atomic_write_text
-from storage.quantities import counted
 
 Bags = Annotated[
     list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap, .db3 or .bag files")

@@ -8,20 +8,20 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from report.figures.map_axes import layout_of
-from report.figures.maps import draw_surprises
-from report.style import save_figure
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.learning.learning_files import FlowSource, LearningFiles
 from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
+from serd_app.report.figures.map_axes import layout_of
+from serd_app.report.figures.maps import draw_surprises
+from serd_app.report.style import save_figure
+from serd_bag.quantities import counted
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, finite, print_json
-from sim.scenario.goal import point_of
-from storage.quantities import counted
-from storage.table import write_rows
-from storage.yaml_config import load_yaml_model
+from serd_files.table import write_rows
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.scenario.goal import point_of
 
 #: Episodes listed on the terminal, those of the lowest ranks.
 _LISTED = 10

@@ -42,11 +42,11 @@ from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NO_FLOW
-from sim.scenario.grid import grid_of
-from sim.scenario.rules import LEAST_PERIOD_S
-from sim.scenario.scenario import load_scenario
-from storage.table import write_rows
-from storage.yaml_config import load_yaml_model
+from serd_files.table import write_rows
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.rules import LEAST_PERIOD_S
+from serd_sim.scenario.scenario import load_scenario
 
 #: Decision periods where none is given: with cells that fit them, and with given cells.
 _FITTED_PERIOD_S, _USUAL_PERIOD_S = 1.0, 2.0

@@ -7,10 +7,6 @@ from typing import Annotated, Any
 import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from report.figures.maps import draw_gain
-from report.model_inputs import inputs_of_model
-from report.style import save_figure
-from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.crossing_times import load_times
 from serd_app.learning.fit_data import FitProgress
@@ -24,13 +20,17 @@ from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
+from serd_app.report.figures.maps import draw_gain
+from serd_app.report.model_inputs import inputs_of_model
+from serd_app.report.style import save_figure
+from serd_app.report.write import write_report
+from serd_bag.files import require_file_place, require_folder
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.fit import learned_values, print_learned
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
-from sim.scenario.goal import point_of
-from storage.files import require_file_place, require_folder
+from serd_sim.scenario.goal import point_of
 
 
 @with_settings(

@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from report.model_inputs import inputs_of_model
-from report.page import summary_rows
-from report.summary import headline_of, summary_of
-from report.write import write_report
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from serd_app.report.model_inputs import inputs_of_model
+from serd_app.report.page import summary_rows
+from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.write import write_report
+from serd_bag.files import require_folder
 from serd_cli.options import AsJson, option
 from serd_cli.output.terminal import console, print_json
-from sim.scenario.goal import point_of
-from storage.files import require_folder
-from storage.yaml_config import load_yaml_model
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.scenario.goal import point_of
 
 
 def report(

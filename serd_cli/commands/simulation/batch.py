@@ -12,12 +12,12 @@ from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json, table_of
-from sim.drivers.catalogue import driver_names
-from sim.episodes.batch import EpisodeTask, run_batch
-from sim.episodes.batch_summary import ConditionSummary, summarise
-from sim.episodes.execution import Execution
-from sim.planning.catalogue import planner_names
-from sim.scenario.scenario import scenario_suite, suite_names
+from serd_sim.drivers.catalogue import driver_names
+from serd_sim.episodes.batch import EpisodeTask, run_batch
+from serd_sim.episodes.batch_summary import ConditionSummary, summarise
+from serd_sim.episodes.execution import Execution
+from serd_sim.planning.catalogue import planner_names
+from serd_sim.scenario.scenario import scenario_suite, suite_names
 
 #: All episodes of a table are listed in memory before the first is run.
 MOST_SEEDS = 100_000

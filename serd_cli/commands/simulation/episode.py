@@ -7,26 +7,26 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
+from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, option, validated
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, counting_bar, print_json
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
 from serd_ros.graph.configs import LocalPlannerConfig
-from sim.drivers.catalogue import driver_names, make_driver
-from sim.episodes.batch import EpisodeTask, scenario_of
-from sim.episodes.episode import EpisodeRecord, run_episode
-from sim.episodes.settings import EpisodeSettings, WorldSettings
-from sim.pictures.camera import Frame
-from sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
-from sim.pictures.scene_view import SceneView
-from sim.pictures.top_view import TopView
-from sim.pictures.trajectory import Trajectory, TrajectoryRecorder
-from sim.planning.catalogue import planner_in_world
-from sim.scenario.scenario import Scenario
-from sim.world.world import HallwayWorld
-from storage.files import require_file_place
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from serd_sim.drivers.catalogue import driver_names, make_driver
+from serd_sim.episodes.batch import EpisodeTask, scenario_of
+from serd_sim.episodes.episode import EpisodeRecord, run_episode
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.pictures.camera import Frame
+from serd_sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
+from serd_sim.pictures.scene_view import SceneView
+from serd_sim.pictures.top_view import TopView
+from serd_sim.pictures.trajectory import Trajectory, TrajectoryRecorder
+from serd_sim.planning.catalogue import planner_in_world
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.world import HallwayWorld
 
 _SUFFIXES = (".png", *MOVIE_WRITERS)
 

@@ -8,22 +8,22 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from report.figures.scenario_plan import draw_scenario_plan
-from report.style import save_figure
 from serd_app.places.free_area import free_area_m, is_area_file, read_area_m
 from serd_app.places.map_scenario import PlaceSettings, map_scenario_yaml
 from serd_app.places.ros_map import read_map
+from serd_app.report.figures.scenario_plan import draw_scenario_plan
+from serd_app.report.style import save_figure
+from serd_bag.files import atomic_write_text, read_text
+from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
-from sim.scenario.goal import point_of
-from sim.scenario.grid import grid_of
-from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from storage.files import atomic_write_text, read_text
-from storage.quantities import counted
-from storage.yaml_config import yaml_model
+from serd_files.yaml_config import yaml_model
+from serd_sim.scenario.goal import point_of
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.occupancy import OccupancyRaster
+from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 
 group = typer.Typer(
     no_args_is_help=True, suggest_commands=True, help="List and draw scenarios, and write your own."

@@ -12,7 +12,7 @@ from serd_cli.errors import RunError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import stack_environment
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 
 
 @with_settings(DemoSettings)

@@ -17,7 +17,7 @@ from packaging.requirements import Requirement
 from rich.table import Table
 from rich.text import Text
 
-from bags.recorder_settings import RecorderSettings
+from serd_bag.recorder_settings import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json

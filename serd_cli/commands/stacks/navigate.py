@@ -13,8 +13,6 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from report.figures.arrival import draw_comparison
-from report.style import save_figure
 from serd_app.learning.crossing_times import unseen_sentence
 from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings, claim_folder, drive, finished_episodes
@@ -23,17 +21,19 @@ from serd_app.navigation.evaluation.prediction_support import reasons_text
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model
+from serd_app.report.figures.arrival import draw_comparison
+from serd_app.report.style import save_figure
+from serd_bag.files import require_folder
+from serd_bag.quantities import counted
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.resume_notice import results_kept_in
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_cli.processes.stack_run import run_stack, stack_environment
-from sim.planning.catalogue import make_planner
-from sim.scenario.goal import with_goal
-from sim.scenario.grid import grid_of, start_states_of
-from storage.episode_table import EpisodeResult, load_episodes
-from storage.files import require_folder
-from storage.model_file import CrossingTimes, load_model
-from storage.quantities import counted
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.model_file import CrossingTimes, load_model
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.grid import grid_of, start_states_of
 
 
 @with_settings(

@@ -20,6 +20,9 @@ from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
+from serd_app.teleop.page.access import PageAccess, read_token
+from serd_bag.files import atomic_write_text
+from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
@@ -28,18 +31,15 @@ from serd_cli.processes.node_commands import stack_processes
 from serd_cli.processes.stack_run import log_of_nodes, require_free_domain
 from serd_cli.processes.supervisor import Line, run_together
 from serd_cli.processes.workspace import ros_environment
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
+from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import StrictModel, model_yaml
 from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.graph.graph import Stack, find_stack
 from serd_ros.process.progress import VARIABLE, parse_progress
-from sim.episodes.settings import EpisodeSettings, WorldSettings
-from sim.scenario.grid import grid_of, start_states_of
-from sim.scenario.scenario import load_scenario
-from storage.files import atomic_write_text
-from storage.quantities import counted
-from storage.settings import setting, setting_of
-from storage.yaml_config import StrictModel, model_yaml
-from teleop.page.access import PageAccess, read_token
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.scenario import load_scenario
 
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
 KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"
@@ -243,7 +243,7 @@ def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
     try:
         drives = read_drives(bag, tolerant=True)
         _, report = demonstrations_of_drives(drives, grid_of(place), place.decision_period_s)
-    except SerdError:
+    except USER_ERRORS:
         return None
     outcomes = Counter(span.outcome for drive in drives for span in drive.episodes)
     return SessionSummary(dict(outcomes), report.n_decisions)

@@ -10,6 +10,9 @@ import typer
 from rich.text import Text
 
 from serd_app.places.kept_scenario import scenario_of_model
+from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import watched_scene_of
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, option, resolved_scenario, validated
 from serd_cli.output.terminal import print_json, progress_console
@@ -17,15 +20,12 @@ from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import run_alone
 from serd_cli.processes.workspace import ros_environment
 from serd_cli.watch import BagWatch, layers_of, serve_bag
+from serd_files.model_file import load_model
 from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
 from serd_ros.graph.graph import full_namespace
 from serd_ros.process.progress import Progress
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.model_file import load_model
-from teleop.page.access import PageAccess, read_token
-from teleop.page.server import PageServer
-from teleop.page.view import watched_scene_of
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 _NODE = "watch_page"
 

@@ -13,8 +13,8 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
-from sim.episodes.result import EpisodeStart
-from sim.world.world import HallwayWorld
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.world.world import HallwayWorld
 
 #: The robot stands where it was placed up to this distance (m, rad): the physical drive settles.
 _SETTLES = 0.01

@@ -17,8 +17,8 @@ from serd_ros.endpoints.command_topic import follow_commands
 from serd_ros.endpoints.world.world_publisher import ClockPublisher, WorldPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.command import CommandGuard
-from sim.world.world import HallwayWorld
+from serd_sim.world.command import CommandGuard
+from serd_sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5
 #: More (s) between two looks at the silence is none: this process had no processor and could take

@@ -6,6 +6,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from serd_bag.files import read_text
 from serd_ros.convert.markers import to_people_markers
 from serd_ros.convert.sensors import to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
@@ -14,13 +15,12 @@ from serd_ros.endpoints.observation import ObservationPublisher
 from serd_ros.endpoints.transforms import TransformPublisher, publish_links
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.crowd.social_force import model_named
-from sim.robot.urdf import link_transforms
-from sim.scenario.occupancy import occupancy_raster
-from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick
-from sim.world.world import HallwayWorld
-from storage.files import read_text
+from serd_sim.crowd.social_force import model_named
+from serd_sim.robot.urdf import link_transforms
+from serd_sim.scenario.occupancy import occupancy_raster
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import is_decision_tick
+from serd_sim.world.world import HallwayWorld
 
 
 class ClockPublisher:

@@ -15,11 +15,12 @@ from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from bags.formats.rosbag2.message_types import resolve_type_if_known
-from bags.formats.rosbag2.qos import profile_to_offer
-from bags.playback import Excerpt, Playback, UntilDamage
-from bags.reader import BagReader
-from bags.topic import CDR, RawMessage, Topic, selected_topics
+from serd_app.teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
+from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
+from serd_bag.formats.rosbag2.qos import profile_to_offer
+from serd_bag.playback import Excerpt, Playback, UntilDamage
+from serd_bag.reader import BagReader
+from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
@@ -29,7 +30,6 @@ from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE, BagReplayConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
-from teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 
 _TURN_S = 0.005
 _AT_ONCE = 200

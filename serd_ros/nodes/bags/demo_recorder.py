@@ -2,7 +2,7 @@
 
 The log time of a message is when it was received, its publish time when it was published. Where
 `use_sim_time` is true, or /clock has a publisher when the first message of a recording comes, both
-are simulated time instead (`bags/messages/times.py`).
+are simulated time instead (`bags/serd_bag/messages/times.py`).
 """
 
 import sys
@@ -13,11 +13,11 @@ from pathlib import Path
 
 from std_srvs.srv import Trigger
 
-from bags.errors import BagError
-from bags.messages.plain import message_stamp_ns
-from bags.messages.times import RecordingClock
-from bags.recorder import BagRecorder
-from bags.recorder_settings import RecorderSettings
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.messages.times import RecordingClock
+from serd_bag.recorder import BagRecorder
+from serd_bag.recorder_settings import RecorderSettings
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics

@@ -4,11 +4,11 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 
+from serd_app.teleop.joy_mapping import JoyDriver, load_joy_mapping
 from serd_ros.convert.command import to_twist
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import TeleopJoyConfig
 from serd_ros.process.serd_node import SerdNode
-from teleop.joy_mapping import JoyDriver, load_joy_mapping
 
 
 class TeleopJoyNode(SerdNode[TeleopJoyConfig]):

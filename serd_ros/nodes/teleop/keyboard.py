@@ -3,10 +3,8 @@
 import math
 import sys
 
-from serd_ros.episodes.hand_driver import HandDriverNode
-from serd_ros.graph.configs import TeleopKeyboardConfig
-from teleop.errors import TeleopError
-from teleop.keyboard import (
+from serd_app.teleop.errors import TeleopError
+from serd_app.teleop.keyboard import (
     HELP,
     KEY_COMMANDS,
     KEY_DIRECTIONS,
@@ -16,7 +14,9 @@ from teleop.keyboard import (
     KeyPresses,
     VelocityKeys,
 )
-from teleop.terminal import KeyNames, RawTerminal
+from serd_app.teleop.terminal import KeyNames, RawTerminal
+from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.graph.configs import TeleopKeyboardConfig
 
 
 class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):

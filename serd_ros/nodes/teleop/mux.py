@@ -1,8 +1,8 @@
 """teleop_mux: which of several velocity commands drives the robot, as a ROS 2 node.
 
-After twist_mux; see teleop.twist_mux for the rules. It publishes all the time: a stop when no input
-drives. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true and release it with
-false; `e_stop_engaged` is its state.
+After twist_mux; see serd_app.teleop.twist_mux for the rules. It publishes all the time: a stop when
+no input drives. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true and release
+it with false; `e_stop_engaged` is its state.
 """
 
 from functools import partial
@@ -11,14 +11,14 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from serd_app.teleop.mux_settings import load_mux
+from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
 from serd_ros.convert.command import from_any_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.command_topic import follow_commands
 from serd_ros.graph.configs import TeleopMuxConfig
 from serd_ros.process.serd_node import SerdNode
-from teleop.mux_settings import load_mux
-from teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
 
 _REPORT_PERIOD_S = 0.2
 

@@ -1,26 +1,16 @@
 """teleop_page: a person drives through a web page, as a ROS 2 node.
 
-The page is served by a thread of its own (teleop.page). This node publishes its requests and sends
-the state of the world to it, twenty times a second.
+The page is served by a thread of its own (serd_app.teleop.page). This node publishes its requests
+and sends the state of the world to it, twenty times a second.
 """
 
 from typing import Any
 
 from sensor_msgs.msg import Joy
 
-from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_joy
-from serd_ros.convert.stamp import Jump
-from serd_ros.endpoints import qos, topics
-from serd_ros.episodes.hand_driver import HandDriverNode
-from serd_ros.episodes.learned_overlay import LearnedOverlay
-from serd_ros.episodes.page_view import PageView, episode_values
-from serd_ros.graph.configs import TeleopPageConfig
-from serd_ros.process.progress import report_address
-from sim.world.command import Command
-from teleop.errors import TeleopError
-from teleop.page.access import PageAccess, read_token
-from teleop.page.requests import (
+from serd_app.teleop.errors import TeleopError
+from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.teleop.page.requests import (
     Away,
     EmergencyStop,
     Episode,
@@ -31,8 +21,18 @@ from teleop.page.requests import (
     PageRequest,
     SetMode,
 )
-from teleop.page.server import PageServer
-from teleop.page.view import scene_of
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import scene_of
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_joy
+from serd_ros.convert.stamp import Jump
+from serd_ros.endpoints import qos, topics
+from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.episodes.learned_overlay import LearnedOverlay
+from serd_ros.episodes.page_view import PageView, episode_values
+from serd_ros.graph.configs import TeleopPageConfig
+from serd_ros.process.progress import report_address
+from serd_sim.world.command import Command
 
 _SILENCE_S = 0.5
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bags.command.commands import EXIT_CODES
-from bags.command.main import main
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.command.commands import EXIT_CODES
+from serd_bag.command.main import main
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.errors import SerdError
 from support.bag_messages import POSE
 from support.mcap_files import CONTENTS, Feature, mcap_file
@@ -198,7 +198,7 @@ def test_a_name_that_no_file_can_have_is_one_line_and_exit_code_2(capsys):
 
 def run(*words, **streams):
     """The command in a process of its own."""
-    return subprocess.run([sys.executable, "-m", "bags.command.main", *words], **streams)
+    return subprocess.run([sys.executable, "-m", "serd_bag.command.main", *words], **streams)
 
 
 @pytest.mark.parametrize("columns", [200, 80, 50])

@@ -9,10 +9,10 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from bags.command.rewrite import convert, recover
-from bags.errors import BagError
-from bags.health.check import check_bag
-from bags.reader import BagReader
+from serd_bag.command.rewrite import convert, recover
+from serd_bag.errors import BagError
+from serd_bag.health.check import check_bag
+from serd_bag.reader import BagReader
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from bags.formats.mcap.window import FileWindow
-from bags.health.check import check_bag
-from bags.health.contents import contents_of_bag
-from bags.writer import BagWriter
+from serd_bag.formats.mcap.window import FileWindow
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
+from serd_bag.writer import BagWriter
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bags.health.check import TwoClocks, check_bag, two_clocks
-from bags.writer import BagWriter
+from serd_bag.health.check import TwoClocks, check_bag, two_clocks
+from serd_bag.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 STAMP_S = np.arange(600) * 0.1

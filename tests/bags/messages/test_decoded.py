@@ -2,8 +2,8 @@
 
 import pytest
 
-from bags.errors import BagError
-from bags.messages.decoded import messages_of
+from serd_bag.errors import BagError
+from serd_bag.messages.decoded import messages_of
 
 
 def test_messages_come_decoded_by_their_short_names(small_bag):

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from bags.errors import BagError
-from bags.messages.plain import (
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import (
     decode,
     diagnostic_array,
     header_of,

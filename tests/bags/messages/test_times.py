@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bags.messages.times import RecordingClock, agrees, placed_s
+from serd_bag.messages.times import RecordingClock, agrees, placed_s
 
 NOW_NS = 1_700_000_000 * 10**9
 times_ns = st.integers(-(2**62), 2**62)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lab.crowd import comparison, corridor_measures
-from sim.crowd.social_force import model_names
+from serd_sim.crowd.social_force import model_names
 
 pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
 

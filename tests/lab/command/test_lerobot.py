@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 
 pytest.importorskip("pyarrow")
 

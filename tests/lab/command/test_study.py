@@ -11,8 +11,8 @@ from lab.__main__ import app_of
 from lab.command.study import _command
 from lab.experiments.running.provenance import recorded
 from lab.experiments.study.hallway.run import redraw
+from serd_bag.errors import FileError
 from serd_core.errors import SerdError
-from storage.errors import FileError
 
 
 def study(*words):

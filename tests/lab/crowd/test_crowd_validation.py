@@ -14,12 +14,12 @@ from lab.crowd.corridor_measures import (
 )
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from serd_core.errors import SerdError
-from sim.crowd.crowd import Crowd, start_crowd
-from sim.crowd.routes import Routes
-from sim.crowd.social_force import model_named, model_names
-from sim.scenario.polygon import contains, edges_of
-from sim.scenario.scenario import load_scenario
-from storage.trajectories.read import Track, read_trajectories
+from serd_files.trajectories.read import Track, read_trajectories
+from serd_sim.crowd.crowd import Crowd, start_crowd
+from serd_sim.crowd.routes import Routes
+from serd_sim.crowd.social_force import model_named, model_names
+from serd_sim.scenario.polygon import contains, edges_of
+from serd_sim.scenario.scenario import load_scenario
 
 REAL_CORRIDOR = (
     Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"

@@ -3,8 +3,8 @@ import pytest
 
 from lab.crowd.corridor_measures import corridor_of
 from lab.crowd.straight_corridor import corridor_people
-from sim.errors import SimError
-from storage.trajectories.read import Track
+from serd_files.trajectories.read import Track
+from serd_sim.errors import SimError
 
 TIME_S = np.arange(0.0, 8.0, 0.1)
 

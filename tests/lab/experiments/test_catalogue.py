@@ -15,7 +15,7 @@ from lab.experiments.policy_cost import PolicyCostConfig
 from lab.experiments.priors import PriorsConfig
 from lab.experiments.running.experiment import Session
 from lab.experiments.rust import RustConfig
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "rust1987"
 

@@ -9,7 +9,7 @@ from lab.experiments.running.experiment import Session
 from lab.routes.network import RouteNetwork
 from lab.routes.recursive_logit import sample_routes
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 WEIGHTS = np.array([-2.0, -0.5, -0.9, -3.0])  # time, constant, left turn, u-turn
 

@@ -7,9 +7,9 @@ import pytest
 
 from lab.faults.campaign import COLUMNS, run_fault, tasks_of
 from lab.faults.campaign_summary import arrival_price, summarise_faults
-from sim.episodes.batch import EpisodeTask
-from sim.scenario.scenario import load_scenario
-from storage.yaml_config import model_yaml
+from serd_files.yaml_config import model_yaml
+from serd_sim.episodes.batch import EpisodeTask
+from serd_sim.scenario.scenario import load_scenario
 
 CONDITION = EpisodeTask("hallway", 0, n_people=2)
 

@@ -5,9 +5,9 @@ import pytest
 
 from lab.faults.faults import FAULTS, fault_named
 from serd_core.errors import SerdError
-from sim.safety.reasons import Source
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.world_guard import Message
+from serd_sim.safety.reasons import Source
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.world_guard import Message
 
 PERIOD_S = 0.05
 GEOMETRY = ScanGeometry(-3.1, 0.02, 0.1, 10.0)

@@ -13,10 +13,10 @@ from serd_app.demonstrations.crossing_table import (
     load_crossings,
     people_per_m2,
 )
+from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, Grid
-from storage.errors import FileError
-from storage.table import write_rows
+from serd_files.table import write_rows
 
 GRID = Grid((0.0, 0.0), 1.0, np.ones((4, 4), dtype=bool))
 PLACE = CrossedPlace(GRID, np.full(16, Action.EAST), 3, 0.5)

@@ -7,9 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bags.errors import BagError
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.demonstrations import discretise
 from serd_app.demonstrations.demonstrations import (
     demonstrations_of_bag,
@@ -27,6 +24,9 @@ from serd_app.demonstrations.discretise import (
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive
 from serd_app.drives.sessions import DriveSessions, Session, read_drives
+from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action, Grid
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -5,9 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.errors import BagError
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.demonstrations.demonstrations import (
     Demonstrations,
     LiveDrive,
@@ -15,8 +12,11 @@ from serd_app.demonstrations.demonstrations import (
     joined,
 )
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, REPEATED
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
+from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

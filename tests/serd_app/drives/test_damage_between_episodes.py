@@ -2,11 +2,11 @@
 
 import pytest
 
-from bags.command.rewrite import recover
-from bags.writer import BagWriter
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, CUT_SHORT
 from serd_app.drives.sessions import read_drives
+from serd_bag.command.rewrite import recover
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bags.errors import BagError
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
+from serd_bag.errors import BagError
 
 GAP_S = 0.5
 STEADY_S = np.arange(0.0, 20.01, 0.1)

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bags.damage import Losses
-from bags.errors import BagError
-from bags.messages.people import SightedIds, people_of
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.demonstrations.grid.flow_field import flow_from_recordings
 from serd_app.drives.recorded_people import recorded_sightings, sightings_of_all
 from serd_app.drives.recording import Recording
+from serd_bag.damage import Losses
+from serd_bag.errors import BagError
+from serd_bag.messages.people import SightedIds, people_of
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
 from support.bag_messages import Messages
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages

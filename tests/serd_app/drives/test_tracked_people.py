@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bags.messages.people import SeenPeople
-from bags.messages.plain import Header
 from serd_app.drives.recorded_people import Sighting, crowd_of_sightings, tracks_of_sightings
 from serd_app.errors import AppError
+from serd_bag.messages.people import SeenPeople
+from serd_bag.messages.plain import Header
 
 
 def seen(time_s, places, velocities, ids=None):

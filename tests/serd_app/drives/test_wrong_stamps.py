@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from bags.health.check import check_bag
-from bags.messages.plain import message_stamp_ns
-from bags.messages.times import RecordingClock
-from bags.reader import BagReader
-from bags.recorder import BagRecorder, RecorderSettings
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
+from serd_bag.health.check import check_bag
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.messages.times import RecordingClock
+from serd_bag.reader import BagReader
+from serd_bag.recorder import BagRecorder, RecorderSettings
 
 START_S = 1_700_000_000.0
 TOPICS = {

@@ -17,7 +17,7 @@ from serd_app.learning.crossing_times import (
     unseen_sentence,
 )
 from serd_core.arrival.crossing_chain import Kind
-from storage.table import write_rows
+from serd_files.table import write_rows
 
 TABLE = np.array(
     [

@@ -22,8 +22,8 @@ from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.posterior.parameters import Block
 from serd_core.priors.gaussian import GaussianPrior
-from sim.scenario.grid import start_states_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.grid import start_states_of
+from serd_sim.scenario.scenario import load_scenario
 from tests.conftest import OUTCOMES
 
 TASK = task_in(load_scenario("hallway"), 0.99)

@@ -13,8 +13,8 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 from serd_core.posterior.parameters import Block, Parameters
-from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 TRAINING = Path(__file__).parents[3] / "bags" / "data" / "hallway" / "training"

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
-from storage.errors import FileError
+from serd_bag.errors import FileError
 
 
 def row(episode=0, **changes):

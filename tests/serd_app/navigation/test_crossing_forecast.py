@@ -10,8 +10,8 @@ from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.grid.grid import Action
-from sim.scenario.scenario import load_scenario
-from storage.model_file import CrossingTimes, load_model
+from serd_files.model_file import CrossingTimes, load_model
+from serd_sim.scenario.scenario import load_scenario
 from tests.support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -7,7 +7,7 @@ from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.grid import Action
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

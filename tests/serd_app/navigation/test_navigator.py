@@ -8,13 +8,13 @@ from serd_app.navigation.arrival_log import arrival_row, prediction_of
 from serd_app.navigation.forecast import traps_text
 from serd_app.navigation.navigator import GiveUp, Navigator, ProgressMonitor
 from serd_app.navigation.settings import NavigationSettings
+from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
-from sim.errors import SimError
-from sim.scenario.scenario import load_scenario
-from storage.episode_table import EpisodeResult
-from storage.errors import FileError
-from storage.model_file import OutcomeModel, load_model
+from serd_files.episode_table import EpisodeResult
+from serd_files.model_file import OutcomeModel, load_model
+from serd_sim.errors import SimError
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

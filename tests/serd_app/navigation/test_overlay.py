@@ -8,8 +8,8 @@ from scipy.sparse.csgraph import dijkstra
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.grid import Action
-from sim.scenario.scenario import load_scenario
-from storage.model_file import OutcomeModel, load_model
+from serd_files.model_file import OutcomeModel, load_model
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 GOAL_ALONE = {"goal": 5.0, "social_norm": 0.0, "inverse_wall_distance": 0.0}

@@ -5,8 +5,8 @@ import pytest
 
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.policies.solved_policy import soft_policy
-from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelDraws, load_model
+from serd_files.model_file import ModelDraws, load_model
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 

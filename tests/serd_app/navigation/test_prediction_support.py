@@ -18,8 +18,8 @@ from serd_core.arrival.bands import binomial_tail
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
-from sim.scenario.scenario import load_scenario
-from storage.model_file import load_model
+from serd_files.model_file import load_model
+from serd_sim.scenario.scenario import load_scenario
 from support.episodes import episode_result
 
 HALLWAY = load_scenario("hallway")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from serd_app.navigation.strategy import load_strategy
-from sim.scenario.scenario import builtin_scenarios, load_scenario
-from storage.errors import FileError
-from storage.model_file import GridSummary, OutcomeModel, load_model
+from serd_bag.errors import FileError
+from serd_files.model_file import GridSummary, OutcomeModel, load_model
+from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
 
 HALLWAY = load_scenario("hallway")
 

@@ -10,14 +10,14 @@ from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.arrival.chain import arrival_by_state
 from serd_core.policies.solved_policy import optimal_policy
-from sim.drivers.policy_driver import model_driver
-from sim.episodes.episode import run_episode
-from sim.episodes.result import result_of_record
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
-from storage.grid_picture import flow_picture
-from storage.model_file import load_model
+from serd_files.grid_picture import flow_picture
+from serd_files.model_file import load_model
+from serd_sim.drivers.policy_driver import model_driver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.episodes.result import result_of_record
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

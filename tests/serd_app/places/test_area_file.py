@@ -7,7 +7,7 @@ import shapely
 
 from serd_app.errors import AppError
 from serd_app.places.free_area import read_area_m
-from storage.errors import FileError
+from serd_bag.errors import FileError
 
 ROOM = shapely.Polygon([(0, 0), (8, 0), (8, 4), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2), (2, 2)]])
 HALL = shapely.box(20, 0, 40, 4)

@@ -4,7 +4,7 @@ import pytest
 
 from serd_app.errors import AppError
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 MINE, OTHER = (

@@ -12,11 +12,11 @@ from serd_app.places.free_area import free_area_m, outline_of_cells
 from serd_app.places.map_scenario import PlaceSettings, grid_scenario, map_scenario_yaml
 from serd_app.places.ros_map import read_map
 from serd_core.grid.grid import Grid
-from sim.errors import SimError
-from sim.scenario.grid import grid_of
-from sim.scenario.occupancy import FREE, OCCUPIED, OccupancyRaster
-from sim.scenario.scenario import Scenario
-from storage.yaml_config import yaml_model
+from serd_files.yaml_config import yaml_model
+from serd_sim.errors import SimError
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.occupancy import FREE, OCCUPIED, OccupancyRaster
+from serd_sim.scenario.scenario import Scenario
 from support import ros_maps
 
 SMALL = PlaceSettings(robot_radius_m=0.18, max_speed_mps=0.4)

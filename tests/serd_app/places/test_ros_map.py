@@ -5,12 +5,11 @@ import pytest
 from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
-from bags.errors import BagError
-from bags.writer import BagWriter
 from serd_app.errors import AppError
 from serd_app.places.free_area import free_area_m
 from serd_app.places.ros_map import read_map
-from storage.errors import FileError
+from serd_bag.errors import BagError, FileError
+from serd_bag.writer import BagWriter
 from support.ros_maps import FREE, OCCUPIED, UNKNOWN, write_map
 
 _STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -147,11 +147,10 @@ supervisor.run_together([node], os.environ, lambda _, line: print(line, flush=Tr
 
 
 @contextmanager
-def command_that_runs(root, *node, grace_s=0.5):
+def command_that_runs(*node, grace_s=0.5):
     """A command in a session of its own, its node, which is ready, and a descriptor of that."""
     with subprocess.Popen(
         [sys.executable, "-c", COMMAND, str(grace_s), *node],
-        env={**os.environ, "PYTHONPATH": str(root)},
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
@@ -175,38 +174,38 @@ def has_ended(descriptor, limit_s=PATIENCE_S):
     return bool(select.select([descriptor], [], [], limit_s)[0])
 
 
-def test_after_sigkill_of_the_command_a_node_ends_by_its_handler(root, tmp_path):
+def test_after_sigkill_of_the_command_a_node_ends_by_its_handler(tmp_path):
     given = ENDING, str(tmp_path / "end")
-    with command_that_runs(root, *given, grace_s=PATIENCE_S) as (command, _, node):
+    with command_that_runs(*given, grace_s=PATIENCE_S) as (command, _, node):
         command.kill()
         assert has_ended(node)
     assert (tmp_path / "end").read_text() == "ended well\n"
 
 
-def test_a_signal_to_the_group_of_the_command_leaves_nodes_their_time(root, tmp_path):
+def test_a_signal_to_the_group_of_the_command_leaves_nodes_their_time(tmp_path):
     given = ENDING, str(tmp_path / "end")
-    with command_that_runs(root, *given, grace_s=PATIENCE_S) as (command, _, node):
+    with command_that_runs(*given, grace_s=PATIENCE_S) as (command, _, node):
         os.killpg(command.pid, signal.SIGKILL)
         assert has_ended(node)
     assert (tmp_path / "end").read_text() == "ended well\n"
 
 
-def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed(root):
-    with command_that_runs(root, STUBBORN) as (command, _, node):
+def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed():
+    with command_that_runs(STUBBORN) as (command, _, node):
         assert not has_ended(node, 0.0)
         command.kill()
         assert has_ended(node)
 
 
-def test_after_sigkill_of_the_command_a_stopped_node_is_killed(root):
-    with command_that_runs(root, STUBBORN) as (command, pid, node):
+def test_after_sigkill_of_the_command_a_stopped_node_is_killed():
+    with command_that_runs(STUBBORN) as (command, pid, node):
         os.kill(pid, signal.SIGSTOP)
         command.kill()
         assert has_ended(node)
 
 
-def test_a_node_ends_with_its_keeper(root):
-    with command_that_runs(root, STUBBORN) as (command, _, node):
+def test_a_node_ends_with_its_keeper():
+    with command_that_runs(STUBBORN) as (command, _, node):
         (keeper,) = children(command.pid)
         os.kill(keeper, signal.SIGKILL)
         assert has_ended(node)

@@ -7,15 +7,15 @@ import pytest
 from geometry_msgs.msg import PoseStamped, PoseWithCovariance
 from nav_msgs.msg import Odometry
 
-from bags.messages.plain import Header, Transform
+from serd_bag.messages.plain import Header, Transform
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent, to_intent
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose
 from serd_ros.convert.sensors import from_people_message, to_people_message
 from serd_ros.errors import MessageError
-from sim.safety.motion import compose
-from sim.world.observation import People
+from serd_sim.safety.motion import compose
+from serd_sim.world.observation import People
 
 SECOND = 10**9
 

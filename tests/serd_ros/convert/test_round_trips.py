@@ -11,8 +11,10 @@ from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import Marker
 
 from serd_app.drives.episode_mark import EpisodeMark
+from serd_bag.errors import FileError
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
+from serd_files.yaml_config import yaml_model
 from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.command import (
     from_intent,
@@ -60,15 +62,13 @@ from serd_ros.convert.sensors import (
 )
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError, NodeError
-from sim.episodes.result import EpisodeStart
-from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import LidarSettings
-from sim.world.command import Command
-from sim.world.observation import People
-from sim.world.observation_inbox import ObservationInbox
-from sim.world.waypoint import Waypoint
-from storage.errors import FileError
-from storage.yaml_config import yaml_model
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.scenario.occupancy import OccupancyRaster
+from serd_sim.scenario.settings import LidarSettings
+from serd_sim.world.command import Command
+from serd_sim.world.observation import People
+from serd_sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.waypoint import Waypoint
 from support.arrival_messages import from_arrival_message
 from support.observations import observation_at
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bags.formats.rosbag2.message_types import message_type
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_ros.convert.pose import to_odometry
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource

@@ -8,8 +8,8 @@ import pytest
 import rclpy
 from rclpy.context import Context
 
-from bags.formats.rosbag2.message_types import message_type
-from bags.messages.plain import Header, Transform
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.messages.plain import Header, Transform
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.people_topic import PeopleTopic

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bags.formats.rosbag2.message_types import rosbags_types
-from bags.messages.plain import transforms
+from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.plain import transforms
 from serd_ros.convert.frames import Frames
 from serd_ros.endpoints.transforms import TF_TYPE, TransformPublisher, follow_transforms
 from support.nodes_in_process import node_in_process

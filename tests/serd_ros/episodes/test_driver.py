@@ -9,11 +9,11 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from serd_files.yaml_config import model_yaml
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import several_worlds
 from serd_ros.episodes.driver import EpisodeDriverNode
-from sim.scenario.scenario import load_scenario
-from storage.yaml_config import model_yaml
+from serd_sim.scenario.scenario import load_scenario
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until

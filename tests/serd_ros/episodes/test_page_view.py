@@ -2,10 +2,10 @@
 
 from types import SimpleNamespace
 
+from serd_app.teleop.session import EpisodeTally, Session
 from serd_ros.episodes.page_view import episode_values
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
-from teleop.session import EpisodeTally, Session
 
 
 def test_an_episode_runs_once_it_can_be_discarded():

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from rclpy.qos import DurabilityPolicy
 
-from bags.formats.rosbag2.message_types import rosbags_types
+from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.graph.graph import load_graph
 

@@ -2,13 +2,13 @@
 
 import pytest
 
+from serd_files.yaml_config import model_yaml
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import GuardConfig, LocalPlannerConfig
 from serd_ros.graph.parameters import validated
-from sim.errors import SimError
-from sim.planning.settings import PlannerSettings
-from sim.scenario.scenario import builtin_scenarios, load_scenario
-from storage.yaml_config import model_yaml
+from serd_sim.errors import SimError
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
 
 
 def config(scenario, **given):

@@ -10,9 +10,9 @@ from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 
+from serd_bag.errors import FileError
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.episodes.page_view import episode_values
-from storage.errors import FileError
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 

@@ -8,16 +8,16 @@ import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 
+from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
 from serd_ros.episodes.hand_driver import HandDriverNode
-from sim.episodes.result import EpisodeStart
-from sim.world.command import Command
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message
-from teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 
 SECOND_NS = 1_000_000_000
 OBSERVATION = ("pedestrians", "odom", "robot_pose")

@@ -12,9 +12,10 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from bags.formats.rosbag2.message_types import rosbags_types
-from bags.messages.plain import transforms
 from serd_app.drives.episode_mark import START, EpisodeMark
+from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.plain import transforms
+from serd_files.yaml_config import model_yaml
 from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.frames import Frames
@@ -25,10 +26,9 @@ from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.graph.readiness import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
-from sim.episodes.result import EpisodeStart
-from sim.robot.urdf import BUILTIN_URDF
-from sim.world.command import Command
-from storage.yaml_config import model_yaml
+from serd_sim.episodes.result import EpisodeStart
+from serd_sim.robot.urdf import BUILTIN_URDF
+from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until
 from support.wheeled_robots import physical, urdf_with

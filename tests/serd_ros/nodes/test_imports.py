@@ -10,7 +10,7 @@ from serd_ros.process.executable import module_of
 _LOADED = """
 import sys
 import {module}
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 load_scenario("t_junction")
 print(*sys.modules)
 """
@@ -28,6 +28,6 @@ def test_a_node_with_a_scenario_loads_no_package_of_scipy(node: str) -> None:
         check=True,
     )
     loaded = set(done.stdout.split())
-    assert "sim.scenario.scenario" in loaded
+    assert "serd_sim.scenario.scenario" in loaded
     packages = {"sparse", "ndimage", "spatial", "special", "linalg", "optimize"}
     assert not loaded & {f"scipy.{package}" for package in packages}

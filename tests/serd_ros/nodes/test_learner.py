@@ -9,11 +9,11 @@ from rclpy.serialization import serialize_message
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
+from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import Decisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from serd_ros.process.serd_node import SerdNode
-from sim.scenario.scenario import load_scenario
-from storage.errors import FileError
+from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 from support.waiting import wait_until

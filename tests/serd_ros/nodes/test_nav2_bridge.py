@@ -2,8 +2,8 @@
 
 import pytest
 
-from bags.formats.rosbag2.message_types import rosbags_types
-from bags.messages.plain import Header, Transform, transforms
+from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.plain import Header, Transform, transforms
 from serd_ros.endpoints.transforms import TF_TYPE
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message

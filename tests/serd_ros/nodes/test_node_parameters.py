@@ -7,11 +7,11 @@ import re
 import pytest
 from rclpy.parameter import Parameter
 
-from bags.formats.rosbag2.message_types import message_type
-from bags.writer import BagWriter
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.writer import BagWriter
+from serd_files.settings import settings_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
-from storage.settings import settings_of
 from support.bag_messages import POSE
 from support.nodes_in_process import node_in_process
 

@@ -9,7 +9,7 @@ from domain_coordinator import domain_id
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import deliver
 from support.valid_messages import valid_message
 

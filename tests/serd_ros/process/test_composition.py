@@ -14,8 +14,8 @@ from serd_ros.errors import NodeError
 from serd_ros.nodes.composed import make_nodes
 from serd_ros.process.composition import Composition
 from serd_ros.process.serd_node import SerdNode
-from sim.safety.reasons import Source
-from sim.world.command import Command
+from serd_sim.safety.reasons import Source
+from serd_sim.world.command import Command
 from support.nodes_in_process import NodeInProcess
 from support.waiting import wait_until
 

@@ -4,7 +4,7 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from bags.errors import BagError
+from serd_bag.errors import BagError
 from serd_ros.graph.configs import CONFIGS, ManagedConfig
 from support.nodes_in_process import deliver, node_in_process
 

@@ -5,12 +5,12 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from sim.crowd.crowd import people_per_loop, start_crowd
-from sim.crowd.robots import RobotBody
-from sim.crowd.routes import offset_loop
-from sim.crowd.social_force import model_names
-from sim.scenario.polygon import contains, distance_to_segments_m
-from sim.scenario.scenario import load_scenario
+from serd_sim.crowd.crowd import people_per_loop, start_crowd
+from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.routes import offset_loop
+from serd_sim.crowd.social_force import model_names
+from serd_sim.scenario.polygon import contains, distance_to_segments_m
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.crowd.routes import Routes
+from serd_sim.crowd.routes import Routes
 
 SQUARE = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
 

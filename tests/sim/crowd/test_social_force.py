@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.crowd.crowd import Crowd
-from sim.crowd.robots import RobotBody
-from sim.crowd.routes import Routes
-from sim.crowd.social_force import model_named, model_names
+from serd_sim.crowd.crowd import Crowd
+from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.routes import Routes
+from serd_sim.crowd.social_force import model_named, model_names
 
 FAR_WALL = np.array([[[-500.0, -500.0], [500.0, -500.0]]])
 

@@ -6,13 +6,13 @@ import pytest
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy
-from sim.drivers.expert import ScriptedExpert
-from sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
-from sim.drivers.policy_driver import PolicyDriver, model_driver
-from sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
-from sim.scenario.scenario import load_scenario
-from storage.grid_picture import flow_picture
-from storage.model_file import load_model
+from serd_files.grid_picture import flow_picture
+from serd_files.model_file import load_model
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
+from serd_sim.drivers.policy_driver import PolicyDriver, model_driver
+from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

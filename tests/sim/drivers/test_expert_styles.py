@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.drivers.catalogue import driver_names, make_driver
-from sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
-from sim.drivers.expert_styles import STYLES, VariedExpert
-from sim.scenario.scenario import load_scenario
+from serd_sim.drivers.catalogue import driver_names, make_driver
+from serd_sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
+from serd_sim.drivers.expert_styles import STYLES, VariedExpert
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -9,13 +9,13 @@ import pytest
 from distributed import LocalCluster
 
 from serd_core.errors import SerdError
-from sim.drivers.catalogue import driver_names, make_driver
-from sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
-from sim.episodes.execution import Execution
-from sim.scenario.scenario import Scenario, load_scenario
-from storage.row_table import RowTable, new_rows_path
-from storage.table import read_table, records
-from storage.yaml_config import model_yaml
+from serd_files.row_table import RowTable, new_rows_path
+from serd_files.table import read_table, records
+from serd_files.yaml_config import model_yaml
+from serd_sim.drivers.catalogue import driver_names, make_driver
+from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
+from serd_sim.episodes.execution import Execution
+from serd_sim.scenario.scenario import Scenario, load_scenario
 from support.waiting import wait_until
 
 ONE = Execution(1)
@@ -75,8 +75,8 @@ def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
 
 KILLED_PROGRAM = """
 import sys
-from sim.episodes.batch import EpisodeTask, run_batch
-from sim.episodes.execution import Execution
+from serd_sim.episodes.batch import EpisodeTask, run_batch
+from serd_sim.episodes.execution import Execution
 
 tasks = [EpisodeTask("crossing", seed, n_people=6) for seed in range(1000)]
 run_batch(tasks, sys.argv[1], execution=Execution(2))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.drivers.expert import ScriptedExpert
-from sim.drivers.policy_driver import PolicyDriver
-from sim.episodes.episode import run_episode
-from sim.errors import SimError
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import builtin_scenarios, load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.errors import SimError
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.episodes.metrics import MetricsObserver, time_to_collision_s
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.observation import make_observation
+from serd_sim.episodes.metrics import MetricsObserver, time_to_collision_s
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.observation import make_observation
 
 CORRIDOR = load_scenario("corridor")  # periods of 0.05 s; bodies touch at 0.5 m
 

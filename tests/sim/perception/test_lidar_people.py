@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from sim.perception.lidar_people import LidarPeople
-from sim.robot.sensors.lidar import Lidar
-from sim.safety.reasons import Fault
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.settings import GuardSettings
-from sim.scenario.scenario import load_scenario
+from serd_sim.perception.lidar_people import LidarPeople
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.safety.reasons import Fault
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

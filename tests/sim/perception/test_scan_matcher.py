@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.perception.scanning_planner import ScanMatcher
-from sim.planning.catalogue import make_planner
-from sim.robot.sensors.lidar import Lidar
-from sim.scenario.scenario import load_scenario
+from serd_sim.perception.scanning_planner import ScanMatcher
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

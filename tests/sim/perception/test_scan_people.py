@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.drivers.expert import ScriptedExpert
-from sim.episodes.episode import run_episode
-from sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
-from sim.perception.scan_people import ScanPerception, people_in_scan
-from sim.perception.scanning_planner import ScanningPlanner
-from sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from sim.robot.sensors.lidar import Lidar
-from sim.scenario.occupancy import wall_distance_raster
-from sim.scenario.scenario import load_scenario
-from sim.scenario.settings import LidarSettings
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
+from serd_sim.perception.scan_people import ScanPerception, people_in_scan
+from serd_sim.perception.scanning_planner import ScanningPlanner
+from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.scenario.occupancy import wall_distance_raster
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import LidarSettings
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -9,14 +9,14 @@ import pytest
 from PIL import Image
 
 from serd_core.errors import SerdError
-from sim.pictures.camera import Camera, chase_camera
-from sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
-from sim.pictures.scene_view import SceneView
-from sim.pictures.top_view import TopView
-from sim.pictures.trajectory import TrajectoryRecorder
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP, Command
-from sim.world.world import HallwayWorld
+from serd_sim.pictures.camera import Camera, chase_camera
+from serd_sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
+from serd_sim.pictures.scene_view import SceneView
+from serd_sim.pictures.top_view import TopView
+from serd_sim.pictures.trajectory import TrajectoryRecorder
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
 VIEW = TopView(HALLWAY, pixels_per_m=20.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.pictures.camera import Camera
-from sim.pictures.scene import Scene
-from sim.robot.bullet import pybullet
-from sim.scenario.scenario import load_scenario
+from serd_sim.pictures.camera import Camera
+from serd_sim.pictures.scene import Scene
+from serd_sim.robot.bullet import pybullet
+from serd_sim.scenario.scenario import load_scenario
 from support.wheeled_robots import physical, urdf_with
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(2)

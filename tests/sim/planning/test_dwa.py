@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sim.planning.catalogue import make_planner
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

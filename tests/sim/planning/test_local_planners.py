@@ -8,14 +8,14 @@ import pytest
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
-from sim.planning.catalogue import make_planner, planner_names
-from sim.planning.local_planner import PlannerStatus
-from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.scenario.grid import grid_of
-from sim.scenario.obstacle import Obstacle
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP
-from sim.world.waypoint import Waypoint, waypoint_of_intent
+from serd_sim.planning.catalogue import make_planner, planner_names
+from serd_sim.planning.local_planner import PlannerStatus
+from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.obstacle import Obstacle
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP
+from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.planning.nearby_people import gap_to_people_m, near_box, predict_nearby
+from serd_sim.planning.nearby_people import gap_to_people_m, near_box, predict_nearby
 from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0, 2.0])

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.episodes.batch import EpisodeTask, run_task
-from sim.planning.catalogue import make_planner, planner_names
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
+from serd_sim.episodes.batch import EpisodeTask, run_task
+from serd_sim.planning.catalogue import make_planner, planner_names
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

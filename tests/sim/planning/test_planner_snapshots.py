@@ -6,14 +6,14 @@ import sys
 
 import pytest
 
-from sim.planning.catalogue import (
+from serd_sim.planning.catalogue import (
     PEOPLE_SOURCES,
     planner_in_world,
     planner_names,
 )
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 
 NOISY = load_scenario("hallway")
 NOISY = NOISY.model_copy(
@@ -27,8 +27,8 @@ AHEAD = Waypoint(3.0, 12.0)
 RESTORING_PROGRAM = """
 import pickle, sys
 from tests.sim.planning.test_planner_snapshots import AHEAD, NOISY, drive
-from sim.planning.catalogue import planner_in_world
-from sim.world.world import HallwayWorld
+from serd_sim.planning.catalogue import planner_in_world
+from serd_sim.world.world import HallwayWorld
 with HallwayWorld(NOISY, seed=5) as world:
     planner = planner_in_world(sys.argv[1], world, sys.argv[2])
     world_state, planner_state = pickle.load(sys.stdin.buffer)

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from sim.planning.local_planner import PlannerStatus
-from sim.planning.recovery import Behaviour, ProgressChecker, RecoveringPlanner, behaviours_of
-from sim.planning.settings import PlannerSettings
-from sim.scenario.occupancy import wall_distance_raster
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP, Command
-from sim.world.waypoint import Waypoint
+from serd_sim.planning.local_planner import PlannerStatus
+from serd_sim.planning.recovery import Behaviour, ProgressChecker, RecoveringPlanner, behaviours_of
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.occupancy import wall_distance_raster
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

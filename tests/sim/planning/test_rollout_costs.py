@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
-from sim.planning.rollout_costs import CostSettings, RolloutCosts
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
+from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0])

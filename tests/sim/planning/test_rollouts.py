@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sim.planning.rollouts import ramp, reachable_window, roll_out
-from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.scenario.settings import RobotSettings
-from sim.world.command import Command
+from serd_sim.planning.rollouts import ramp, reachable_window, roll_out
+from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.scenario.settings import RobotSettings
+from serd_sim.world.command import Command
 
 ROBOT = RobotSettings()
 SLOW = RobotSettings(acc_lim_x_mps2=2.0, acc_lim_theta_radps2=4.0)

@@ -5,19 +5,19 @@ import pytest
 import yaml
 
 from serd_core.errors import SerdError
-from sim.crowd import social_force
-from sim.crowd.social_force import CircularAnisotropic
-from sim.drivers.catalogue import make_driver
-from sim.episodes.episode import run_episode
-from sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from sim.planning.mppi import moved_on
-from sim.planning.recovery import RecoveringPlanner
-from sim.planning.settings import PlannerSettings
-from sim.scenario.scenario import builtin_scenarios, load_scenario
-from sim.world.command import STOP, Command
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
-from storage.yaml_config import model_yaml
+from serd_files.yaml_config import model_yaml
+from serd_sim.crowd import social_force
+from serd_sim.crowd.social_force import CircularAnisotropic
+from serd_sim.drivers.catalogue import make_driver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
+from serd_sim.planning.mppi import moved_on
+from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 KINEMATIC = load_scenario("hallway").with_values("robot", drive="kinematic")

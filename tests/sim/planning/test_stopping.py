@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.planning.catalogue import make_planner
-from sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
-from sim.scenario.scenario import load_scenario
-from sim.scenario.settings import RobotSettings
-from sim.world.waypoint import Waypoint
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import RobotSettings
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 ROBOT = RobotSettings(acc_lim_x_mps2=2.0, max_vel_x_mps=1.0)

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.crowd.robots import RobotBody
-from sim.robot.contacts import ContactCounter, Touch, Touches
+from serd_sim.crowd.robots import RobotBody
+from serd_sim.robot.contacts import ContactCounter, Touch, Touches
 
 FAR_FROM_WALLS_M = 5.0
 

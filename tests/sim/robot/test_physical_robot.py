@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.robot.dynamics import Dynamics
-from sim.robot.people_bodies import PERSON_MASS_KG
-from sim.robot.robot import standing_at
-from sim.world.command import STOP, Command
-from sim.world.world import HallwayWorld
+from serd_sim.robot.dynamics import Dynamics
+from serd_sim.robot.people_bodies import PERSON_MASS_KG
+from serd_sim.robot.robot import standing_at
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.world import HallwayWorld
 from support.wheeled_robots import physical, urdf_with
 
 STEP_S = 0.05

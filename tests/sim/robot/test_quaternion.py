@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.robot.quaternion import matrix_of, of_roll_pitch_yaw
+from serd_sim.robot.quaternion import matrix_of, of_roll_pitch_yaw
 
 
 @pytest.mark.parametrize("seed", range(20))

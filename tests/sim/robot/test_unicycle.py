@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.scenario.settings import RobotSettings
-from sim.world.command import STOP, Command
+from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.scenario.settings import RobotSettings
+from serd_sim.world.command import STOP, Command
 
 ROBOT = RobotSettings()
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.robot.quaternion import rotated
-from sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
-from sim.world.command import Command
-from sim.world.world import HallwayWorld
+from serd_sim.robot.quaternion import rotated
+from serd_sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
+from serd_sim.world.command import Command
+from serd_sim.world.world import HallwayWorld
 from support.wheeled_robots import physical, urdf_with
 
 LEFT = '<origin xyz="0 0.16 0.08"/>\n    <axis xyz="0 1 0"/>'

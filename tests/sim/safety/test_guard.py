@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.safety.guard import Guard
-from sim.safety.reasons import Fault, GuardAction, Source
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.settings import GuardSettings
-from sim.world.command import STOP, Command
-from storage.yaml_config import yaml_model
+from serd_files.yaml_config import yaml_model
+from serd_sim.safety.guard import Guard
+from serd_sim.safety.reasons import Fault, GuardAction, Source
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.world.command import STOP, Command
 
 PERIOD_S = 0.05
 GEOMETRY = ScanGeometry(-math.pi, math.tau / 360, 0.1, 10.0)

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.safety.reasons import GuardAction
-from sim.world.command import Command
+from serd_sim.safety.reasons import GuardAction
+from serd_sim.world.command import Command
 from support.corridor import AHEAD, RADIUS_M, Corridor
 
 TOO_NEAR, NOTHING = (-np.inf, 0.05, 0.02, -1.0), (np.nan, 0.0)

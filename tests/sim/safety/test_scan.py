@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.safety.scan import Scan, ScanGeometry, shown_by
+from serd_sim.safety.scan import Scan, ScanGeometry, shown_by
 
 GEOMETRY = ScanGeometry(-math.pi, math.tau / 720, 0.1, 10.0)
 RADIUS_M = 0.25

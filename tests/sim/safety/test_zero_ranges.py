@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.safety.scan import Scan, ScanGeometry
-from sim.safety.zero_ranges import ZeroRanges
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.zero_ranges import ZeroRanges
 
 GEOMETRY = ScanGeometry(-math.pi, math.tau / 360, 0.12, 3.5)
 

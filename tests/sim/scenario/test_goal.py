@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.drivers.policy_driver import PolicyDriver
-from sim.episodes.episode import run_episode
-from sim.episodes.progress import EpisodeProgress
-from sim.errors import SimError
-from sim.planning.catalogue import make_planner
-from sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
-from sim.scenario.grid import goal_states_of, grid_of
-from sim.scenario.polygon import contains_point
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.episodes.episode import run_episode
+from serd_sim.episodes.progress import EpisodeProgress
+from serd_sim.errors import SimError
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
+from serd_sim.scenario.grid import goal_states_of, grid_of
+from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

@@ -5,7 +5,7 @@ import pytest
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
-from sim.scenario.grid import (
+from serd_sim.scenario.grid import (
     flow_of,
     goal_states_of,
     grid_of,
@@ -13,7 +13,7 @@ from sim.scenario.grid import (
     start_states_of,
     wall_distance_of,
 )
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

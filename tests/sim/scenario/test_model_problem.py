@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sim.scenario.grid import flow_of, grid_of
-from sim.scenario.model_problem import model_in_flow, problem_of_model
-from sim.scenario.scenario import load_scenario
-from storage.errors import FileError
-from storage.grid_picture import flow_picture
-from storage.model_file import load_model
+from serd_bag.errors import FileError
+from serd_files.grid_picture import flow_picture
+from serd_files.model_file import load_model
+from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.model_problem import model_in_flow, problem_of_model
+from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim.scenario.polygon import (
+from serd_sim.scenario.polygon import (
     contains,
     contains_point,
     counter_clockwise,

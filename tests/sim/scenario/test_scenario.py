@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-import sim.scenario.scenario
+import serd_sim.scenario.scenario
 from serd_app.navigation.strategy import start_distribution
 from serd_core.errors import SerdError
-from sim.scenario.grid import grid_of, navigation_problem_of
-from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.scenario.grid import grid_of, navigation_problem_of
+from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from serd_sim.world.world import HallwayWorld
 
-HALLWAY = Path(sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+HALLWAY = Path(serd_sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
 
 
 def changed(tmp_path, **values):

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim.scenario import shortest_way
-from sim.scenario.scenario import Scenario, load_scenario
-from sim.scenario.shortest_way import shortest_way_m
+from serd_sim.scenario import shortest_way
+from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.shortest_way import shortest_way_m
 
 ROOM = {
     "name": "room",

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from serd_core.errors import SerdError
-from sim.scenario import scenario as scenario_module
-from sim.scenario.scenario import load_scenario, scenario_suite, suite_names
+from serd_sim.scenario import scenario as scenario_module
+from serd_sim.scenario.scenario import load_scenario, scenario_suite, suite_names
 
 #: A suite never changes: another scenario, or an edited one, is another suite.
 FROZEN = {"social_v1": "8e61eb9b74d83828"}

@@ -2,7 +2,7 @@
 
 import math
 
-from sim.world.command import STOP, Command, CommandGuard
+from serd_sim.world.command import STOP, Command, CommandGuard
 
 DRIVE = Command(0.5, 0.1)
 

@@ -3,9 +3,9 @@
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.scenario.scenario import load_scenario
-from sim.world.directive import FollowedDirective
-from sim.world.waypoint import Waypoint
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.directive import FollowedDirective
+from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -5,12 +5,12 @@ import pickle
 import numpy as np
 import pytest
 
-from sim.errors import SimError
-from sim.robot.bullet import pybullet
-from sim.robot.people_bodies import near_people
-from sim.robot.robot import standing_at
-from sim.world.command import STOP, Command
-from sim.world.world import HallwayWorld
+from serd_sim.errors import SimError
+from serd_sim.robot.bullet import pybullet
+from serd_sim.robot.people_bodies import near_people
+from serd_sim.robot.robot import standing_at
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.world import HallwayWorld
 from support.processes import outputs_of_processes
 from support.wheeled_robots import physical
 
@@ -18,9 +18,9 @@ CROWDED = physical(people=40)
 
 TRAJECTORY_PROGRAM = """
 import hashlib
-from sim.scenario.scenario import load_scenario
-from sim.world.command import Command
-from sim.world.world import HallwayWorld
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
+from serd_sim.world.world import HallwayWorld
 place = load_scenario("hallway")
 robot = place.robot.model_copy(update={"drive": "physical"})
 world = HallwayWorld(place.model_copy(update={"robot": robot}), seed=11)

@@ -6,10 +6,10 @@ import re
 import pytest
 
 from serd_core.grid.grid import Action
-from sim.errors import SimError
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import (
+from serd_sim.errors import SimError
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import (
     DecisionClock,
     Waypoint,
     is_decision_tick,

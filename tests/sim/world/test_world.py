@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.robot.robot import standing_at
-from sim.scenario.occupancy import occupancy_raster
-from sim.scenario.scenario import load_scenario
-from sim.world.command import STOP, Command
-from sim.world.world import HallwayWorld
+from serd_sim.robot.robot import standing_at
+from serd_sim.scenario.occupancy import occupancy_raster
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.world import HallwayWorld
 from support.processes import outputs_of_processes
 
 HALLWAY = load_scenario("hallway")
@@ -21,10 +21,10 @@ KINEMATIC = EMPTY.with_values("robot", drive="kinematic")
 
 TRAJECTORY_PROGRAM = """
 import hashlib
-from sim.world.command import Command
-from sim.robot.robot import standing_at
-from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
+from serd_sim.world.command import Command
+from serd_sim.robot.robot import standing_at
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 world = HallwayWorld(load_scenario("hallway"), seed=11)
 world.reset(2)
 digest = hashlib.sha256()

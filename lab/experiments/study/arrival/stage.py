@@ -25,8 +25,8 @@ from serd_core.arrival.chain import ArrivalTimes, arrival_time_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.grid.navigation import NavigationProblem
-from sim.drivers.policy_driver import PolicyDriver
-from sim.scenario.scenario import Scenario
+from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.scenario.scenario import Scenario
 
 
 def n_episodes(settings: StudySettings, expert: str) -> int:

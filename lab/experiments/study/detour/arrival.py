@@ -15,7 +15,7 @@ from lab.experiments.study.study import TRANSFER_AREA
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray
 from serd_core.arrival.chain import arrival_time_distribution
-from sim.drivers.policy_driver import PolicyDriver
+from serd_sim.drivers.policy_driver import PolicyDriver
 
 #: Features of the models that drive; predictions are made for all.
 DRIVEN = next(iter(REWARDS))

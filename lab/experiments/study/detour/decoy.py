@@ -22,7 +22,7 @@ from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationProblem
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.grid import navigation_problem_of
 
 PLACE = (AGAINST_FLOW, Outcome.FORWARD)
 LONGEST = 200

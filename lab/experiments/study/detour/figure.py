@@ -13,9 +13,9 @@ from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD
 from lab.experiments.study.detour.settings import DetourStudy
 from lab.experiments.study.detour.tables import BINS
 from lab.learner_curves import LearnerStyle, tick_sizes
-from report import style
-from report.figures.charts import draw_bars
-from report.style import Look, in_words, new_figure
+from serd_app.report import style
+from serd_app.report.figures.charts import draw_bars
+from serd_app.report.style import Look, in_words, new_figure
 from serd_core.grid.grid import Outcome
 
 LOOKS = {

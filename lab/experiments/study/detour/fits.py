@@ -31,7 +31,7 @@ from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationPro
 from serd_core.learners.fit_result import FitResult
 from serd_core.selection.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.selection.prior_weight import select_weight
-from sim.scenario.grid import navigation_problem_of
+from serd_sim.scenario.grid import navigation_problem_of
 
 #: The expert of the study: it plans with the measured dynamics.
 EXPERT = "knows"

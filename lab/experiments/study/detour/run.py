@@ -28,7 +28,7 @@ from lab.experiments.study.products import (
 )
 from lab.experiments.study.recordings.demonstrations import demonstration_tasks
 from lab.experiments.study.recordings.reference import reference_tasks
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 ROLES = ("training", "transfer")
 #: The settings that the files of each stage depend on.

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lab.experiments.study.settings import Sizes, WorldSettings, merged_settings
 from lab.experiments.study.study import StudyWorld
-from storage.yaml_config import StrictModel
+from serd_files.yaml_config import StrictModel
 
 YAML = Path(__file__).parent / "detour_study.yaml"
 

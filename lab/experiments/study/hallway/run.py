@@ -31,10 +31,10 @@ from lab.experiments.study.recordings.experts import EXPERTS
 from lab.experiments.study.recordings.reference import reference_tasks
 from lab.experiments.study.settings import StudySettings
 from lab.experiments.study.study import Study
-from report.style import save_figure
+from serd_app.report.style import save_figure
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
-from storage.yaml_config import load_yaml_model
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on.
 _DEMONSTRATIONS = REFERENCE_SETTINGS | {

@@ -14,8 +14,8 @@ from lab.experiments.study.people.cross_validation.walkers import (
 )
 from lab.experiments.study.people.learners import CLONING, IRL, IRL_DENSITY, SERD, SERD_DENSITY
 from lab.experiments.study.people.tables import PERIODS
-from report import style
-from report.style import new_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure
 
 COLOURS = {
     SERD_DENSITY: style.BLUE,

@@ -19,9 +19,9 @@ from serd_core.arrays import FloatArray
 from serd_core.demonstrations.crossings import Crossings, cell_crossings
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
-from sim.errors import SimError
-from storage.trajectories.columns import TableColumns
-from storage.trajectories.read import Track, Trajectories, read_trajectories
+from serd_files.trajectories.columns import TableColumns
+from serd_files.trajectories.read import Track, Trajectories, read_trajectories
+from serd_sim.errors import SimError
 
 #: Median speeds of people who walk; outside, units or frames per second are wrong.
 SLOWEST_MPS, FASTEST_MPS = 0.05, 4.0

@@ -31,8 +31,8 @@ from lab.experiments.study.products import (
     part_tasks,
     write_results,
 )
-from sim.episodes.execution import Execution
-from storage.yaml_text import write_yaml
+from serd_files.yaml_text import write_yaml
+from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on, besides the recordings.
 _WALKERS: dict[str, Any] = {"columns": True, "grid": True, "forecast": True}

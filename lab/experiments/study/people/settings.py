@@ -8,8 +8,8 @@ from pydantic import Field
 
 from lab.experiments.running.statistics import StatisticsSettings
 from lab.experiments.study.settings import merged_settings
-from storage.trajectories.columns import TableColumns
-from storage.yaml_config import StrictModel
+from serd_files.trajectories.columns import TableColumns
+from serd_files.yaml_config import StrictModel
 
 YAML = Path(__file__).parent / "people_study.yaml"
 

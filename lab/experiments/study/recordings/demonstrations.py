@@ -31,9 +31,9 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.errors import SerdError
-from sim.drivers.catalogue import Driver, make_driver
-from sim.drivers.policy_driver import PolicyDriver
-from sim.scenario.grid import start_states_of
+from serd_sim.drivers.catalogue import Driver, make_driver
+from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.scenario.grid import start_states_of
 
 ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
 #: Share of decisions outside the cells above which a bag is taken for that of another place.

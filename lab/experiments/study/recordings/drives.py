@@ -21,15 +21,15 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import NavigationProblem
-from sim.drivers.catalogue import Driver
-from sim.episodes.episode import EpisodeRecord, run_episode
-from sim.planning.catalogue import make_planner
-from sim.safety.world_guard import CommandFilter, no_guard
-from sim.scenario.scenario import Scenario
-from sim.world.command import Command
-from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick
-from sim.world.world import HallwayWorld
+from serd_sim.drivers.catalogue import Driver
+from serd_sim.episodes.episode import EpisodeRecord, run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.safety.world_guard import CommandFilter, no_guard
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import is_decision_tick
+from serd_sim.world.world import HallwayWorld
 
 _PER_EXPERT, _PER_REPETITION = 10_000, 10
 

@@ -14,18 +14,18 @@ from lab.experiments.study.products import Task, load_recorded, save_recorded
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
-from report.summary import decisions_per_model
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
 )
+from serd_app.report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Action, Grid, Outcome
-from sim.drivers.catalogue import Driver, make_driver
-from sim.world.observation import Observation
-from sim.world.seeds import POLICY, episode_rng
+from serd_sim.drivers.catalogue import Driver, make_driver
+from serd_sim.world.observation import Observation
+from serd_sim.world.seeds import POLICY, episode_rng
 
 _CHUNK = 10
 _CHANGES_MIND, _WAITS = 0.35, 0.1

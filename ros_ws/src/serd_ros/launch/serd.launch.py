@@ -34,6 +34,7 @@ from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from serd_files.settings import settings_of
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import (
     addressees,
@@ -43,7 +44,6 @@ from serd_ros.graph.graph import (
     PACKAGE,
     placed_nodes,
 )
-from storage.settings import settings_of
 import yaml
 
 OWN = {

@@ -8,10 +8,10 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Message
 from mcap.writer import CompressionType, IndexType, Writer
 
-from bags.command.rewrite import convert
-from bags.formats.mcap.scan import McapScan
-from bags.health.check import check_bag
-from bags.reader import BagReader
+from serd_bag.command.rewrite import convert
+from serd_bag.formats.mcap.scan import McapScan
+from serd_bag.health.check import check_bag
+from serd_bag.reader import BagReader
 from support.mcap_files import CONTENTS, Feature, mcap_file, variants
 
 _OPTIONS = (

@@ -6,9 +6,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
-from bags.formats.mcap.definitions import Definitions
-from bags.formats.mcap.records import RECORD_HEAD
-from bags.reader import BagReader
+from serd_bag.formats.mcap.definitions import Definitions
+from serd_bag.formats.mcap.records import RECORD_HEAD
+from serd_bag.reader import BagReader
 
 OPTIONS = [
     {},

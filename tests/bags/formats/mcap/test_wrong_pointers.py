@@ -16,13 +16,13 @@ from mcap.opcode import Opcode
 from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import CompressionType, IndexType, Writer
 
-from bags.command.main import main
-from bags.command.rewrite import convert, recover
-from bags.errors import BagError
-from bags.formats.mcap.records import RECORD_HEAD
-from bags.health.check import check_bag
-from bags.health.contents import contents_of_bag
-from bags.reader import BagReader
+from serd_bag.command.main import main
+from serd_bag.command.rewrite import convert, recover
+from serd_bag.errors import BagError
+from serd_bag.formats.mcap.records import RECORD_HEAD
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
+from serd_bag.reader import BagReader
 
 N_MESSAGES = 12
 COUNTS = {"/text": 8, "/other": 4}

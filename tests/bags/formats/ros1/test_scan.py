@@ -8,15 +8,15 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from bags.command.rewrite import convert
-from bags.errors import BagError
-from bags.formats.rosbag2.message_types import message_type, typestore_of
-from bags.health.check import check_bag
-from bags.messages.fields import POSES, field_reader
-from bags.messages.plain import decode
-from bags.reader import BagReader
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
+from serd_bag.command.rewrite import convert
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
+from serd_bag.health.check import check_bag
+from serd_bag.messages.fields import POSES, field_reader
+from serd_bag.messages.plain import decode
+from serd_bag.reader import BagReader
 from serd_core.grid.grid import Action
 
 ODOM, TWIST, OWN = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "own_msgs/msg/State"
@@ -196,7 +196,7 @@ def test_a_file_without_an_index_gets_a_sentence(tmp_path, content, sentence):
 
 
 def test_of_a_chunk_no_more_is_unpacked_than_the_limit(ros1_bag, monkeypatch):
-    monkeypatch.setattr("bags.formats.ros1.scan.LARGEST_CONTENT", 1000)
+    monkeypatch.setattr("serd_bag.formats.ros1.scan.LARGEST_CONTENT", 1000)
     content = ros1_bag.read_bytes()
     compressed = b"compression=bz2" in content or b"compression=lz4" in content
     reader = BagReader(ros1_bag, tolerant=True)

@@ -6,12 +6,12 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from bags.command.main import main
-from bags.command.rewrite import recover
-from bags.errors import BagError
-from bags.health.check import check_bag
-from bags.health.contents import contents_of_bag
-from bags.reader import BagReader
+from serd_bag.command.main import main
+from serd_bag.command.rewrite import recover
+from serd_bag.errors import BagError
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
+from serd_bag.reader import BagReader
 
 TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Int32"
 COUNTS = {"/text": 16, "/number": 8}

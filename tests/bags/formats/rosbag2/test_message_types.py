@@ -3,9 +3,9 @@
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from bags.errors import BagError
-from bags.formats.rosbag2 import message_types
-from bags.formats.rosbag2.message_types import message_type, share_folders
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2 import message_types
+from serd_bag.formats.rosbag2.message_types import message_type, share_folders
 
 USED = [
     "geometry_msgs/msg/PoseStamped",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bags.formats.rosbag2.qos import QosProfile, profile_to_offer, qos_of_text, qos_text
+from serd_bag.formats.rosbag2.qos import QosProfile, profile_to_offer, qos_of_text, qos_text
 
 
 @pytest.mark.parametrize(

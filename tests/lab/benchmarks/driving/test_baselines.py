@@ -13,9 +13,9 @@ from lab.benchmarks.driving.baselines import (
     run_baseline,
 )
 from serd_core.errors import SerdError
-from sim.episodes.batch import run_batch
-from sim.episodes.execution import Execution
-from sim.scenario.scenario import load_scenario
+from serd_sim.episodes.batch import run_batch
+from serd_sim.episodes.execution import Execution
+from serd_sim.scenario.scenario import load_scenario
 
 SCENARIO = "social_v1/pedestrian_obstruction"
 

@@ -7,8 +7,8 @@ import pytest
 
 from lab.benchmarks.driving.closed_loop import ClosedLoopPlan
 from serd_core.errors import SerdError
-from sim.episodes.batch_summary import summarise
-from sim.episodes.metrics import EpisodeMetrics
+from serd_sim.episodes.batch_summary import summarise
+from serd_sim.episodes.metrics import EpisodeMetrics
 
 
 def row(seed, outcome, time_s, **values):

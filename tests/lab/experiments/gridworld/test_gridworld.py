@@ -19,7 +19,7 @@ from lab.experiments.running.experiment import Session
 from lab.experiments.running.tables import quartiles, welch_test
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.policies.solved_policy import soft_policy
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 SMALL = GridworldConfig(side=8, sizes=(8,), n_steps=15, n_test_episodes=50, n_repetitions=3)
 

@@ -11,7 +11,7 @@ from lab.experiments.minimum_example.explanations import (
 )
 from lab.experiments.running.experiment import Session
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
 

@@ -6,7 +6,7 @@ import pytest
 
 from lab.experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
 from lab.experiments.running.repetitions import run_repetitions
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 distributed = pytest.importorskip("distributed", reason="pip install distributed to test Dask")
 

@@ -5,7 +5,7 @@ import pytest
 from lab.catalogue import EXPERIMENTS, experiment_named
 from lab.experiments.running.experiment import settings_of_file
 from serd_core.errors import SerdError
-from storage.settings import settings_of
+from serd_files.settings import settings_of
 
 MINIMUM = experiment_named("minimum-example")
 

@@ -5,7 +5,7 @@ import pytest
 from lab.experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
 from lab.experiments.running.repetitions import run_repetitions
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 
 def square(number):

@@ -5,7 +5,7 @@ import pytest
 from lab.experiments.study.products import Stage, Task, load_recorded, make_products, save_recorded
 from serd_core.demonstrations.decisions import decisions_from_episodes
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 
 ALONE = Execution(n_jobs=1)
 

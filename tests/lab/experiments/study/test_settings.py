@@ -3,7 +3,7 @@ import pytest
 from lab.experiments.study.recordings.drives import Purpose, world_seed
 from lab.experiments.study.recordings.experts import EXPERTS
 from lab.experiments.study.settings import study_settings
-from storage.errors import FileError
+from serd_bag.errors import FileError
 
 
 def test_quick_changes_numbers_and_keeps_the_rest():

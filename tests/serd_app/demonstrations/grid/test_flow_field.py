@@ -5,13 +5,13 @@ import array
 import numpy as np
 import pytest
 
-from bags.damage import Losses
-from bags.errors import BagError
-from bags.messages.plain import decode, points_of
-from bags.writer import BagWriter
 from serd_app.demonstrations.grid.flow_field import FlowEstimator, flow_from_recordings
 from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import Recording
+from serd_bag.damage import Losses
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import decode, points_of
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action, Grid
 
 CLOUD = "sensor_msgs/msg/PointCloud2"

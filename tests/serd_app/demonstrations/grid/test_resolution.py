@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from report.figures.resolution import draw_resolution
-from report.style import png_bytes
 from serd_app.demonstrations.grid.resolution import MOST_FAR, fitting_cell_size_m, resolution_advice
 from serd_app.drives.episode_spans import RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.report.figures.resolution import draw_resolution
+from serd_app.report.style import png_bytes
 
 
 def drive(position_m, step_s=0.05, outcome="arrived"):

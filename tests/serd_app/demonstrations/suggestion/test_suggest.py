@@ -7,7 +7,6 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from bags.reader import BagReader
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
@@ -16,7 +15,8 @@ from serd_app.demonstrations.suggestion.suggest import suggest_mapping
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recording import read_recording
 from serd_app.errors import AppError
-from storage.yaml_config import yaml_model
+from serd_bag.reader import BagReader
+from serd_files.yaml_config import yaml_model
 from support.foreign_bags import START_S, ForeignBag, Robot, held_keys, key_presses
 
 REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"

@@ -9,11 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bags.errors import BagError
-from bags.formats.rosbag2.message_types import message_type, typestore_of
-from bags.messages.plain import Header, Transform
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
@@ -22,8 +17,13 @@ from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE
 from serd_app.drives.transforms import Poses, TransformTree
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
+from serd_bag.messages.plain import Header, Transform
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
-from storage.yaml_config import yaml_model
+from serd_files.yaml_config import yaml_model
 
 REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
 POSE = "geometry_msgs/msg/PoseStamped"

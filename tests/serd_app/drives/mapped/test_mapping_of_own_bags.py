@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from bags.errors import BagError
-from bags.messages.decoded import messages_of
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
+from serd_bag.errors import BagError
+from serd_bag.messages.decoded import messages_of
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.formats.mcap.writer import McapWriter
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.drives.mapped.mapping import BagMapping
-from storage.yaml_config import load_yaml_model
+from serd_bag.formats.mcap.writer import McapWriter
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
+from serd_files.yaml_config import load_yaml_model
 from support.bag_messages import POSE
 from support.foreign_bags import ForeignBag, Robot, key_presses
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
-from sim.scenario.scenario import load_scenario
-from storage.yaml_config import model_yaml
+from serd_files.yaml_config import model_yaml
+from serd_sim.scenario.scenario import load_scenario
 
 
 def walks(path, y_m, seed, n=30):

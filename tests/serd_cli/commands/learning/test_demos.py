@@ -7,19 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bags.reader import BagReader
-from bags.writer import BagWriter
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelFile
-from storage.yaml_config import load_yaml_model
+from serd_files.model_file import ModelFile
+from serd_files.yaml_config import load_yaml_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.foreign_bags import ForeignBag, Robot, key_presses
 
 

@@ -20,11 +20,11 @@ from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.bayes.draws import N_DRAWS, laplace_draws
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
-from sim.scenario.scenario import load_scenario
-from storage.episode_table import load_episodes
-from storage.model_file import load_model
-from storage.yaml_config import model_yaml
+from serd_files.episode_table import load_episodes
+from serd_files.model_file import load_model
+from serd_files.yaml_config import model_yaml
+from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
+from serd_sim.scenario.scenario import load_scenario
 from tests.conftest import OUTCOMES
 
 HALLWAY = load_scenario("hallway")

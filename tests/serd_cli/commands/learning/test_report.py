@@ -13,10 +13,10 @@ import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_cli.main import main
-from sim.scenario.grid import flow_of, grid_of
-from sim.scenario.scenario import load_scenario
-from storage.model_file import ModelDraws, load_model
-from storage.yaml_config import model_yaml, save_yaml_model
+from serd_files.model_file import ModelDraws, load_model
+from serd_files.yaml_config import model_yaml, save_yaml_model
+from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
 from tests.serd_cli.test_map_journey import SPEED_MPS, laps

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from sim.episodes.batch import COLUMNS
-from storage.row_table import RowTable
+from serd_files.row_table import RowTable
+from serd_sim.episodes.batch import COLUMNS
 from support.waiting import PATIENCE_S, wait_until
 
 SMALL = ("batch", "--scenario", "crossing", "--people", "4", "--jobs", "1")

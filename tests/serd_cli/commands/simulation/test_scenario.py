@@ -5,9 +5,9 @@ import json
 import pytest
 from PIL import Image
 
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from storage.yaml_config import model_yaml
+from serd_files.yaml_config import model_yaml
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 
 
 def test_every_built_in_scenario_is_listed(serd):

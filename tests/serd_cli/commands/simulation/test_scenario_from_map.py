@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.ros_maps import depot, maze, write_map
 
 

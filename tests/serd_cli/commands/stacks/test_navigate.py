@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sim.scenario.scenario
+import serd_sim.scenario.scenario
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.evaluation.comparison import compare
 from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_bag.quantities import counted
 from serd_cli.commands.stacks.navigate import remarks
 from serd_core.arrival.law import law_in_seconds
-from sim.scenario.goal import with_goal
-from sim.scenario.scenario import load_scenario
-from storage.episode_table import EpisodeResult, load_episodes
-from storage.quantities import counted
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.scenario import load_scenario
 
 
 def test_it_drives_to_a_goal_and_prints_predicted_and_measured(serd, save_model_of):
@@ -112,7 +112,7 @@ def test_a_folder_begun_with_other_content_of_the_same_files_is_refused(
     serd, save_model_of, tmp_path
 ):
     folder, scenario = tmp_path / "drive", tmp_path / "own.yaml"
-    built_in = Path(sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+    built_in = Path(serd_sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
     scenario.write_text(built_in.read_text())
     path = save_model_of()
     words = ("--scenario", scenario, "--goal", "4.5,4.5", "--episodes", "1", "--output", folder)

@@ -8,6 +8,8 @@ import termios
 
 import pytest
 
+from serd_app.teleop.errors import TeleopError
+from serd_bag.errors import FileError
 from serd_cli.commands.stacks.teleop import (
     SessionSummary,
     TeleopSettings,
@@ -20,8 +22,6 @@ from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from serd_cli.processes.node_commands import stack_processes
 from serd_ros.process.progress import VARIABLE, report_address
-from storage.errors import FileError
-from teleop.errors import TeleopError
 
 
 def settings(**changes):

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
@@ -14,14 +13,14 @@ from aiohttp import ClientSession
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 
-from bags.reader import BagReader
-from bags.writer import BagWriter
+from serd_app.teleop.page.requests import Hold, Replay
+from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_cli.errors import UsageError
 from serd_cli.watch import BagWatch, layers_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.processes import read_json_object
 from support.waiting import PATIENCE_S
-from teleop.page.requests import Hold, Replay
 
 #: The robot of drive_bag is at y = 1.5 m + 0.5 m/s t; the recording begins with the episode.
 START_Y_M, SPEED_MPS, LENGTH_S, DECISION_S = 1.5, 0.5, 10.0, 2.0
@@ -205,12 +204,11 @@ def test_what_cannot_be_watched_is_refused(serd, arguments, sentence):
 
 
 @contextmanager
-def watching(root, *words):
+def watching(*words):
     """The command; Ctrl-C ends it."""
     program = "import sys; from serd_cli.main import main; sys.exit(main())"
     with subprocess.Popen(
         [sys.executable, "-c", program, "watch", *map(str, words), "--port", "0", "--json"],
-        env={**os.environ, "PYTHONPATH": str(root)},
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
@@ -219,8 +217,8 @@ def watching(root, *words):
     assert process.returncode == 0
 
 
-def test_the_address_is_printed_as_json_and_ctrl_c_is_the_usual_end(root, drive_bag):
-    with watching(root, drive_bag()) as process:
+def test_the_address_is_printed_as_json_and_ctrl_c_is_the_usual_end(drive_bag):
+    with watching(drive_bag()) as process:
         assert read_json_object(process.stdout)["url"].startswith("http://127.0.0.1:")
 
 
@@ -237,10 +235,10 @@ async def first_of(url, kind):
 
 
 def test_a_recording_has_the_layers_of_a_model_on_the_cells_of_its_scenario(
-    root, drive_bag, save_model_of
+    drive_bag, save_model_of
 ):
     model, place = save_model_of("crossing"), load_scenario("crossing")
-    with watching(root, drive_bag(), "--model", model) as process:
+    with watching(drive_bag(), "--model", model) as process:
         url = read_json_object(process.stdout)["url"]
         layers = asyncio.run(asyncio.wait_for(first_of(url, "overlay"), PATIENCE_S))
         scene = asyncio.run(asyncio.wait_for(first_of(url, "scene"), PATIENCE_S))

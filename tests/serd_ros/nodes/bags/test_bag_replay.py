@@ -2,9 +2,9 @@
 
 import pytest
 
+from serd_app.teleop.replay_keys import ReplayKey
 from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE
 from support.nodes_in_process import node_in_process
-from teleop.replay_keys import ReplayKey
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
-from bags.reader import BagReader
+from serd_bag.reader import BagReader
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from support.nodes_in_process import node_in_process

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.robot.bullet import add_wall, new_world, pybullet
-from sim.robot.sensors.lidar import Lidar
-from sim.scenario.scenario import load_scenario
-from sim.scenario.settings import LidarSettings
-from sim.world.command import STOP
-from sim.world.world import HallwayWorld
+from serd_sim.robot.bullet import add_wall, new_world, pybullet
+from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import LidarSettings
+from serd_sim.world.command import STOP
+from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 LIDAR = Lidar(LidarSettings(), HALLWAY.wall_segments_m, 0.25)

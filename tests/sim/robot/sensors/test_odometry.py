@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.robot.sensors.odometry import Odometry
-from sim.scenario.scenario import load_scenario
-from sim.scenario.settings import OdometrySettings
-from sim.world.command import Command
-from sim.world.world import HallwayWorld
+from serd_sim.robot.sensors.odometry import Odometry
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import OdometrySettings
+from serd_sim.world.command import Command
+from serd_sim.world.world import HallwayWorld
 
 EMPTY = load_scenario("hallway").with_pedestrian_count(0)
 

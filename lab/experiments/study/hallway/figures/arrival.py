@@ -9,9 +9,9 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
 from lab.learner_curves import STYLES
-from report import style
-from report.figures.arrival import ArrivalCurve, draw_curve
-from report.style import Look, new_figure
+from serd_app.report import style
+from serd_app.report.figures.arrival import ArrivalCurve, draw_curve
+from serd_app.report.style import Look, new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import clopper_pearson, sampling_band
 

@@ -13,8 +13,8 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import EXPERT_NAMES
 from lab.experiments.study.study import Study
 from lab.learner_curves import STYLES, draw_intervals, tick_sizes
-from report import style
-from report.style import new_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure
 
 ROWS = {
     "test_log_likelihood": "test log-likelihood\n(higher is better)",

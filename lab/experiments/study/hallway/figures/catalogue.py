@@ -19,8 +19,8 @@ from lab.experiments.study.hallway.figures import (
 )
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.study import Study
+from serd_bag.nearest import choice_rule
 from serd_core.errors import SerdError
-from storage.nearest import choice_rule
 
 
 @dataclass(frozen=True)

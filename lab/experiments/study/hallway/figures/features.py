@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.study import Study
-from report.figures.maps import draw_features
+from serd_app.report.figures.maps import draw_features
 from serd_core.grid.grid import Action
 
 

@@ -10,8 +10,8 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
 from lab.learner_curves import draw_intervals, tick_sizes
-from report import style
-from report.style import Look, new_figure
+from serd_app.report import style
+from serd_app.report.style import Look, new_figure
 
 PANELS = {
     "test_log_likelihood": ("(a) test", "log-likelihood per decision"),

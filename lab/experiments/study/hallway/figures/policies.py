@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
-from report import style
-from report.figures.map_axes import (
+from serd_app.report import style
+from serd_app.report.figures.map_axes import (
     OUTLINE_DASHES,
     area_legend,
     colour_bar,
@@ -23,10 +23,10 @@ from report.figures.map_axes import (
     map_figure,
     outline_traps,
 )
-from report.figures.maps import draw_arrows
+from serd_app.report.figures.maps import draw_arrows
+from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
-from storage.quantities import counted
 
 
 def rows(results: Results) -> pd.DataFrame:

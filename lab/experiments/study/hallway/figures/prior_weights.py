@@ -9,8 +9,8 @@ from matplotlib.patches import Rectangle
 from lab.experiments.running.tables import quantile
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.study import Study
-from report import style
-from report.style import new_figure
+from serd_app.report import style
+from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
 
 PANELS = {

@@ -15,13 +15,13 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.demonstrations import load_sets
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
-from report import style
-from report.figures.map_axes import draw_areas, draw_vectors, map_figure
+from serd_app.report import style
+from serd_app.report.figures.map_axes import draw_areas, draw_vectors, map_figure
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
-from sim.scenario.scenario import Scenario
-from sim.world.world import HallwayWorld
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.world import HallwayWorld
 
 SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
 _COLUMNS = ["x_m", "y_m", "vx_mps", "vy_mps"]

@@ -10,8 +10,8 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.demonstrations import load_sets
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import Study
-from report import style
-from report.figures.map_axes import colour_bar_below, draw_areas, draw_cells, map_figure
+from serd_app.report import style
+from serd_app.report.figures.map_axes import colour_bar_below, draw_areas, draw_cells, map_figure
 from serd_core.demonstrations.decisions import state_counts
 
 SETS = ("training", "validation", "test", "transfer")

@@ -14,7 +14,7 @@ from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.demonstrations import ROLES, load_sets
 from lab.experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
 from lab.experiments.study.recordings.reference import reference_table
-from report.summary import decisions_per_model
+from serd_app.report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
 from serd_core.arrival.trap_states import trap_states
 

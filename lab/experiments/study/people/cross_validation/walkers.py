@@ -1,4 +1,4 @@
-"""What does not learn rewards: constant velocity, and the social-force model of `sim`.
+"""What does not learn rewards: constant velocity, and the social-force model of `serd_sim`.
 
 Both predict one direction of each move and one time of arrival of each person. The directions are
 calibrated by how often people of the training folds went each way when a direction was predicted,
@@ -17,9 +17,9 @@ from lab.experiments.study.people.recordings import Run, Walker
 from lab.experiments.study.people.settings import PeopleSettings
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS
-from sim.crowd.crowd import Crowd
-from sim.crowd.routes import Routes
-from sim.crowd.social_force import model_named
+from serd_sim.crowd.crowd import Crowd
+from serd_sim.crowd.routes import Routes
+from serd_sim.crowd.social_force import model_named
 
 CONSTANT_VELOCITY, SOCIAL_FORCE = "constant velocity", "social force"
 DISTANCE_OVER_SPEED = "distance over speed"

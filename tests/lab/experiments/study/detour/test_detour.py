@@ -11,9 +11,9 @@ from lab.experiments.study.detour.settings import DetourStudy, detour_settings
 from lab.experiments.study.detour.tables import decoy_summary, headline, summary_of
 from serd_core.errors import SerdError
 from serd_core.grid.navigation import AGAINST_FLOW
-from sim.episodes.execution import Execution
-from sim.scenario.grid import flow_of, grid_of
-from sim.scenario.scenario import load_scenario
+from serd_sim.episodes.execution import Execution
+from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.scenario import load_scenario
 from support.changed_scenario import changed_scenario
 
 TINY = """

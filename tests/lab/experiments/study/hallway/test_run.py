@@ -15,7 +15,7 @@ from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 from lab.experiments.study.settings import study_settings
 from lab.experiments.study.study import Study
 from serd_core.errors import SerdError
-from sim.episodes.execution import Execution
+from serd_sim.episodes.execution import Execution
 from support.changed_scenario import changed_scenario
 
 TINY = """

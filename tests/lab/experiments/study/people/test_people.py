@@ -36,8 +36,8 @@ from serd_core.arrival.law import ArrivalLaw, point_law
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import checked_policy
-from sim.episodes.execution import Execution
-from storage.trajectories.columns import TableColumns
+from serd_files.trajectories.columns import TableColumns
+from serd_sim.episodes.execution import Execution
 
 SERIAL = Execution(n_jobs=1)
 TINY = "crowd: {training_layers: 4, training_people: 16}\nstatistics: {bootstrap: 20}\n"

@@ -9,7 +9,7 @@ from lab.experiments.study.recordings.demonstrations import ROLES, start_area_of
 from lab.experiments.study.recordings.drives import drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from sim.drivers.catalogue import make_driver
+from serd_sim.drivers.catalogue import make_driver
 
 BAGS = Path(__file__).parents[5] / "bags" / "data" / "hallway"
 

@@ -1,0 +1,124 @@
+"""What is wrong with the files of a bag, and how many messages are missing."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from serd_bag.formats.limits import MOST_FAULTS_OF_A_FILE
+from serd_bag.formats.rosbag2.layout import BagLayout, storage_name
+
+
+@dataclass(frozen=True)
+class Damage:
+    """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
+
+    In a summary of several kinds of faults, `what` states so. fix: what may repair it where
+    `recover` finds nothing.
+    """
+
+    path: Path
+    offset: int | None
+    what: str
+    count: int = 1
+    fix: str = ""
+
+    def sentence(self) -> str:
+        """File, place, fault, how often it was found, and the fix, in one sentence."""
+        where = "" if self.offset is None else f"at byte {self.offset}: "
+        often = "" if self.count == 1 else f" (the first of {self.count} such faults)"
+        fix = f"; {self.fix}" if self.fix else ""
+        return f"{self.path}: {where}{self.what}{often}{fix}"
+
+
+class DamageLog:
+    """The damage of one file: one entry for each kind of fault, with the number of faults."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._found: dict[str, Damage] = {}
+        self._counts: Counter[str] = Counter()
+
+    def note(self, offset: int | None, what: str, fix: str = "") -> None:
+        """Add a fault; faults that differ in numbers only are of one kind."""
+        kind = _kind(what)
+        if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
+            kind, what, fix = "", "it has further faults of other kinds", ""
+        self._found.setdefault(kind, Damage(self._path, offset, what, fix=fix))
+        self._counts[kind] += 1
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    @property
+    def damage(self) -> list[Damage]:
+        """All kinds of faults, in the order in which they were found."""
+        return [replace(each, count=self._counts[kind]) for kind, each in self._found.items()]
+
+
+@lru_cache(maxsize=256)
+def _kind(what: str) -> str:
+    """The text without bytes and numbers."""
+    return re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
+
+
+def at_most(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines; the last one states how many are left out."""
+    if len(lines) <= most:
+        return list(lines)
+    return [*lines[: most - 1], f"{len(lines) - most + 1} more are not listed"]
+
+
+@dataclass(frozen=True)
+class Losses:
+    """n_messages: known to be lost; all_known: whether no more than those can be lost."""
+
+    n_messages: int = 0
+    all_known: bool = True
+
+
+@dataclass(frozen=True)
+class FileCount:
+    """found: messages read; expected: by the end of the file, None where it has no count.
+
+    left_out: further messages that stand in the file, but cannot be read.
+    """
+
+    path: Path
+    found: int
+    expected: int | None
+    left_out: int = 0
+
+
+def losses(layout: BagLayout, files: Sequence[FileCount]) -> Losses:
+    """Messages missing from the files that were read and from those that metadata.yaml lists."""
+    listed = layout.messages_by_file
+    missing = set(listed) - {storage_name(file.path) for file in files}
+    lost = sum(listed[name] for name in missing)
+    unknown = layout.metadata is None and layout.path.is_dir()
+    for file in files:
+        expected = listed.get(storage_name(file.path)) if file.expected is None else file.expected
+        unknown |= expected is None
+        lost += max(file.left_out, (expected or 0) - file.found)
+    total = layout.n_messages
+    if unknown and total is not None and not missing:
+        n_left_out = sum(file.left_out for file in files)
+        return Losses(max(n_left_out, total - sum(file.found for file in files)))
+    return Losses(lost, not unknown)
+
+
+def missing_messages(layout: BagLayout, found: Counter[str]) -> list[str]:
+    """How sound files differ from what metadata.yaml lists: they may not hold what was recorded."""
+    listed = layout.messages_by_topic
+    wrong = [
+        f"metadata.yaml lists {listed.get(name, 0)} messages on {name},"
+        f" the files hold {found[name]}"
+        for name in sorted({*listed, *found})
+        if listed and listed.get(name, 0) != found[name]
+    ]
+    total = layout.n_messages
+    if not wrong and total is not None and total != found.total():
+        wrong = [f"metadata.yaml lists {total} messages, the files hold {found.total()}"]
+    return wrong

@@ -1,0 +1,53 @@
+"""What reading one file may cost, whatever it holds: no size that a file declares is trusted.
+
+Memory: a chunk, message or row larger than LARGEST_CONTENT is not read; at most three of that size
+are in memory at once. Time: what a file unpacks to, and its number of records, are bounded by its
+size, with ample room for real recordings. YAML of a bag may hold no references, which can repeat
+without end.
+"""
+
+from typing import Any
+
+import yaml
+
+from serd_bag.errors import BagError
+
+LARGEST_CONTENT = 64 << 20
+#: Of one schema, channel or statistics record, and of all definitions of a file.
+LARGEST_DEFINITION = 4 << 20
+MOST_DEFINITIONS = 32 << 20
+#: Lines in which the faults of a bag are reported.
+MOST_FAULTS = 20
+MOST_FAULTS_OF_A_FILE = 12
+#: Of messages that are left out: no bag can hold such times.
+WRONG_TIMES = "messages have times outside of 0 to 2^63-1 ns"
+_LONGEST_YAML, _DEEPEST = 4 << 20, 20
+_Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+
+
+def most_unpacked(file_size: int) -> int:
+    """Bytes to which a file may unpack."""
+    return (512 << 20) + 25 * file_size
+
+
+def most_records(file_size: int) -> int:
+    """Records that are read of a file."""
+    return 1_000_000 + file_size // 8
+
+
+def yaml_values(text: str) -> Any:
+    """Values of the text; BagError where it is no YAML, too long or refers to its own parts."""
+    if len(text) > _LONGEST_YAML:
+        raise BagError(
+            f"YAML of a bag must have {_LONGEST_YAML} characters at most, got {len(text)}"
+        )
+    try:
+        depth = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or depth > _DEEPEST:
+                raise BagError("YAML of a bag must not refer to its own parts or be nested deeply")
+        return yaml.load(text, _Loader)  # noqa: S506 (one of two safe loaders)
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        raise BagError(str(error).splitlines()[0]) from None

@@ -1,0 +1,382 @@
+"""The data section of an MCAP file: chunks and runs of other records, up to its end.
+
+Every checksum is compared with what it covers. Where the chain of records is broken, reading
+continues at the next chunk in the summary, or without one at the next bytes that begin like one.
+A place that the summary names counts only where a chunk of the listed length begins there.
+"""
+
+import re
+import struct
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+from mcap.stream_reader import MAGIC_SIZE
+from mcap.writer import MCAP0_MAGIC
+
+from serd_bag.damage import DamageLog
+from serd_bag.errors import BagError
+from serd_bag.formats.limits import LARGEST_CONTENT, most_records
+from serd_bag.formats.mcap.chunks import (
+    CHUNK_PATTERN,
+    ENTRY_SIZE,
+    INDEX_HEAD_SIZE,
+    LONGEST_HEAD,
+    ChunkHead,
+    ChunkUnpacker,
+    MessageIndexes,
+    chunk_head,
+    entries_end,
+)
+from serd_bag.formats.mcap.definitions import DEFINITIONS
+from serd_bag.formats.mcap.file_end import FileEnd
+from serd_bag.formats.mcap.records import RECORD_HEAD, check_record
+from serd_bag.formats.mcap.summary_index import MOST_COPIED, entry_of_chunk
+from serd_bag.formats.mcap.window import FileWindow
+
+#: Records that an area outside of chunks can hold.
+IN_AREAS = (int(Opcode.MESSAGE), *DEFINITIONS)
+_CHUNK = int(Opcode.CHUNK)
+_COPIED = (int(Opcode.ATTACHMENT), int(Opcode.METADATA))
+_LAST_OPCODE = int(Opcode.DATA_END)
+_CHECKSUM = struct.Struct("<I")
+#: Bytes with which a schema, channel or message can begin, and how many records follow each other
+#: where it does.
+_RUN_PATTERN = re.compile(rb"[\x03-\x05].{5}\0{3}", re.DOTALL)
+_LEAST_RUN = 4
+
+
+class Area(NamedTuple):
+    """Bytes from `start` to `end` of a block that are records.
+
+    is_chunk: all of them; is_torn: the last one may be cut off.
+    """
+
+    block: bytes
+    start: int
+    end: int
+    is_chunk: bool = True
+    is_torn: bool = False
+
+
+class DataSection:
+    """One walk through the data section of a file.
+
+    Where its reader has read an area, it sets n_records to the records left that may be read,
+    consumed to the place in the block where it stopped, and last to that of the last record before.
+    copied: (offset, length) of each sound attachment and metadata record; visited: offsets of
+    chunks; ended: whether the record at the end of the data was found; has_checksums: whether all
+    that was read has them.
+    """
+
+    def __init__(
+        self, window: FileWindow, end: FileEnd, log: DamageLog, size: int, *, thorough: bool
+    ) -> None:
+        self.n_records = most_records(size)
+        self.consumed = self.last = 0
+        self.copied: list[tuple[int, int]] = []
+        self.visited: set[int] = set()
+        self.ended = False
+        self.has_checksums = True
+        self._window, self._end, self._log = window, end, log
+        self._indexes = MessageIndexes() if thorough else None
+        self._entry: ChunkIndex | None = None
+        self._limit = window.size if end.data_limit is None else end.data_limit
+        self._unpacker = ChunkUnpacker(window, self._limit, size)
+        self._offset = self._sound_end = self._chunk_end = 0
+        self._is_guess = False
+        # Without a checksum, where a chunk would begin is no reason to doubt the records before.
+        starts = end.index.starts if end.has_checksum else ()
+        #: negative places of the chunks of the summary that are still ahead, the next one last
+        self._later = array("q", (-start for start in reversed(starts) if start < self._limit))
+        self._misses_chunks = len(self._later) < max(1, len(starts))
+        self._has_chunks = bool(end.index.starts)
+        self._offset = self._check_beginning()
+
+    def note(self, what: str) -> None:
+        """Add a fault at the present place."""
+        self._log.note(self._offset, what)
+
+    def stop(self) -> None:
+        """Read no further, since there are too many records."""
+        self.note("it has more records than a file of its size can have; the rest is not read")
+        self._offset = self._limit
+
+    def _check_beginning(self) -> int:
+        """Where the records begin."""
+        head = self._window.read(0, MAGIC_SIZE + 1)
+        magic, opcode = head[:MAGIC_SIZE], head[MAGIC_SIZE:]
+        if not head:
+            self.note("the file is empty")
+        elif magic != MCAP0_MAGIC:
+            expected, got = MCAP0_MAGIC.hex(" "), magic.hex(" ")
+            self.note(f"an MCAP file begins with {expected}, this with {got}")
+            if opcode != bytes([Opcode.HEADER]):
+                return self._next_chunk()
+        elif opcode and opcode[0] in range(Opcode.HEADER + 1, _LAST_OPCODE + 1):
+            self.note("the first record must be a header")
+        return MAGIC_SIZE
+
+    def areas(self) -> Iterator[Area]:
+        """Chunks, and blocks that begin with messages or definitions outside of chunks."""
+        while not self.ended and self._offset + RECORD_HEAD.size <= self._limit:
+            self.n_records -= 1
+            if self.n_records <= 0:
+                self.stop()
+                return
+            block, at = self._window.locate(self._offset, RECORD_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack_from(block, at)
+            if not self._is_chained(opcode, length):
+                yield from self._after_break(opcode, length)
+            elif opcode == _CHUNK:
+                self._has_chunks = True
+                yield from self._chunk(length)
+            elif opcode != Opcode.MESSAGE_INDEX and self._is_index(length):
+                self.note("the opcode of a message index is wrong")
+                self._offset = self._chunk_end = self._offset + RECORD_HEAD.size + length
+            elif opcode in IN_AREAS:
+                yield from self._run(length)
+            else:
+                self._other(opcode, length)
+        self._check_index()
+
+    def _is_chained(self, opcode: int, length: int) -> bool:
+        """Whether a record can begin here that ends before the next chunk of the summary."""
+        end = self._offset + RECORD_HEAD.size + length
+        if opcode in (0, Opcode.FOOTER) or end > self._limit:
+            return False
+        return self._listed_chunk(self._offset + (opcode == _CHUNK), end) is None
+
+    def _listed_chunk(self, start: int, end: int) -> int | None:
+        """Return the first chunk of the summary in [start, end) that stands in the file.
+
+        A record of the listed length must stand there. Places before `start`, and wrong ones, are
+        not tried again.
+        """
+        index = self._end.index
+        del self._later[bisect_right(self._later, -start) :]
+        while self._later and -self._later[-1] < end:
+            place = -self._later[-1]
+            length = int.from_bytes(self._window.peek(place, RECORD_HEAD.size)[1:], "little")
+            if RECORD_HEAD.size + length == index.length(bisect_left(index.starts, place)):
+                return place
+            self._later.pop()
+            self._misses_chunks = True
+        return None
+
+    def _after_break(self, opcode: int, length: int) -> Iterator[Area]:
+        """What is read where no record can begin."""
+        if opcode == _CHUNK:
+            yield from self._chunk(length)
+            return
+        offset, beyond = self._offset, self._offset + RECORD_HEAD.size + length > self._limit
+        head = self._window.read(offset, RECORD_HEAD.size).hex(" ")
+        following = self._next_chunk()
+        if beyond and opcode and following == self._limit:
+            self.note(f"the file ends within a record of {length} bytes")
+        else:
+            self.note(f"no record begins with {head}")
+        self._offset = following
+
+    def _next_chunk(self) -> int:
+        """The next chunk of the summary, or what begins like one; the end where there is none."""
+        if self._later:
+            self._sound_end = max(self._sound_end, self._offset + 1)
+        listed = self._listed_chunk(self._sound_end, self._limit)
+        limit = self._limit if listed is None else listed
+        if not self._misses_chunks:
+            return limit
+        found = self._window.search(CHUNK_PATTERN, self._sound_end, LONGEST_HEAD)
+        if found is not None and found < limit:
+            self._is_guess = True
+            return found
+        return limit if self._has_chunks else self._next_run(limit)
+
+    def _next_run(self, limit: int) -> int:
+        """Return where the next records follow each other, in a file without chunks."""
+        place = self._sound_end
+        while True:
+            found = self._window.search(_RUN_PATTERN, place, RECORD_HEAD.size)
+            if found is None or found >= limit:
+                return limit
+            if self._is_run(found):
+                return found
+            place = found + 1
+
+    def _is_run(self, offset: int) -> bool:
+        """Whether some records of known kinds follow each other from there on."""
+        for _ in range(_LEAST_RUN):
+            if offset == self._limit:
+                return True
+            if not self._begins_record(offset) or self._window.read(offset, 1)[0] > _LAST_OPCODE:
+                return False
+            _, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
+            offset += RECORD_HEAD.size + length
+        return True
+
+    def _chunk(self, length: int) -> Iterator[Area]:
+        self._check_index()
+        offset, end = self._offset, self._offset + RECORD_HEAD.size + length
+        is_guess, self._is_guess = self._is_guess, False
+        self.visited.add(offset)
+        try:
+            head = chunk_head(self._window.read(offset, LONGEST_HEAD))
+            torn = offset + head.data_start + head.data_size > self._limit
+            if end > self._limit and torn and not (is_guess or self._end.complete):
+                self.note(f"the file ends within a record of {length} bytes")
+                yield self._torn(head)
+                self._offset = self._limit
+                return
+            area = self._records_of(head, length, is_guess)
+        except BagError as error:
+            self.note(str(error))
+            if is_guess or self._has_chunks:
+                self._sound_end = max(self._sound_end, offset + 1)
+            if self._unpacker.may_try and (is_guess or not self._begins_record(end)):
+                self._offset = self._next_chunk()
+            else:
+                self._offset = min(end, self._limit)
+            return
+        if self._indexes is not None:
+            self._indexes.begin(*area[:3], self.n_records)
+        yield area
+
+    def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
+        """The records of a sound chunk, after which the next record is sought; or BagError."""
+        declared_size = head.data_size
+        head, block, begin, end = self._unpacker.unpacked(
+            head, self._offset, length, is_guess=is_guess
+        )
+        area = Area(block, begin, end)
+        if head.data_size != declared_size:
+            self.note(f"the data of a chunk must have {declared_size} bytes, got {head.data_size}")
+        if area.end - area.start != head.size:
+            self.note(f"a chunk must have {head.size} bytes, got {area.end - area.start}")
+        self.has_checksums &= head.checksum != 0
+        if head.compression:
+            self._window.release()
+        size, record_size = head.data_start + head.data_size, RECORD_HEAD.size + length
+        fits = size <= record_size and self._offset + record_size <= self._limit
+        self._sound_end = self._offset + size
+        extended = fits and size < record_size
+        if not fits or (extended and self._begins_known_record(self._sound_end)):
+            self.note("the length of a chunk record is wrong")
+            record_size = size
+        if self._indexes is not None:
+            self._entry = entry_of_chunk(head, self._offset, record_size)
+        self._offset += record_size
+        self._chunk_end = self._offset
+        return area
+
+    def _torn(self, head: ChunkHead) -> Area:
+        """What is left of the records of a chunk whose end is missing; none of a compressed one."""
+        size = 0 if head.compression else min(head.data_size, LARGEST_CONTENT)
+        block, at = self._window.locate(self._offset, head.data_start + size)
+        start = at + head.data_start
+        return Area(block, start, max(start, min(start + size, len(block))), is_torn=True)
+
+    def _run(self, length: int) -> Iterator[Area]:
+        """The records outside of chunks from here to the end of a block."""
+        if length > LARGEST_CONTENT:
+            self.note(f"a record must have {LARGEST_CONTENT} bytes at most, got {length}")
+            self._offset += RECORD_HEAD.size + length
+            return
+        self._check_index()
+        self.has_checksums = False
+        block, at = self._window.locate(self._offset, RECORD_HEAD.size + length)
+        limit = min(self._limit, self._offset + len(block) - at)
+        listed = self._listed_chunk(self._offset + 1, limit)
+        yield Area(block, at, at + (limit if listed is None else listed) - self._offset, False)
+        # A record that is longer than it should be hides the next one.
+        self._sound_end = self._offset + self.last - at + 1
+        self._offset += self.consumed - at
+
+    def _other(self, opcode: int, length: int) -> None:
+        """A record that holds neither messages nor definitions; unknown ones are skipped."""
+        offset = self._offset
+        end = offset + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE_INDEX and length <= LARGEST_CONTENT:
+            end = self._message_index(end)
+        elif opcode == Opcode.DATA_END:
+            self.ended = True
+            self._check_data(length)
+        elif opcode in _COPIED and len(self.copied) >= MOST_COPIED:
+            self.note(f"it has more than {MOST_COPIED} attachments and metadata records")
+        elif opcode in _COPIED:
+            try:
+                check_record(self._window, offset, end - offset)
+                self.copied.append((offset, end - offset))
+            except BagError as error:
+                self.note(str(error))
+        self._offset = end
+
+    def _is_index(self, length: int) -> bool:
+        """Whether the record behind a chunk or its index is an index, by all but its opcode."""
+        if self._offset != self._chunk_end or (length - INDEX_HEAD_SIZE) % ENTRY_SIZE:
+            return False
+        start = self._offset + RECORD_HEAD.size
+        return entries_end(self._window.read(start, INDEX_HEAD_SIZE)) == length
+
+    def _message_index(self, end: int) -> int:
+        """Where the record ends."""
+        start = self._offset + RECORD_HEAD.size
+        content = self._window.read(start, end - start)
+        entries = entries_end(content)
+        if entries > len(content):
+            self.note("a message index is longer than its record")
+            return end
+        if self._indexes is not None:
+            self._indexes.add(content)
+        self._sound_end = start + entries
+        if entries < len(content) and self._begins_known_record(start + entries):
+            self.note("the length of a message index is wrong")
+            end = start + entries
+        self._chunk_end = end
+        if self._entry is not None:
+            self._entry.message_index_offsets[int.from_bytes(content[:2], "little")] = self._offset
+            self._entry.message_index_length += end - self._offset
+        return end
+
+    def _check_index(self) -> None:
+        """Compare the last chunk with the index behind it and with its entry in the summary."""
+        entry, self._entry = self._entry, None
+        if self._indexes is None:
+            return
+        if not self._indexes.fit():
+            self.note("the message index before this does not fit its chunk")
+        if entry is not None:
+            fault = self._end.index.fault_of_chunk(entry)
+            if fault:
+                self._log.note(entry.chunk_start_offset, fault)
+
+    def _check_data(self, length: int) -> None:
+        """Compare the checksum in the record at the end of the data with all before it."""
+        end = self._offset
+        if length < _CHECKSUM.size:
+            self.note("the record at the end of the data is shorter than its fields")
+        elif not self._log:
+            (checksum,) = _CHECKSUM.unpack(
+                self._window.read(end + RECORD_HEAD.size, _CHECKSUM.size)
+            )
+            if checksum and self._window.checksum(0, end) != checksum:
+                self.note("the checksum of the data does not fit")
+            self.has_checksums |= checksum != 0
+
+    def _begins_record(self, offset: int) -> bool:
+        """Whether the data ends here, or a record can begin."""
+        head = self._window.read(offset, RECORD_HEAD.size) if offset <= self._limit else b""
+        if offset == self._limit or len(head) < RECORD_HEAD.size:
+            return offset == self._limit
+        opcode, length = RECORD_HEAD.unpack(head)
+        end: int = offset + RECORD_HEAD.size + length
+        return opcode != 0 and end <= self._limit
+
+    def _begins_known_record(self, offset: int) -> bool:
+        if not self._begins_record(offset) or offset == self._limit:
+            return False
+        opcode, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
+        following = offset + RECORD_HEAD.size + length
+        return bool(opcode <= _LAST_OPCODE and self._begins_record(following))

@@ -1,0 +1,242 @@
+"""All messages of one MCAP file, sound or damaged, in the order they were written.
+
+Reads record by record, unpacking messages itself, for which the reader of `mcap` takes more than
+twice as long. Each kind of fault becomes a Damage.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from itertools import groupby, pairwise
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from serd_bag.damage import Damage, DamageLog
+from serd_bag.errors import BagError, disk_errors
+from serd_bag.formats.limits import WRONG_TIMES
+from serd_bag.formats.mcap.data_section import IN_AREAS, Area, DataSection
+from serd_bag.formats.mcap.definitions import DEFINITIONS, Definitions
+from serd_bag.formats.mcap.file_end import FileEnd
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
+from serd_bag.formats.mcap.window import FileWindow
+from serd_bag.topic import RawMessage, Topic
+
+_MESSAGE = int(Opcode.MESSAGE)
+
+
+class McapScan:
+    """One pass through one file; `damage` and `counts` are complete after `messages`.
+
+    expected: number of messages by the summary, None without one.
+    n_left_out: messages that were found, but are not among those given.
+    copied: (offset, length) of each sound attachment and metadata record.
+    has_checksums: whether all messages have them.
+    thorough: compare the index behind each chunk with the chunk.
+    size: of the file as it was recorded, which limits what is read; None for its size here.
+    """
+
+    def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
+        self.path = path
+        self.copied: list[tuple[int, int]] = []
+        self.has_checksums = True
+        self.n_left_out = 0
+        self._log = DamageLog(path)
+        self._end = FileEnd(path)
+        # Those of the data count, where the summary is not known to be right.
+        is_known = self._end.states_contents
+        self._definitions = (
+            self._end.definitions if is_known else Definitions(self._end.definitions)
+        )
+        statistics = self._end.statistics
+        self.expected = statistics.message_count if statistics else None
+        self._counts: defaultdict[int, int] = defaultdict(int)
+        self._thorough = thorough
+        self._looked_in: Area | None = None
+        self._recorded_size = size
+        self._looks_back = True
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Each kind of fault that was found."""
+        return self._log.damage
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Readable messages by topic."""
+        found: Counter[str] = Counter()
+        for number, count in self._counts.items():
+            found[self._definitions.channels[number].topic] += count
+        return found
+
+    def topics(self) -> list[Topic]:
+        """Topics by the summary; where it is brief or missing, by the whole file."""
+        if not self._end.states_contents:
+            for _ in self.messages(frozenset()):
+                pass
+        return self._definitions.topics()
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all."""
+        path = self.path
+        with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
+            window = FileWindow(stream)
+            size = window.size if self._recorded_size is None else self._recorded_size
+            section = DataSection(window, self._end, self._log, size, thorough=self._thorough)
+            for area in section.areas():
+                yield from self._messages(section, area, topics)
+                del area  # before the next one is read
+            self.copied, self.has_checksums = section.copied, section.has_checksums
+            self._compare_with_end(section)
+            self._definitions.complete(self._end.definitions)
+            if self._thorough:
+                self._compare_with_index(section, window)
+
+    def _messages(
+        self, section: DataSection, area: Area, topics: frozenset[str] | None
+    ) -> Iterator[RawMessage]:
+        """Messages in an area, whose definitions are collected."""
+        unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
+        counts, names = self._counts, dict[int, tuple[str, str] | None]()
+        block, offset, end, is_chunk, is_torn = area
+        left, last, n_unknown, n_other, n_untimed = section.n_records, offset, 0, 0, 0
+        for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
+            if offset + message_size > end or block[offset] != _MESSAGE:
+                following = self._skip(section, area, offset)
+                if following is None:
+                    break
+                last, offset = offset, following
+                continue
+            _, length, number, _, log_time, publish_time = unpack_message(block, offset)
+            start, following = offset + message_size, offset + RECORD_HEAD.size + length
+            if not start <= following <= end:
+                if following > end:
+                    break
+                section.note("a message is shorter than its fields")
+                self.n_left_out += 1
+                last, offset = offset, following
+                continue
+            last, offset = offset, following
+            if (log_time | publish_time) >> 63:
+                n_untimed += 1
+                continue
+            if number not in names:
+                if not self._is_defined(section, area, number):
+                    n_unknown += 1
+                    continue
+                if not self._definitions.is_of_its_topic(number):
+                    n_other += 1
+                    continue
+                topic, type_name = self._definitions.names(number)
+                wanted = topics is None or topic in topics
+                names[number] = (topic, type_name) if wanted else None
+            counts[number] += 1
+            name = names[number]
+            if name is not None:
+                yield RawMessage(*name, block[start:offset], log_time, publish_time)
+        section.n_records, section.consumed, section.last = left, offset, last
+        if is_chunk and offset < end:
+            if left and not is_torn:
+                section.note("a record is longer than its chunk")
+            elif not left:
+                section.stop()
+        self.n_left_out += n_unknown + n_other + n_untimed
+        if n_unknown:
+            section.note(f"{n_unknown} messages are of topics declared in a part that is lost")
+        if n_other:
+            section.note(f"{n_other} messages are of another type than the first of their topic")
+        if n_untimed:
+            section.note(f"{n_untimed} {WRONG_TIMES}")
+
+    def _skip(self, section: DataSection, area: Area, offset: int) -> int | None:
+        """The end of a record that is no message; None where it is not in the area."""
+        if offset + RECORD_HEAD.size > area.end:
+            return None
+        opcode, length = RECORD_HEAD.unpack_from(area.block, offset)
+        start = offset + RECORD_HEAD.size
+        following = int(start + length)
+        if following > area.end or not opcode or not (area.is_chunk or opcode in IN_AREAS):
+            return None
+        if opcode == _MESSAGE and following < offset + MESSAGE_HEAD.size:
+            section.note("a message is shorter than its fields")
+        elif opcode in DEFINITIONS:
+            fault = self._definitions.add(opcode, area.block[start:following])
+            if fault:
+                section.note(fault)
+        return following
+
+    def _is_defined(self, section: DataSection, area: Area, number: int) -> bool:
+        """Whether a channel is known, if need be from the rest of its chunk or of the file."""
+        channels = self._definitions.channels
+        if number not in channels and area.is_chunk and area is not self._looked_in:
+            self._looked_in = area
+            offset: int | None = area.start
+            while offset is not None:
+                offset = self._skip(section, area, offset)
+        if number not in channels and number in self._end.definitions.channels:
+            self._definitions.complete(self._end.definitions)
+        if number not in channels and self._looks_back:
+            self._looks_back = False
+            other = McapScan(self.path, size=self._recorded_size)
+            other._looks_back = False
+            for _ in other.messages(frozenset()):
+                pass
+            self._definitions.complete(other._definitions)
+        return number in channels
+
+    def _compare_with_end(self, section: DataSection) -> None:
+        if not section.ended and not self._log:
+            complete = "the data has no end record"
+            cut = "the file has no end: the recording was cut off here"
+            section.note(complete if self._end.complete else cut)
+        if section.ended and not self._end.complete:
+            section.note("the summary at the end of the file is damaged")
+        for each in self._end.faults.damage:
+            section.note(each.what)
+        statistics, found = self._end.statistics, sum(self._counts.values())
+        for fault in self._definitions.faults_of(self._end.definitions):
+            section.note(f"in the summary, {fault}")
+        starts = (start for start, _ in groupby(self._end.index.starts))
+        n_missing = sum(start not in section.visited for start in starts)
+        if n_missing:
+            section.note(f"{n_missing} chunks of the summary are missing")
+        if statistics is None:
+            return
+        counts = statistics.channel_message_counts
+        if statistics.message_count != found:
+            section.note(f"{statistics.message_count} messages were written, {found} are readable")
+        elif counts and not self._log:
+            for number, channel in self._definitions.channels.items():
+                n_written, n_read = counts.get(number, 0), self._counts[number]
+                if n_written != n_read:
+                    section.note(
+                        f"{n_written} messages were written on {channel.topic}, {n_read} are there"
+                    )
+        n_copied = statistics.attachment_count + statistics.metadata_count
+        if n_copied > len(self.copied):
+            section.note(
+                f"{n_copied} attachments and metadata records were written,"
+                f" {len(self.copied)} are there"
+            )
+
+    def _compare_with_index(self, section: DataSection, window: FileWindow) -> None:
+        """Compare the summary's pointers and counts, which players use, with what was found."""
+        for fault in (*self._end.index_faults, *self._end.definitions.missing(self._definitions)):
+            section.note(fault)
+        if any(one == other for one, other in pairwise(self._end.index.starts)):
+            section.note("the summary lists a chunk twice")
+        copied = (index_of_record(window, *each) for each in self.copied)
+        for fault in self._end.index.faults_of_copied(list(copied)):
+            section.note(fault)
+        stated = self._end.statistics
+        if stated is None or self._log:
+            return
+        definitions = self._definitions
+        for what, n_stated, n_found in (
+            ("chunks", stated.chunk_count, len(section.visited)),
+            ("attachments and metadata records", stated.attachment_count + stated.metadata_count,
+             len(self.copied)),
+            ("schemas", stated.schema_count, len(definitions.schemas)),
+            ("channels", stated.channel_count, len(definitions.channels)),
+        ):  # fmt: skip
+            if n_stated != n_found:
+                section.note(f"{n_stated} {what} were written, {n_found} are there")

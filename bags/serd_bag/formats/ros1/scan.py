@@ -1,0 +1,297 @@
+"""All messages of one .bag file of ROS 1, as the ROS 2 messages of the same fields.
+
+They are read in the order of the file, without the index: a killed recorder writes none, and one
+that is wrong must hide nothing. It is compared with what was found. rosbags turns each message
+into CDR by the definition that its connection holds. The format has no checksums. A chunk that
+cannot be unpacked is left out, and so is a damaged message; where the records of a chunk are broken
+off, reading continues at the next message of the index behind it.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from serd_bag.damage import Damage, DamageLog
+from serd_bag.errors import BagError, disk_errors
+from serd_bag.formats.limits import LARGEST_CONTENT
+from serd_bag.formats.mcap.window import FileWindow
+from serd_bag.formats.ros1.records import (
+    CONNECTION,
+    MESSAGE,
+    Connection,
+    Entry,
+    Record,
+    connection_of,
+    record_at,
+    unpacked_chunk,
+)
+from serd_bag.formats.ros1.walk import Part, Walk
+from serd_bag.formats.rosbag2.message_types import MessageType
+from serd_bag.formats.rosbag2.qos import RELIABLE
+from serd_bag.topic import RawMessage, Topic
+
+_HEADER = "std_msgs/msg/Header"
+_LARGEST_CHUNK = 2 * LARGEST_CONTENT
+
+
+@dataclass(frozen=True)
+class _Converted:
+    """One connection: its topic, and the store that converts its messages, None where unknown."""
+
+    topic: Topic
+    store: Typestore | None
+
+
+class _Found(NamedTuple):
+    """A message of a chunk: the entry that an index should have of it, and its data.
+
+    before: offset of the connection records before it, to which an index may point, or its own.
+    """
+
+    entry: Entry
+    before: int
+    data: bytes
+
+
+class Ros1Scan:
+    """One pass through one file; `damage` and `counts` are complete after `messages`.
+
+    n_left_out: messages that were found, but are not among those given.
+    """
+
+    has_checksums = False
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._log = DamageLog(path)
+        self.counts: Counter[str] = Counter()
+        self.expected: int | None = None
+        self.n_left_out = 0
+        self._connections: dict[int, Connection] = {}
+        self._listed: dict[int, Connection] = {}
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Each kind of fault that was found."""
+        return self._log.damage
+
+    def topics(self) -> list[Topic]:
+        """Topics of the file, by its index if that is right; of several types the first."""
+        log = DamageLog(self.path)
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            walk = _ended(Walk(FileWindow(stream), log))
+            known = walk.connections
+            if log or any(walk.faults()):
+                for _ in self.messages(frozenset()):
+                    pass
+                known = {**self._listed, **self._connections}
+        found: dict[str, Topic] = {}
+        for connection in known.values():
+            topic = _converted(connection).topic
+            found.setdefault(topic.name, topic)
+        return list(found.values())
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all; publish times are the log times."""
+        n_broken = n_unknown = 0
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            window = FileWindow(stream)
+            index = _ended(Walk(window, DamageLog(self.path)))
+            self._listed = index.connections
+            if index.counts:
+                self.expected = sum(sum(counts.values()) for counts in index.counts.values())
+            walk = Walk(window, self._log)
+            for part in walk.parts():
+                for found in self._messages_of(part, window, index):
+                    number, time_ns, _ = found.entry
+                    connection = self._connection(number)
+                    if connection is None:
+                        n_unknown += 1
+                        continue
+                    kind = _converted(connection)
+                    name, type_name = kind.topic.name, kind.topic.type_name
+                    if topics is not None and name not in topics:
+                        self.counts[name] += 1
+                        continue
+                    converted = _cdr(kind, found.data)
+                    if converted is None:
+                        n_broken += 1
+                        continue
+                    self.counts[name] += 1
+                    yield RawMessage(name, type_name, converted, time_ns, time_ns)
+            for fault in walk.faults():
+                self._note(fault)
+            if self._listed and self._connections.keys() - self._listed.keys():
+                self._note("the index does not have all connections of the chunks")
+        self.n_left_out = n_broken + n_unknown
+        if n_unknown:
+            self._note(f"{n_unknown} messages are of connections declared in a part that is lost")
+        if n_broken:
+            self._note(f"{n_broken} messages do not fit the definition of their type")
+
+    def _messages_of(self, part: Part, window: FileWindow, index: Walk) -> Iterator[_Found]:
+        """Yield the messages of a chunk, or the one outside of chunks."""
+        place, record, entries = part
+        size = min(record.end, window.size) - record.start
+        try:
+            if size > _LARGEST_CHUNK:
+                raise BagError(f"it must have {_LARGEST_CHUNK} bytes at most, got {size}")
+            block, at = window.locate(record.start, size)
+            if record.kind == MESSAGE:
+                entry = record.number(b"conn"), record.time_ns(), place
+                yield _Found(entry, place, block[at : at + size])
+                return
+            stated_size = record.number(b"size")
+            block, begin, end = unpacked_chunk(record, block, at, size, LARGEST_CONTENT)
+        except BagError as error:
+            self._log.note(place, f"a chunk is damaged ({error})")
+            return
+        places: set[Entry] = set()
+        counts: Counter[int] = Counter()
+        fault = ""
+        if stated_size != end - begin and record.end <= window.size:
+            fault = f"it must have {stated_size} bytes, got {end - begin}"
+        for found in self._records(block, begin, end, sorted(entries, key=lambda each: each[2])):
+            if isinstance(found, str):
+                fault = fault or found
+                continue
+            counts[found.entry[0]] += 1
+            places.update((found.entry, (*found.entry[:2], found.before)))
+            yield found
+        if (
+            not fault
+            and entries
+            and not (len(entries) == counts.total() and places >= set(entries))
+        ):
+            fault = "the index behind it does not fit its messages"
+        if not fault and index.counts.get(place, counts) != counts:
+            fault = "the index counts other messages than it has"
+        if fault:
+            self._log.note(place, f"a chunk is damaged ({fault})")
+
+    def _records(
+        self, block: bytes, begin: int, end: int, entries: list[Entry]
+    ) -> Iterator[_Found | str]:
+        """Yield the messages in these bytes of a block, and a sentence wherever no record begins.
+
+        entries: those of the index, in the order of their offsets from `begin`.
+        """
+        offset = last = begin
+        before: int | None = None
+        while offset < end:
+            found = _inner_record(block, offset, end)
+            if isinstance(found, str):
+                yield found
+                later = (each for each in entries if each[2] > last - begin)
+                places = (
+                    begin + each[2]
+                    for each in later
+                    if _begins_message(block, begin + each[2], end, each)
+                )
+                offset = next(places, end)
+                last, before = offset, None
+                continue
+            record, content = found
+            if isinstance(content, Connection):
+                self._add(record.number(b"conn"), content)
+                before = offset if before is None else before
+            else:
+                number, time_ns = content
+                start = offset if before is None else before
+                data = block[record.start : record.end]
+                yield _Found((number, time_ns, offset - begin), start - begin, data)
+                before = None
+            last, offset = offset, record.end
+
+    def _add(self, number: int, connection: Connection) -> None:
+        """Keep a connection; of two with one number the one that the index has."""
+        kept = self._connections.setdefault(number, connection)
+        if kept != connection:
+            self._note(f"connection {number} is defined twice, in different ways")
+            if self._listed.get(number) == connection:
+                self._connections[number] = connection
+
+    def _connection(self, number: int) -> Connection | None:
+        return self._connections.get(number) or self._listed.get(number)
+
+    def _note(self, what: str) -> None:
+        self._log.note(None, what)
+
+
+def _ended(walk: Walk) -> Walk:
+    """Go through all parts of a walk, and return the walk."""
+    for _ in walk.parts():
+        pass
+    return walk
+
+
+def _inner_record(
+    block: bytes, offset: int, end: int
+) -> tuple[Record, Connection | tuple[int, int]] | str:
+    """Read the record there in a chunk; returns a sentence if none begins there.
+
+    Returned with the record is the connection, or the number of the connection and the time of a
+    message.
+    """
+    try:
+        record = record_at(block, offset, end)
+        if record.end > end or record.kind not in (MESSAGE, CONNECTION):
+            return "a record in it is cut off"
+        if record.kind == CONNECTION:
+            return record, connection_of(record, block[record.start : record.end])[1]
+        return record, (record.number(b"conn"), record.time_ns())
+    except BagError as error:
+        return str(error)
+
+
+def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
+    """Whether the message of an entry, or its connection, begins there."""
+    try:
+        record = record_at(block, offset, end)
+        if record.kind == CONNECTION:
+            return record.number(b"conn") == entry[0]
+        return record.kind == MESSAGE and entry[:2] == (record.number(b"conn"), record.time_ns())
+    except BagError:
+        return False
+
+
+def _converted(connection: Connection) -> _Converted:
+    return _converted_type(*connection)
+
+
+@lru_cache(maxsize=256)
+def _converted_type(topic_name: str, name: str, text: str) -> _Converted:
+    recorded = MessageType(name, "", "", "")
+    try:
+        store = _store(name, text)
+        definition, _ = store.generate_msgdef(name, ros_version=2)
+        recorded = MessageType(name, definition, store.hash_rihs01(name))
+    except Exception:  # a recorded text may be anything
+        return _Converted(Topic(topic_name, recorded, (RELIABLE,)), None)
+    return _Converted(Topic(topic_name, recorded, (RELIABLE,)), store)
+
+
+def _store(name: str, text: str) -> Typestore:
+    """The types with the Header of ROS 2, which has no `seq`."""
+    types = get_types_from_msg(text, name)
+    if _HEADER in types:
+        constants, fields = types[_HEADER]
+        types[_HEADER] = constants, [each for each in fields if each[0] != "seq"]
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
+
+
+def _cdr(kind: _Converted, data: bytes) -> bytes | None:
+    if kind.store is None or len(data) > LARGEST_CONTENT:
+        return None
+    try:
+        return bytes(kind.store.ros1_to_cdr(data, kind.topic.type_name))
+    except Exception:  # generated code raises errors of any kind for foreign bytes
+        return None

@@ -1,0 +1,219 @@
+"""Message types as rosbag2 stores them: definition text with all dependencies, and type hash.
+
+The text is the .msg file followed, depth first and in alphabetical order, by those of the types it
+uses, each below a line of 80 `=` and a line `MSG: package/Type`. Dependencies and hash (REP 2016,
+RIHS01) are in the .json file beside it. A sourced ROS installation names its folders in
+AMENT_PREFIX_PATH; the wheels from PyPI install into the prefix of the Python environment. Types
+that are not installed come from the type store of rosbags.
+"""
+
+import json
+import os
+import re
+import sys
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from serd_bag.errors import BagError
+from serd_bag.nearest import hint
+
+ENCODING = "ros2msg"
+_SEPARATOR = "=" * 80
+#: Characters of a definition without comments: rosbags takes a second for 10,000.
+_LONGEST_FIELDS = 20_000
+_SAME_PACKAGE = 0.85
+#: Of vehicles and people: common in sqlite3 bags, which hold no definitions, and on robots of
+#: other machines; rosbags does not have them. vision_msgs: that of Humble and later.
+ADDED = {
+    "ackermann_msgs/msg/AckermannDrive": (
+        "float32 steering_angle\nfloat32 steering_angle_velocity\n"
+        "float32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+    ),
+    "ackermann_msgs/msg/AckermannDriveStamped": (
+        "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
+    ),
+    "people_msgs/msg/Person": (
+        "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
+        "float64 reliability\nstring[] tagnames\nstring[] tags\n"
+    ),
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
+    "spencer_tracking_msgs/msg/TrackedPerson": (
+        "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
+        "builtin_interfaces/Duration age\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist\n"
+    ),
+    "spencer_tracking_msgs/msg/TrackedPersons": (
+        "std_msgs/Header header\nspencer_tracking_msgs/TrackedPerson[] tracks\n"
+    ),
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "vision_msgs/msg/ObjectHypothesisWithPose": (
+        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n"
+    ),
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
+    "vision_msgs/msg/Detection3D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+        "vision_msgs/BoundingBox3D bbox\nstring id\n"
+    ),
+    "vision_msgs/msg/Detection3DArray": (
+        "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"
+    ),
+}
+_TYPE_NAME = re.compile(r"\w+/msg/\w+")
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
+
+    encoding: how the text is written, `ros2msg` or `ros2idl`, empty where there is no text.
+    """
+
+    name: str
+    text: str
+    type_hash: str
+    encoding: str = ENCODING
+
+
+@lru_cache(maxsize=256)
+def message_type(name: str) -> MessageType:
+    """The message type of that name; BagError names the nearest one where it is unknown."""
+    if not _TYPE_NAME.fullmatch(name):
+        raise BagError(f"message type must be written package/msg/Type, got {name!r}")
+    interface = _interface_file(name, ".json")
+    if interface is None or _interface_file(name, ".msg") is None:
+        return _type_of_rosbags(name)
+    values = json.loads(interface.read_text("utf-8"))
+    used: list[str] = []
+    _collect_dependencies(name, _nested_types(values["type_description_msg"]), used)
+    texts = [_text(name)]
+    for each in used:
+        package, _, short = each.split("/")
+        texts.append(f"\n{_SEPARATOR}\nMSG: {package}/{short}\n{_text(each)}")
+    hashes = {each["type_name"]: str(each["hash_string"]) for each in values["type_hashes"]}
+    return MessageType(name, "".join(texts), hashes[name])
+
+
+def resolve_type(recorded: MessageType) -> MessageType:
+    """Text and hash of a recorded type; BagError where neither bag nor installation has them."""
+    if recorded.text and recorded.encoding == ENCODING:
+        return replace(recorded, type_hash=recorded.type_hash or _computed_hash(recorded))
+    installed = message_type(recorded.name)
+    if recorded.type_hash not in ("", installed.type_hash):
+        raise BagError(
+            f"message type {recorded.name!r} is installed in another version than the recorded one;"
+            " install the version that was recorded"
+        )
+    return installed
+
+
+def resolve_type_if_known(recorded: MessageType) -> MessageType:
+    """The resolved type, or the recorded one where it cannot be resolved."""
+    try:
+        return resolve_type(recorded)
+    except BagError:
+        return recorded if recorded.text else replace(recorded, encoding="")
+
+
+def known_types() -> tuple[str, ...]:
+    """Names of all installed message types and of those in the type store of rosbags."""
+    installed = (
+        f"{path.parts[-3]}/msg/{path.stem}"
+        for folder in share_folders()
+        for path in folder.glob("*/msg/*.msg")
+    )
+    return tuple(sorted({*installed, *rosbags_types().fielddefs}))
+
+
+def share_folders() -> tuple[Path, ...]:
+    """Existing `share` folders, the sourced installation first."""
+    prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
+    folders = (Path(prefix) / "share" for prefix in (*prefixes, sys.prefix))
+    return tuple(folder for folder in dict.fromkeys(folders) if folder.is_dir())
+
+
+@cache
+def rosbags_types() -> Typestore:
+    """The message types of ROS 2 Jazzy that rosbags includes, and the added ones."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in ADDED.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def typestore_of(definition: MessageType) -> Typestore:
+    """A type store with the type and its dependencies; what rosbags raises for a wrong text."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition.text, definition.name))
+    return store
+
+
+def _interface_file(name: str, suffix: str) -> Path | None:
+    """The file of a type, `share/<package>/msg/<Type><suffix>`, in the first folder that has it."""
+    files = (folder / f"{name}{suffix}" for folder in share_folders())
+    return next((path for path in files if path.is_file()), None)
+
+
+def _text(name: str) -> str:
+    path = _interface_file(name, ".msg")
+    if path is None:
+        raise BagError(
+            f"message definition of {name} must be installed, got none in "
+            f"{', '.join(map(str, share_folders()))}; install the package {name.partition('/')[0]}"
+        )
+    return path.read_text("utf-8")
+
+
+def _nested_types(description: dict[str, Any]) -> dict[str, list[str]]:
+    """Types that each type uses directly, in alphabetical order."""
+    types = [description["type_description"], *description["referenced_type_descriptions"]]
+    return {
+        each["type_name"]: sorted({field["type"]["nested_type_name"] for field in each["fields"]})
+        for each in types
+    }
+
+
+def _collect_dependencies(name: str, nested: dict[str, list[str]], used: list[str]) -> None:
+    """Append the types that `name` uses, depth first, each once."""
+    for each in nested[name]:
+        if each and each not in used:
+            used.append(each)
+            _collect_dependencies(each, nested, used)
+
+
+def _type_of_rosbags(name: str) -> MessageType:
+    store = rosbags_types()
+    if name not in store.fielddefs:
+        raise BagError(f"message type {name!r} is not installed; {_fix(name)}")
+    return MessageType(name, store.generate_msgdef(name, ros_version=2)[0], store.hash_rihs01(name))
+
+
+def _computed_hash(recorded: MessageType) -> str:
+    """RIHS01 of a definition recorded without (rosbag2 before Jazzy); empty if it lacks a part."""
+    lines = (line.strip() for line in recorded.text.splitlines())
+    fields = "\n".join(line for line in lines if line and not line.startswith("#"))
+    if len(fields) > _LONGEST_FIELDS:
+        return ""
+    try:
+        return typestore_of(replace(recorded, text=fields)).hash_rihs01(recorded.name)
+    except Exception:  # a recorded text may be anything
+        return ""
+
+
+def _fix(name: str) -> str:
+    """The nearest type of a package with almost this name; else to install the package.
+
+    Types of all packages have similar names, so a type of another package would be no help.
+    """
+    package, _, _ = name.partition("/")
+    packages = {known.partition("/")[0] for known in known_types()}
+    close = get_close_matches(package, packages, n=1, cutoff=_SAME_PACKAGE)
+    if not close:
+        return f"install the package {package}"
+    types = [known for known in known_types() if known.startswith(f"{close[0]}/")]
+    return hint(f"{close[0]}/{name.partition('/')[2]}", types)

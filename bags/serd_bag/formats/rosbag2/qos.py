@@ -1,0 +1,90 @@
+"""Quality of service of a topic, written as rosbag2 of Jazzy (metadata version 9) writes it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+import yaml
+
+from serd_bag.errors import BagError
+from serd_bag.formats.limits import yaml_values
+
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {
+    1: "keep_last",
+    2: "keep_all",
+    "keep_last": "keep_last",
+    "keep_all": "keep_all",
+}
+
+
+@dataclass(frozen=True)
+class QosProfile:
+    """What a publisher offers; deadlines, lifespans and leases are infinite."""
+
+    reliability: Literal["reliable", "best_effort"] = "reliable"
+    durability: Literal["volatile", "transient_local"] = "volatile"
+    history: Literal["keep_last", "keep_all", "unknown"] = "keep_last"
+    depth: int = 10
+
+    def values(self) -> dict[str, Any]:
+        """Keys and values in the order of rosbag2."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+RELIABLE = QosProfile()
+
+
+def qos_text(profiles: Sequence[QosProfile]) -> str:
+    """YAML text of the profiles, as rosbag2 writes it into an MCAP channel."""
+    if not profiles:
+        return ""
+    values = [profile.values() for profile in profiles]
+    return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")
+
+
+@lru_cache(maxsize=256)
+def qos_of_text(text: str) -> tuple[QosProfile, ...]:
+    """The profiles in such a text; none where it is no list of profiles."""
+    try:
+        return qos_of_values(yaml_values(text)) if text else ()
+    except BagError:
+        return ()
+
+
+def qos_of_values(values: Any) -> tuple[QosProfile, ...]:
+    """Profiles of a list of dicts; unknown values become the defaults.
+
+    Older rosbag2 writes history, reliability and durability as the numbers of rmw.
+    """
+    profiles = values if isinstance(values, list) else []
+    return tuple(_profile(value) for value in profiles if isinstance(value, dict))
+
+
+def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:
+    """What to offer for a recorded topic: its first profile, reliable where it has none."""
+    first = next(iter(recorded), RELIABLE)
+    return replace(first, history="keep_last", depth=first.depth or RELIABLE.depth)
+
+
+def _profile(value: dict[str, Any]) -> QosProfile:
+    best_effort = value.get("reliability") in (2, "best_effort")
+    latched = value.get("durability") in (1, "transient_local")
+    depth = value.get("depth")
+    return QosProfile(
+        reliability="best_effort" if best_effort else "reliable",
+        durability="transient_local" if latched else "volatile",
+        history=_HISTORY.get(value.get("history"), "unknown"),
+        depth=depth if isinstance(depth, int) and depth > 0 else 0,
+    )

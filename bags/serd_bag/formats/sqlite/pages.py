@@ -1,0 +1,152 @@
+"""Rows of a damaged SQLite file, page by page, without the tree that should lead to them.
+
+Each page of a table's rows (a leaf, kind 13) lists where its rows are; a row too long for its page
+continues in a chain of overflow pages. https://sqlite.org/fileformat2.html, sections 1.6, 2.
+"""
+
+import struct
+from collections.abc import Iterator
+from mmap import mmap
+
+from serd_bag.formats.limits import LARGEST_CONTENT, most_records
+
+Value = int | float | str | bytes | None
+
+_FILE_HEAD = 100
+_TABLE_LEAF = 13
+_USUAL_PAGE_SIZE = 4096
+_INTEGER_SIZES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
+
+
+class SqlitePages:
+    """The pages of one file; `n_cut` counts rows whose end is missing, once they were read."""
+
+    def __init__(self, content: bytes | mmap) -> None:
+        self._content = content
+        self._page_size = _page_size(content)
+        self._usable = self._page_size - int.from_bytes(content[20:21], "big")
+        self._free = self._free_pages()
+        self.n_cut = 0
+        self._n_rows = most_records(len(content))
+        self._n_bytes = 4 * len(content) + LARGEST_CONTENT
+
+    def rows(self) -> Iterator[tuple[int, tuple[Value, ...]]]:
+        """(row number, values) of every readable row of any table, in the order of the file."""
+        for number in range(1, len(self._content) // self._page_size + 2):
+            if self._n_rows <= 0:
+                return
+            if number not in self._free:
+                yield from self._rows_of(number)
+
+    def _rows_of(self, number: int) -> Iterator[tuple[int, tuple[Value, ...]]]:
+        page = self._page(number)
+        head = _FILE_HEAD if number == 1 else 0
+        if len(page) < head + 8 or page[head] != _TABLE_LEAF:
+            return
+        (n_cells,) = struct.unpack_from(">H", page, head + 3)
+        for index in range(min(n_cells, (len(page) - head - 8) // 2)):
+            self._n_rows -= 1
+            (start,) = struct.unpack_from(">H", page, head + 8 + 2 * index)
+            try:
+                yield self._row(page, start)
+            except (IndexError, ValueError, struct.error):
+                self.n_cut += 1
+
+    def _row(self, page: bytes, start: int) -> tuple[int, tuple[Value, ...]]:
+        size, at = _varint(page, start)
+        row_number, at = _varint(page, at)
+        return row_number, _values(self._payload(page, at, size))
+
+    def _payload(self, page: bytes, at: int, size: int) -> bytes:
+        """The bytes of a row; ValueError where a part is missing."""
+        self._n_bytes -= size
+        if size > min(len(self._content), LARGEST_CONTENT) or self._n_bytes < 0:
+            raise ValueError("longer than the file")
+        here = self._size_on_page(size)
+        parts, rest = [page[at : at + here]], size - here
+        following = struct.unpack_from(">I", page, at + here)[0] if rest else 0
+        while rest > 0:
+            part = self._page(following) if following else b""
+            (following,) = struct.unpack_from(">I", part)
+            parts.append(part[4 : self._usable][:rest])
+            rest -= self._usable - 4
+        payload = b"".join(parts)
+        if len(payload) != size:
+            raise ValueError("cut")
+        return payload
+
+    def _size_on_page(self, size: int) -> int:
+        if size <= self._usable - 35:
+            return size
+        least = (self._usable - 12) * 32 // 255 - 23
+        wanted = least + (size - least) % (self._usable - 4)
+        return wanted if wanted <= self._usable - 35 else least
+
+    def _page(self, number: int) -> bytes:
+        start = (number - 1) * self._page_size
+        return self._content[start : start + self._page_size]
+
+    def _free_pages(self) -> set[int]:
+        """Pages the file lists as unused, which may hold rows that were deleted.
+
+        Empty where they are not as many as it counts: the list may then lead to pages in use.
+        """
+        found: set[int] = set()
+        trunk = int.from_bytes(self._content[32:36], "big")
+        while trunk and trunk not in found:
+            found.add(trunk)
+            page = self._page(trunk)
+            if len(page) < self._page_size:
+                break
+            following, n_leaves = struct.unpack_from(">II", page)
+            n_leaves = min(n_leaves, self._page_size // 4 - 2)
+            found.update(struct.unpack_from(f">{n_leaves}I", page, 8))
+            trunk = following
+        return found if len(found) == int.from_bytes(self._content[36:40], "big") else set()
+
+
+def _page_size(content: bytes | mmap) -> int:
+    size = int.from_bytes(content[16:18], "big")
+    size = 65536 if size == 1 else size
+    return size if size >= 512 and size & (size - 1) == 0 else _USUAL_PAGE_SIZE
+
+
+def _varint(content: bytes, at: int) -> tuple[int, int]:
+    """(number, where it ends)."""
+    value = 0
+    for place in range(at, at + 8):
+        value = value << 7 | content[place] & 0x7F
+        if not content[place] & 0x80:
+            return value, place + 1
+    return value << 8 | content[at + 8], at + 9
+
+
+def _values(payload: bytes) -> tuple[Value, ...]:
+    head_size, at = _varint(payload, 0)
+    kinds = []
+    while at < head_size:
+        kind, at = _varint(payload, at)
+        kinds.append(kind)
+    values = []
+    for kind in kinds:
+        value, at = _value(payload, at, kind)
+        values.append(value)
+    if at != len(payload):
+        raise ValueError("a row is longer than its values")
+    return tuple(values)
+
+
+def _value(payload: bytes, at: int, kind: int) -> tuple[Value, int]:
+    """(value, where it ends); ValueError for kinds no row has."""
+    if kind in _INTEGER_SIZES:
+        end = at + _INTEGER_SIZES[kind]
+        return int.from_bytes(payload[at:end], "big", signed=True), end
+    if kind == 7:
+        return float(struct.unpack_from(">d", payload, at)[0]), at + 8
+    if kind in (0, 8, 9):
+        return (None if kind == 0 else kind - 8), at
+    if kind < 12:
+        raise ValueError(f"no value is of kind {kind}")
+    end = at + (kind - 12) // 2
+    content = payload[at:end]
+    return content.decode("utf-8", errors="replace") if kind % 2 else content, end

@@ -1,0 +1,327 @@
+"""Checks of a whole recording: damage, counts, gaps, clocks.
+
+The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
+recorder received it. Stamps that step back, jump or drift against the log times indicate two
+clocks. These are compared by delay = log time - stamp. A late message has a long delay; the least
+delay within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
+likewise: RFC 5905, section 10.)
+"""
+
+from array import array
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from serd_bag.arrays import FloatArray
+from serd_bag.damage import at_most
+from serd_bag.errors import BagError
+from serd_bag.formats.limits import MOST_FAULTS
+from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.messages.times import AGREEMENT_S
+from serd_bag.reader import BagReader
+from serd_bag.topic import Topic, nearest_topic, topics_named
+
+_SECOND_NS = 1_000_000_000
+#: A gap is this many times the usual distance of a topic's messages, and at least this long.
+_GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
+#: Messages closer together are one burst, or have no stamps and were given the same log time.
+_BURST_S = 1e-3
+_BLOCK_S = 1.0
+_FEWEST_BLOCKS = 5
+_LEAST_JUMP_S = 0.5
+_LEAST_DRIFT_S = 0.1
+#: A trend must be that many standard deviations of the residuals.
+_CLEAR = 5.0
+#: Messages whose times are kept in memory.
+_MOST_COMPARED = 1_000_000
+#: Characters of a definition in which its first field is sought.
+_LONGEST_BEGINNING = 20_000
+_NO_CHECKSUMS = (
+    "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
+    " adds checksums"
+)
+
+
+@dataclass(frozen=True)
+class TwoClocks:
+    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
+
+    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
+    """
+
+    jumps_s: tuple[float, ...] = ()
+    drift_s: float = 0.0
+    span_s: float = 0.0
+    offset_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class TopicCheck:
+    """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
+
+    Both are None where there are too few messages.
+    longest_gap_s: between log times; n_gaps: unusual ones.
+    n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
+    stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
+    clocks: stamps compared with log times.
+    """
+
+    name: str
+    type_name: str
+    n_messages: int
+    first_s: float
+    last_s: float
+    mean_hz: float | None
+    rate_hz: float | None
+    longest_gap_s: float
+    n_gaps: int
+    n_log_steps_back: int
+    n_stamp_steps_back: int
+    stamp_delay_s: tuple[float, float] | None
+    clocks: TwoClocks
+
+
+def check_topic(
+    topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]", n_further: int = 0
+) -> TopicCheck:
+    """Times of one topic, in the order of the bag; stamps 0 where not set, none without headers.
+
+    n_further: messages whose times are not given.
+    """
+    logs = np.array(log_ns, dtype=np.int64)
+    log_s = logs / _SECOND_NS
+    span_s = float(np.ptp(log_s)) if len(log_s) else 0.0
+    steps_s: FloatArray = np.diff(logs).astype(np.float64) / _SECOND_NS
+    usual_s, rate_hz = _usual(steps_s)
+    gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
+    stamps = np.array(stamp_ns, dtype=np.int64)
+    sent = stamps > 0
+    sent_logs = logs[: len(stamps)][sent]
+    delay_s = (sent_logs - stamps[sent]) / _SECOND_NS
+    return TopicCheck(
+        name=topic.name,
+        type_name=topic.type_name,
+        n_messages=len(log_ns) + n_further,
+        first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
+        last_s=float(log_s.max(initial=0.0)),
+        mean_hz=(len(log_s) - 1) / span_s if span_s > _BURST_S else None,
+        rate_hz=rate_hz,
+        longest_gap_s=float(steps_s.max(initial=0.0)),
+        n_gaps=int(np.count_nonzero(steps_s > gap_s)),
+        n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
+        n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
+        stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
+        clocks=two_clocks((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
+    )
+
+
+def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
+    """Distance (s) between messages, or bursts of them, and messages per second."""
+    apart = steps_s[steps_s > _BURST_S]
+    if not len(apart) and steps_s.sum() <= _BURST_S:
+        return 0.0, None
+    if not len(apart):
+        usual_s = float(np.median(steps_s))
+        return usual_s, 1.0 / usual_s if usual_s > 0 else None
+    usual_s = float(np.median(apart))
+    return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
+
+
+def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
+    """Compare the clocks by log times and delays (N,); no result for less than 5 s."""
+    time_s, delay_s = _least_delays(log_s, delay_s)
+    if len(time_s) < _FEWEST_BLOCKS:
+        return TwoClocks()
+    # The middle one of each three: without single outliers.
+    time_s, delay_s = time_s[1:-1], np.median(sliding_window_view(delay_s, 3), axis=1)
+    steps_s, apart_s = np.diff(delay_s), np.diff(time_s)
+    unusual_s = steps_s - np.median(steps_s / apart_s) * apart_s
+    jumped = np.abs(unusual_s) > _LEAST_JUMP_S
+    jumps_s = np.where(jumped, unusual_s, 0.0)
+    smooth_s = delay_s - np.concatenate([[0.0], np.cumsum(jumps_s)])
+    drift_s = -_trend(time_s, smooth_s)
+    offset_s = -float(np.median(delay_s))
+    is_offset = not jumped.any() and not drift_s and abs(offset_s) > AGREEMENT_S
+    return TwoClocks(
+        jumps_s=tuple(float(-jump_s) for jump_s in jumps_s[jumped]),
+        drift_s=drift_s,
+        span_s=float(time_s[-1] - time_s[0]),
+        offset_s=offset_s if is_offset else 0.0,
+    )
+
+
+def _least_delays(log_s: FloatArray, delay_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(log time, delay) of the least delayed message of each second that has any."""
+    order = np.lexsort((delay_s, np.floor(log_s / _BLOCK_S)))
+    _, first = np.unique(np.floor(log_s[order] / _BLOCK_S), return_index=True)
+    return log_s[order][first], delay_s[order][first]
+
+
+def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
+    """Change over the whole time by a straight line; 0 where there is no clear trend."""
+    slope, level = np.polyfit(time_s - time_s[0], delay_s, 1)
+    rest_s = float(np.std(delay_s - level - slope * (time_s - time_s[0])))
+    change_s = float(slope * (time_s[-1] - time_s[0]))
+    return change_s if abs(change_s) > max(_LEAST_DRIFT_S, _CLEAR * rest_s) else 0.0
+
+
+@dataclass(frozen=True)
+class BagCheck:
+    """faults: why the bag is not sound; remarks: what to know before learning from it.
+
+    n_lost: messages that are known to be lost.
+    """
+
+    path: Path
+    topics: tuple[TopicCheck, ...]
+    faults: tuple[str, ...]
+    remarks: tuple[str, ...]
+    n_lost: int = 0
+
+    @property
+    def sound(self) -> bool:
+        """Whether there is no fault."""
+        return not self.faults
+
+    @property
+    def span_s(self) -> float:
+        """From the first log time of any topic to the last."""
+        filled = [topic for topic in self.topics if topic.n_messages]
+        first_s = min((topic.first_s for topic in filled), default=0.0)
+        return max((topic.last_s for topic in filled), default=0.0) - first_s
+
+    @property
+    def n_messages(self) -> int:
+        """Readable messages."""
+        return sum(topic.n_messages for topic in self.topics)
+
+
+def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
+    """Read the whole bag; `required`: topics that must have messages.
+
+    A name that begins with "/" is one topic, any other a topic of that name in any namespace.
+    """
+    reader = BagReader(path, tolerant=True, thorough=True)
+    times = {name: (array("q"), array("q")) for name in reader.topics}
+    stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
+    faults: list[str] = []
+    further: Counter[str] = Counter()
+    n_compared = 0
+    try:
+        for message in reader.messages():
+            if n_compared == _MOST_COMPARED:
+                further[message.topic] += 1
+                continue
+            n_compared += 1
+            logs, stamps = times[message.topic]
+            logs.append(message.log_time_ns)
+            if stamped[message.topic]:
+                stamps.append(_stamp_ns(message.data))
+    except BagError as error:
+        faults.append(str(error))
+    faults += [each.sentence() for each in reader.damage]
+    known = sorted(reader.topics.items())
+    topics = tuple(check_topic(topic, *times[name], further[name]) for name, topic in known)
+    faults += _missing(topics, required)
+    remarks = _remarks(topics)
+    if further:
+        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
+    if topics and not reader.has_checksums:
+        remarks.append(_NO_CHECKSUMS)
+    faults, remarks = (at_most(each, MOST_FAULTS) for each in (faults, remarks))
+    n_lost = reader.losses.n_messages
+    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks), n_lost)
+
+
+def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:
+    filled = [topic.name for topic in topics if topic.n_messages]
+    empty = [topic.name for topic in topics if not topic.n_messages]
+    faults = []
+    for name in required:
+        if not topics_named(filled, name):
+            near = None if topics_named(empty, name) else nearest_topic(filled, name)
+            fix = f"; did you mean {near!r}?" if near else ""
+            faults.append(f"topic {name} has no message{fix}")
+    return faults
+
+
+def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
+    remarks = []
+    for topic in topics:
+        if not topic.n_messages:
+            remarks.append(f"{topic.name}: no message")
+        if topic.n_gaps:
+            gaps = "1 gap" if topic.n_gaps == 1 else f"{topic.n_gaps} gaps"
+            remarks.append(f"{topic.name}: {gaps}, the longest {topic.longest_gap_s:.2f} s")
+        if topic.n_log_steps_back:
+            remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
+        if topic.n_stamp_steps_back:
+            remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
+        remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
+    return remarks + _offset_remarks(topics)
+
+
+def _offset_remarks(topics: Sequence[TopicCheck]) -> list[str]:
+    """Clocks that differ by a constant; that of log times may be the one that differs."""
+    compared = [topic for topic in topics if topic.clocks.span_s]
+    offsets_s = {each.name: each.clocks.offset_s for each in compared if each.clocks.offset_s}
+    ahead_s = list(offsets_s.values())
+    if len(compared) > 1 and len(ahead_s) == len(compared) and np.ptp(ahead_s) <= AGREEMENT_S:
+        return [
+            f"all stamps are {_ahead(ahead_s[0])} log times: those of another or simulated time"
+        ]
+    return [
+        f"{name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
+        for name, offset_s in offsets_s.items()
+    ]
+
+
+def _ahead(offset_s: float) -> str:
+    return f"{abs(offset_s):.2f} s {'ahead of' if offset_s > 0 else 'behind'}"
+
+
+def _clock_remarks(clocks: TwoClocks) -> list[str]:
+    remarks = []
+    if clocks.jumps_s:
+        largest_s = max(clocks.jumps_s, key=abs)
+        way = "forward" if largest_s > 0 else "back"
+        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
+        remarks.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
+    if clocks.drift_s:
+        way = "ahead of" if clocks.drift_s > 0 else "behind"
+        remarks.append(
+            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
+        )
+    return remarks
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _has_header(topic: Topic) -> bool:
+    definition = topic.message_type
+    if not definition.text:
+        try:
+            definition = message_type(definition.name)
+        except BagError:
+            return False
+    return definition.encoding == ENCODING and _begins_with_header(definition.text)
+
+
+def _begins_with_header(text: str) -> bool:
+    fields = (line.split("#")[0].split() for line in text[:_LONGEST_BEGINNING].splitlines())
+    first: list[str] = next((words for words in fields if len(words) >= 2), [])
+    return bool(first) and first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+
+
+def _stamp_ns(data: bytes) -> int:
+    try:
+        return message_stamp_ns(data)
+    except BagError:
+        return 0

@@ -1,0 +1,181 @@
+"""Messages of any rosbag2 or ROS 1 bag, compressed or not, with all damage found on the way.
+
+Three steps: scan the records of each file, decompress messages, compare counts with metadata.yaml.
+The order is that of the files; log times step back where the recorder received them so. Outside of
+MCAP rosbag2 compresses whole storage files or single messages by zstd.
+"""
+
+import shutil
+import tempfile
+import weakref
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import zstandard
+
+from serd_bag.damage import Damage, FileCount, Losses, losses, missing_messages
+from serd_bag.errors import BagError, DamagedBagError, disk_errors
+from serd_bag.formats.limits import LARGEST_CONTENT, MOST_FAULTS, most_unpacked
+from serd_bag.formats.mcap.scan import McapScan
+from serd_bag.formats.ros1.scan import Ros1Scan
+from serd_bag.formats.rosbag2.layout import COMPRESSED_FILE, ROS1_SUFFIX, BagLayout, bag_layout
+from serd_bag.formats.sqlite.scan import SqliteScan
+from serd_bag.topic import RawMessage, Topic
+
+#: Bytes of which zstd makes 32 MiB at most.
+_PIECE = 1024
+#: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
+_COMPRESSED = zstandard.FRAME_HEADER
+
+
+class BagReader:
+    """Reads a bag folder, or a single file of one.
+
+    tolerant: continue past damage and collect it in `damage`; otherwise damage raises a
+    DamagedBagError when it is found, which for missing messages is at the end.
+    thorough: compare the index of messages with the messages too.
+    losses: what is missing, once all messages were read; has_checksums: then whether all have them.
+    copied: then (file, (offset, length) of each of its sound attachments and metadata records).
+    """
+
+    def __init__(self, path: str | Path, *, tolerant: bool = False, thorough: bool = False) -> None:
+        self.path = Path(path)
+        self.tolerant = tolerant
+        self.damage: list[Damage] = []
+        self.losses = Losses()
+        self.has_checksums = True
+        self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
+        self.layout: BagLayout = bag_layout(path)
+        self._thorough = thorough
+        self._files = _DecompressedFiles(self.layout.files)
+        weakref.finalize(self, self._files.close)
+        if self.layout.fault:
+            self._report([Damage(self.path, None, self.layout.fault)])
+        self._report(self._files.damage)
+        self.topics: dict[str, Topic] = {topic.name: topic for topic in self._topics()}
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all."""
+        wanted = None if topics is None else frozenset(topics)
+        counts: Counter[str] = Counter()
+        files: list[FileCount] = []
+        self.copied = []
+        for file, scan in self._scans():
+            unpacking = _Decompression()
+            yield from unpacking.messages(scan.messages(wanted))
+            self.has_checksums &= scan.has_checksums
+            counts.update(scan.counts)
+            n_read = scan.counts.total() - unpacking.n_broken
+            n_left_out = scan.n_left_out + unpacking.n_broken
+            files.append(FileCount(file, n_read, scan.expected, n_left_out))
+            if isinstance(scan, McapScan):
+                self.copied.append((scan.path, scan.copied))
+            self._report(scan.damage, file)
+            if unpacking.n_broken:
+                what = f"{unpacking.n_broken} compressed messages cannot be unpacked"
+                self._report([Damage(file, None, what)])
+        self.losses = losses(self.layout, files)
+        missing = [] if self.damage else missing_messages(self.layout, counts)
+        self._report([Damage(self.path, None, what) for what in missing])
+
+    def _topics(self) -> Iterator[Topic]:
+        for file, scan in self._scans():
+            yield from scan.topics()
+            if not self.tolerant:
+                self._report(scan.damage, file)
+
+    def _scans(self) -> Iterator[tuple[Path, McapScan | SqliteScan | Ros1Scan]]:
+        """Each file of the bag and what reads it."""
+        for file, path in zip(self.layout.files, self._files.paths, strict=True):
+            if path.suffix == ".mcap":
+                yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
+            elif path.suffix == ROS1_SUFFIX:
+                yield file, Ros1Scan(path)
+            else:
+                yield file, SqliteScan(path, thorough=self._thorough or self.tolerant)
+
+    def _report(self, damage: list[Damage], file: Path | None = None) -> None:
+        """Collect damage, or raise it; `file` is named in place of its decompressed copy."""
+        found = damage if file is None else [replace(each, path=file) for each in damage]
+        if found and not self.tolerant:
+            advice = "" if found[0].fix else "; repair it with 'serd bag recover'"
+            raise DamagedBagError(found[0].sentence() + advice)
+        self.damage.extend(found)
+        del self.damage[MOST_FAULTS:]
+
+
+class _Decompression:
+    """Decompresses messages that are; n_broken: those so far that cannot be."""
+
+    n_broken = 0
+
+    def messages(self, recorded: Iterable[RawMessage]) -> Iterator[RawMessage]:
+        """Those that are sound, each with its content."""
+        for message in recorded:
+            if message.data.startswith(_COMPRESSED):
+                data = _decompressed(message.data)
+                if data is None:
+                    self.n_broken += 1
+                    continue
+                message = message._replace(data=data)
+            yield message
+
+
+def _decompressed(data: bytes) -> bytes | None:
+    """The content of one compressed message, None where it is damaged."""
+    try:
+        if zstandard.frame_content_size(data) > LARGEST_CONTENT:
+            return None
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CONTENT)
+    except (zstandard.ZstdError, MemoryError):
+        return None
+
+
+class _DecompressedFiles:
+    """paths: what to read in place of each file; damage: of files that decompress only in part.
+
+    `close` removes the decompressed copies.
+    """
+
+    def __init__(self, files: Sequence[Path]) -> None:
+        self.damage: list[Damage] = []
+        self._folder: Path | None = None
+        self.paths = tuple(self._path(number, file) for number, file in enumerate(files))
+
+    def close(self) -> None:
+        """Remove the decompressed files; further calls do nothing."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _path(self, number: int, file: Path) -> Path:
+        if file.suffix != COMPRESSED_FILE:
+            return file
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
+        target = self._folder / f"{number}_{file.stem}"
+        try:
+            with disk_errors("unpack", file, BagError):
+                self._decompress(file, target)
+        except BagError:
+            self.close()
+            raise
+        return target
+
+    def _decompress(self, file: Path, target: Path) -> None:
+        """Write as much of the content as can be decompressed and a file of its size may hold."""
+        left = most_unpacked(file.stat().st_size)
+        with file.open("rb") as source, target.open("wb") as copy:
+            decompressor = zstandard.ZstdDecompressor().decompressobj()
+            try:
+                while (piece := source.read(_PIECE)) and left > 0:
+                    left -= copy.write(decompressor.decompress(piece)[:left])
+            except zstandard.ZstdError as error:
+                self.damage.append(Damage(file, None, f"it cannot be unpacked ({error})"))
+                return
+        if left <= 0:
+            what = "it unpacks to more than a file of its size can hold; the rest is not read"
+            self.damage.append(Damage(file, None, what))
+        elif not decompressor.eof:
+            self.damage.append(Damage(file, None, "the compressed file is cut off"))

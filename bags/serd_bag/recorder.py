@@ -1,0 +1,169 @@
+"""A recorder without ROS: writes, flushes, watches the disk, counts episodes.
+
+A fault of the disk never raises: what was written is kept and closed, and `status` holds the
+problem; the caller must stop the robot.
+"""
+
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from serd_bag.errors import BagError, FileError
+from serd_bag.formats.rosbag2.qos import RELIABLE, QosProfile
+from serd_bag.messages.plain import diagnostic_array
+from serd_bag.recorder_settings import RecorderSettings
+from serd_bag.writer import BagWriter
+
+_EPISODE = "episode"
+_CHECK_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """problem: why recording ended by itself, else empty; n_lost: messages since then, and those of
+    the last flush period before."""
+
+    recording: bool
+    problem: str
+    counts: dict[str, int]
+    n_lost: int
+    size_bytes: int
+    free_bytes: int
+    episodes_ended: int
+    outcomes: dict[str, int]
+
+    @property
+    def n_messages(self) -> int:
+        """Messages in the bag."""
+        return sum(self.counts.values())
+
+
+class BagRecorder:
+    """Records into one bag until it is closed or a write fails."""
+
+    def __init__(
+        self,
+        directory: str | Path,
+        *,
+        settings: RecorderSettings | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
+    ) -> None:
+        self.settings = settings or RecorderSettings()
+        self._clock = clock
+        self._free_bytes_of = free_bytes
+        self._writer = BagWriter(
+            directory,
+            max_file_bytes=self.settings.max_file_bytes,
+            compression=self.settings.compression,
+            flush_period_s=self.settings.flush_period_s,
+            sync=self.settings.sync,
+            clock=clock,
+        )
+        self.directory = self._writer.directory
+        self._recording = True
+        self._problem = ""
+        self._n_lost = 0
+        self._outcome_of: dict[str, str] = {}
+        self._free_bytes = 0
+        self._check_disk()
+
+    def add_topic(
+        self, name: str, type_name: str, qos: tuple[QosProfile, ...] = (RELIABLE,)
+    ) -> None:
+        """Declare a topic before its first message."""
+        self._writer.add_topic(name, type_name, qos)
+
+    def record(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> bool:
+        """Store one message; returns False where it is lost because recording has ended.
+
+        BagError for a topic that was not added or a time below 0.
+        """
+        if not self._recording:
+            self._n_lost += 1
+            return False
+        try:
+            self._writer.write(topic, data, log_time_ns, publish_time_ns)
+        except FileError as error:
+            if not self._writer.failed:
+                raise
+            self._give_up(str(error))
+            return False
+        if topic.rsplit("/", 1)[-1] == _EPISODE:
+            self._count_mark(data)
+        return True
+
+    def poll(self) -> None:
+        """Flush what is due and check the free space; call it about every 0.1 s of wall time."""
+        if not self._recording:
+            return
+        try:
+            self._writer.flush_if_due()
+        except FileError as error:
+            self._give_up(str(error))
+            return
+        if self._clock() - self._checked_s >= _CHECK_PERIOD_S:
+            self._check_disk()
+
+    @property
+    def status(self) -> RecorderStatus:
+        """The present status."""
+        return RecorderStatus(
+            recording=self._recording,
+            problem=self._problem,
+            counts=dict(self._writer.counts),
+            n_lost=self._n_lost,
+            size_bytes=self._writer.size,
+            free_bytes=self._free_bytes,
+            episodes_ended=len(self._outcome_of),
+            outcomes=dict(Counter(self._outcome_of.values())),
+        )
+
+    def close(self) -> RecorderStatus:
+        """Finish the bag; further calls do nothing."""
+        if self._recording:
+            self._recording = False
+            self._finish()
+        return self.status
+
+    def _check_disk(self) -> None:
+        self._checked_s = self._clock()
+        try:
+            self._free_bytes = self._free_bytes_of(self.directory)
+        except OSError as error:
+            self._give_up(f"cannot read the free space of {self.directory}: {error}")
+            return
+        if self._free_bytes < self.settings.min_free_bytes:
+            self._give_up(
+                f"disk of {self.directory} must have {self.settings.min_free_bytes} bytes free,"
+                f" got {self._free_bytes}; recording ended, free some space"
+            )
+
+    def _give_up(self, problem: str) -> None:
+        self._recording = False
+        self._problem = problem
+        self._finish()
+
+    def _finish(self) -> None:
+        """Finish the bag; where writing fails it stays as it is and can be recovered."""
+        taken = self._writer.n_messages
+        try:
+            self._writer.close()
+        except FileError as error:
+            self._problem = self._problem or str(error)
+        self._n_lost += taken - self._writer.n_messages
+
+    def _count_mark(self, data: bytes) -> None:
+        try:
+            _, statuses = diagnostic_array(data)
+        except BagError:
+            return
+        for status in statuses:
+            if status.name == _EPISODE and status.message == "end":  # a later one replaces it
+                number = status.values.get("episode", "")
+                self._outcome_of[number] = status.values.get("outcome", "")

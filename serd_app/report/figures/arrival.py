@@ -1,0 +1,204 @@
+"""Predicted against measured distribution of the time of arrival (Fig. 5.10)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from serd_app.report import style
+from serd_app.report.errors import ReportError
+from serd_app.report.style import Look, new_figure
+from serd_bag.quantities import counted
+from serd_core.arrays import FloatArray, float_array
+from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
+from serd_core.arrival.law import ArrivalLaw
+
+#: Share at which a curve visibly differs from zero.
+_LEFT_ZERO = 0.005
+_LOOKS = {"predicted": (style.PREDICTED_COLOUR, "--"), "measured": (style.MEASURED_COLOUR, "-")}
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivalCurve:
+    """A step function P(arrived by time) with a pointwise band; all (T,), times increasing."""
+
+    time_s: FloatArray
+    probability: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    def __post_init__(self) -> None:
+        length = len(self.time_s)
+        for name in ("time_s", "probability", "lower", "upper"):
+            column = float_array(f"{name} of an arrival curve", getattr(self, name), (length,))
+            if name != "time_s" and not ((column >= -1e-9) & (column <= 1 + 1e-9)).all():
+                raise ReportError(
+                    f"{name} of an arrival curve must lie in [0, 1], got up to {column.max()}; "
+                    "pass probabilities, not counts"
+                )
+            object.__setattr__(self, name, column)
+
+
+def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:
+    """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %.
+
+    It includes what the demonstrations leave open where the model has a posterior.
+    """
+    draws = predicted.cdf if predicted.cdf_draws is None else predicted.cdf_draws
+    lower, upper = sampling_band(draws, n_episodes)
+    return ArrivalCurve(predicted.times_s, predicted.cdf, lower, upper)
+
+
+def measured_curve(arrival_times_s: ArrayLike, timeout_s: float) -> ArrivalCurve:
+    """Empirical CDF with its exact 95 % confidence band.
+
+    arrival_times_s: (N,) of each episode, inf where it did not arrive.
+    """
+    empirical = empirical_arrival_cdf(arrival_times_s, np.isinf(arrival_times_s), timeout_s)
+    return ArrivalCurve(empirical.times_s, empirical.cdf, empirical.lower, empirical.upper)
+
+
+def at_times(curve: ArrivalCurve, times_s: FloatArray) -> ArrivalCurve:
+    """The step functions of `curve` evaluated at other times; zero before its first."""
+    index = np.searchsorted(curve.time_s, times_s, side="right") - 1
+    before = index < 0
+    return ArrivalCurve(
+        time_s=times_s,
+        probability=np.where(before, 0.0, curve.probability[index]),
+        lower=np.where(before, 0.0, curve.lower[index]),
+        upper=np.where(before, 0.0, curve.upper[index]),
+    )
+
+
+def time_reaching(curve: ArrivalCurve, share: float) -> float | None:
+    """First time at which the curve is at or above `share`, None if it never is."""
+    reached = np.flatnonzero(curve.probability >= share - 1e-12)
+    return float(curve.time_s[reached[0]]) if reached.size else None
+
+
+def draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
+    """The share of recorded drives that had arrived by each time: steps with a dot at each time.
+
+    recorded_s: (N,) times of arrival, nothing is drawn of none.
+    """
+    times_s = np.sort(np.asarray(recorded_s, dtype=np.float64))
+    if not len(times_s):
+        return
+    share = np.arange(1, len(times_s) + 1) / len(times_s)
+    label = f"recorded: {counted(len(times_s), 'drive')}"
+    look: Look = {"color": style.INK, "linewidth": 1.0}
+    ends_s, steps = np.append(times_s, axes.get_xlim()[1]), np.append(share, 1.0)
+    axes.step(np.append(times_s[0], ends_s), np.append(0.0, steps), where="post", **look)
+    axes.plot(times_s, share, "o", markersize=4, label=label, **look)
+
+
+def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> float:
+    """End of the time axis: where both curves have settled, the timeout if one robot was late.
+
+    arrival_times_s: (N,) of each episode, inf where it did not arrive.
+    """
+    latest_s = float(np.max(arrival_times_s))
+    settled_s = predicted.quantile_s(0.99 * float(predicted.cdf[-1])) or 0.0
+    return min(timeout_s, 1.15 * max(latest_s, settled_s))
+
+
+def shown_from_s(*curves: ArrivalCurve) -> float:
+    """Begin of the time axis: a tenth before the first curve leaves zero."""
+    starts_s = [time_reaching(curve, _LEFT_ZERO) for curve in curves]
+    return 0.9 * min((start_s for start_s in starts_s if start_s is not None), default=0.0)
+
+
+def draw_comparison(
+    predicted: ArrivalLaw,
+    arrival_times_s: ArrayLike,
+    timeout_s: float,
+    recorded_s: ArrayLike = (),
+) -> Figure:
+    """`draw_arrival` of a prediction and of the (N,) times of episodes, inf without an arrival.
+
+    recorded_s: times of arrival of the demonstrations.
+    """
+    n_episodes = len(np.asarray(arrival_times_s))
+    return draw_arrival(
+        predicted_curve(predicted, n_episodes),
+        measured_curve(arrival_times_s, timeout_s),
+        n_episodes=n_episodes,
+        shown_until_s=max(
+            [shown_until_s(predicted, arrival_times_s, timeout_s), *(1.05 * np.asarray(recorded_s))]
+        ),
+        recorded_s=recorded_s,
+    )
+
+
+def draw_arrival(
+    predicted: ArrivalCurve,
+    measured: ArrivalCurve,
+    *,
+    n_episodes: int,
+    shown_until_s: float,
+    recorded_s: ArrayLike = (),
+) -> Figure:
+    """Both curves as steps with their 95 % bands; what stays below 1 never arrived in time."""
+    with style.report_style():
+        figure = new_figure(7.2, 3.9)
+        axes = figure.subplots()
+        draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
+        draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
+        begin_s = min([shown_from_s(predicted, measured), *(0.9 * np.asarray(recorded_s))])
+        _frame(axes, min(begin_s, 0.9 * shown_until_s), shown_until_s)
+        draw_recorded(axes, recorded_s)
+        handles, labels = axes.get_legend_handles_labels()
+        order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
+        axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")
+    return figure
+
+
+_FORECAST_LOOKS = ((style.BLUE, "-"), (style.RED, "--"), (style.GREEN, "-."), (style.PURPLE, ":"))
+
+
+def draw_forecasts(
+    laws: Mapping[str, ArrivalLaw], timeout_s: float, recorded_s: ArrayLike = ()
+) -> Figure:
+    """The computed arrival from each start, by name; a dot where half have arrived.
+
+    recorded_s: (N,) times of arrival of recorded drives, which are drawn beside it.
+    """
+    with style.report_style():
+        figure = new_figure(7.2, 3.9)
+        axes = figure.subplots()
+        for number, (name, law) in enumerate(laws.items()):
+            colour, line = _FORECAST_LOOKS[number % len(_FORECAST_LOOKS)]
+            axes.step(law.times_s, law.cdf, where="post", color=colour, linestyle=line, label=name)
+            half_s = law.quantile_s(0.5)
+            if half_s is not None:
+                axes.plot(half_s, 0.5, "o", color=colour, markersize=5)
+        until_s = max(shown_until_s(law, [0.0], timeout_s) for law in laws.values())
+        until_s = max([until_s, *(1.05 * np.asarray(recorded_s))])
+        starts_s = [law.times_s[law.cdf >= _LEFT_ZERO][:1] for law in laws.values()]
+        starts_s.append(np.asarray(recorded_s, dtype=np.float64))
+        from_s = 0.9 * float(np.concatenate(starts_s).min(initial=until_s))
+        _frame(axes, from_s, max(until_s, from_s + 1e-3))
+        draw_recorded(axes, recorded_s)
+        axes.legend(loc="lower right", title="from")
+    return figure
+
+
+def _frame(axes: Axes, from_s: float, until_s: float) -> None:
+    axes.set(xlim=(from_s, until_s), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+    axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
+    axes.grid()
+
+
+def draw_curve(
+    axes: Axes, curve: ArrivalCurve, kind: Literal["predicted", "measured"], label: str, **look: Any
+) -> None:
+    """A curve as steps with its band, in the look of its kind."""
+    colour, line = _LOOKS[kind]
+    shade: Look = {"step": "post", "color": colour, "alpha": 0.18, "linewidth": 0}
+    axes.fill_between(curve.time_s, curve.lower, curve.upper, label=f"95 % band, {kind}", **shade)
+    look |= {"where": "post", "color": colour, "linestyle": line}
+    axes.step(curve.time_s, curve.probability, label=label, **look)

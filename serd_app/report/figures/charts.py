@@ -1,0 +1,172 @@
+"""Charts of the fit: reward weights, outcome models, and the objective after each step."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
+
+from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
+from serd_app.report import style
+from serd_app.report.errors import ReportError
+from serd_app.report.style import Look, in_words, new_figure
+from serd_bag.quantities import counted
+from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.bayes.information import PRIOR_ONLY
+from serd_core.grid.grid import Outcome
+
+
+def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> Figure:
+    """One horizontal bar per feature, its value written at its end; first feature on top."""
+    weights = float_array("reward_weights", reward_weights, (None,))
+    if len(weights) != len(feature_names):
+        raise ReportError(
+            f"reward_weights must have one value per feature ({len(feature_names)}), "
+            f"got {len(weights)}; pass the names the weights were learned with"
+        )
+    with style.report_style():
+        figure = new_figure(5.6, 0.7 + 0.5 * len(weights))
+        axes = figure.subplots()
+        rows = np.arange(len(weights))
+        colours = [style.BLUE if w >= 0 else style.RED for w in weights]
+        bars = axes.barh(rows, weights, height=0.6, color=colours)
+        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights]
+        axes.bar_label(bars, labels=labels, padding=4, fontsize=8.5)
+        axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
+        axes.invert_yaxis()
+        axes.axvline(0, color=style.MUTED, linewidth=0.8)
+        axes.margins(x=0.18)
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("reward per decision and unit of the feature")
+    return figure
+
+
+OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
+_BAR_WIDTH = 0.38
+#: Of the legend below the panels of outcomes.
+_LEGEND_WIDTH_IN = 6.0
+
+
+def draw_outcomes(
+    model_names: tuple[str, ...],
+    initial: FloatArray,
+    learned: FloatArray,
+    decisions_per_model: IntArray,
+    knowledge: Knowledge | None = None,
+) -> Figure:
+    """One panel per model: probability of each outcome, initial (M, K) and learned (M, K).
+
+    knowledge: the posterior, whose intervals and sources are drawn; None for none.
+    """
+    shape = (len(model_names), len(OUTCOME_LABELS))
+    before = float_array("initial outcome probabilities", initial, shape)
+    after = float_array("learned outcome probabilities", learned, shape)
+    with style.report_style():
+        figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
+        panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
+        for i, axes in enumerate(panels):
+            rows = () if knowledge is None else knowledge.by_model[model_names[i]]
+            tops = [row.upper for row in rows] or after[i]
+            only_prior = bool(rows) and rows[0].known_from == PRIOR_ONLY
+            _draw_model(axes, before[i], after[i], tops, only_prior=only_prior)
+            decided = counted(int(decisions_per_model[i]), "decision")
+            if rows:
+                _draw_intervals(axes, rows)
+                decided += f"\nknown from: {rows[0].known_from}"
+            pad = 28 if rows else 16
+            axes.set_title(in_words(model_names[i]), loc="left", pad=pad, parse_math=False)
+            axes.text(0, 1.02, decided, transform=axes.transAxes, fontsize=8, color=style.MUTED)
+        panels[0].set_ylabel("probability")
+        shown = panels[0].get_legend_handles_labels()
+        figure.legend(*shown, loc="outside lower center", ncols=3)
+    return figure
+
+
+def _draw_intervals(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
+    """Median and interval of each outcome over its bar."""
+    draw_bars(
+        axes,
+        np.arange(len(rows)) + _BAR_WIDTH / 2,
+        np.array([(row.lower, row.median, row.upper) for row in rows]).T,
+        fmt="_",
+        color=style.INK,
+        markersize=7,
+        elinewidth=1.0,
+        capsize=2.5,
+        label=f"posterior: median, {MASS:.0%} interval".replace("%", " %"),
+    )
+
+
+def _draw_model(
+    axes: Axes,
+    initial: FloatArray,
+    learned: FloatArray,
+    tops: Sequence[float] | FloatArray,
+    *,
+    only_prior: bool,
+) -> None:
+    """tops: (K,) what the numbers stand above, the bars at least."""
+    places = np.arange(len(OUTCOME_LABELS))
+    axes.bar(
+        places - _BAR_WIDTH / 2,
+        initial,
+        _BAR_WIDTH,
+        color=style.INITIAL_COLOUR,
+        hatch="////",
+        edgecolor="white",
+        linewidth=0,
+        label="initial (M-estimate)",
+    )
+    axes.bar(
+        places + _BAR_WIDTH / 2,
+        learned,
+        _BAR_WIDTH,
+        color=style.LEARNED_COLOUR,
+        alpha=0.3 if only_prior else 1.0,
+        label="learned (SERD)",
+    )
+    above: Look = {"xytext": (0, 1.5), "textcoords": "offset points", "ha": "center"}
+    for place, probability, top in zip(places, learned, tops, strict=True):
+        at = (place + _BAR_WIDTH / 2, max(probability, top))
+        axes.annotate(f"{probability:.2f}".lstrip("0"), at, fontsize=7, **above)
+    axes.set_xticks(places, OUTCOME_LABELS, fontsize=8)
+    axes.set_ylim(0, 1.08)
+    axes.set_yticks([0, 0.25, 0.5, 0.75, 1.0])
+    axes.grid(axis="y")
+    axes.tick_params(length=0)
+    axes.spines["left"].set_visible(False)
+
+
+def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
+    """trace (n_steps,): log posterior after each step; the last point is the fit."""
+    if not len(trace):
+        raise ReportError("objective_trace must have at least one step, got none; run the fit")
+    with style.report_style():
+        figure = new_figure(5.6, 2.9)
+        axes = figure.subplots()
+        steps = np.arange(1, len(trace) + 1)
+        axes.plot(steps, trace, color=style.BLUE, linewidth=1.8, gid="objective")
+        axes.plot(steps[-1:], trace[-1:], "o", color=style.BLUE, markersize=6)
+        ending = "converged" if converged else "stopped early"
+        reached = f"{trace[-1]:.2f}, {ending}".replace("-", "\N{MINUS SIGN}")
+        axes.set_title(reached, loc="right", fontsize=8.5, fontweight="normal")
+        low = np.percentile(trace, 5) if len(trace) > 20 else trace.min()
+        span = max(trace[-1] - low, 1e-3 * abs(trace[-1]), 1e-9)
+        axes.set_ylim(low - 0.05 * span, trace.max() + 0.12 * span)
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=7, integer=True, steps=[1, 2, 5, 10]))
+        axes.grid(axis="y")
+        axes.set_xlabel("step")
+        axes.set_ylabel("objective (log posterior)")
+    return figure
+
+
+def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:
+    """Error bars of (3, n) lower ends, values and upper ends; look: as `Axes.errorbar` has it."""
+    ends = np.asarray(values, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
+        lengths = np.diff(ends, axis=0)
+    axes.errorbar(at, ends[1], yerr=lengths, **look)

@@ -1,0 +1,227 @@
+"""Maps of values per cell: visitation (Fig. 5.7), features (5.5), policy (5.11) and flow."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from serd_app.report import style
+from serd_app.report.figures.map_axes import (
+    HallwayLayout,
+    cell_map,
+    colour_bar,
+    colour_bar_below,
+    draw_cells,
+    draw_vectors,
+    map_figure,
+    outline_traps,
+)
+from serd_app.report.style import Look, in_words
+from serd_bag.quantities import counted
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
+from serd_core.grid.navigation import NO_FLOW
+
+#: Widest shaft of an arrow, in sides of its cell.
+_SLENDER = 0.11
+
+
+def draw_visitation(
+    layout: HallwayLayout | None,
+    grid: Grid,
+    decisions_per_state: FloatArray,
+    tracks_m: Sequence[FloatArray] = (),
+) -> Figure:
+    """Decisions taken per cell (S,) in shades of red, tracks (T, 2) as thin lines.
+
+    layout: plan of the place; where it is None, a dot marks the start of each track.
+    """
+    counts = float_array("decisions_per_state", decisions_per_state, (grid.n_states,))
+    with style.report_style():
+        norm = Normalize(0, max(counts.max(), 1))
+        figure, axes, cells = cell_map(grid, layout, counts, norm, style.VISITS_MAP)
+        for track in tracks_m:
+            axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
+            if layout is None:
+                axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
+        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
+        n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
+        axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
+    return figure
+
+
+def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -> Figure:
+    """What a demonstration from each cell (S,) is expected to add, the best start marked."""
+    gain = float_array("gain_nats", gain_nats, (grid.n_states,))
+    with style.report_style():
+        norm = Normalize(0, max(gain.max(), 1e-9))
+        figure, axes, cells = cell_map(grid, layout, gain, norm, style.VISITS_MAP)
+        star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
+        axes.plot(*grid.centers_m[int(gain.argmax())], "*", color=style.BLUE, **star)
+        colour_bar_below(figure, axes, cells, "expected information in nats")
+        axes.set_title("a demonstration from the star teaches most", loc="left")
+    return figure
+
+
+def draw_surprises(
+    grid: Grid, decisions: Decisions, surprising: BoolArray, layout: HallwayLayout | None = None
+) -> Figure:
+    """Decisions per cell in shades of blue, and those surprising (N,) as red arrows to the cell
+    reached; a circle where it is the same cell. Wider where there are several."""
+    visits = np.bincount(decisions.state, minlength=grid.n_states).astype(np.float64)
+    moves = np.stack([decisions.state, decisions.next_state], axis=1)[surprising]
+    distinct, count = np.unique(moves, axis=0, return_counts=True)
+    state, following = distinct.T
+    with style.report_style():
+        norm = Normalize(0, max(visits.max(), 1))
+        figure, axes, cells = cell_map(grid, layout, visits, norm, style.VALUE_MAP)
+        shift = grid.centers_m[following] - grid.centers_m[state]
+        moved = following != state
+        size = np.minimum(1.0 + np.log2(count), 4.0)
+        for each in np.unique(size[moved]):
+            here = moved & (size == each)
+            look = {"color": style.RED, "zorder": 5, "gid": "surprising moves"}
+            from_m, shift_m = grid.centers_m[state[here]], 0.8 * shift[here]
+            draw_vectors(axes, from_m, shift_m, width=0.012 * each, **look)
+        ring: Look = {"facecolors": "none", "edgecolors": style.RED, "linewidths": 1.4, "zorder": 5}
+        x_m, y_m = grid.centers_m[state[~moved]].T
+        axes.scatter(x_m, y_m, s=25 * size[~moved], gid="surprising waits", **ring)
+        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
+        axes.set_title(
+            f"{int(surprising.sum())} of {counted(len(decisions), 'decision')} surprising\n"
+            "(red: to the cell reached, circle: none)"
+        )
+    return figure
+
+
+def draw_features(
+    layout: HallwayLayout,
+    grid: Grid,
+    features: FloatArray,
+    feature_names: tuple[str, ...],
+    available: BoolArray,
+) -> Figure:
+    """features (S, A, F); available (S, A): a cell without the action stays empty. Panels of
+    actions for which a feature is 0 everywhere are left out."""
+    table = float_array("features", features, (grid.n_states, len(Action), len(feature_names)))
+    panels = [
+        panel
+        for i, name in enumerate(feature_names)
+        for panel in _panels(name, table[:, :, i], np.asarray(available))
+        if np.nan_to_num(panel[1]).any()
+    ]
+    with style.report_style():
+        figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
+        for each, (title, values) in zip(axes, panels, strict=True):
+            cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
+            each.set_title(title, fontsize=8)
+        colour_bar(figure, axes, cells, "feature value", shrink=0.8, pad=0.01, aspect=25)
+    return figure
+
+
+def _panels(name: str, values: FloatArray, available: BoolArray) -> list[tuple[str, FloatArray]]:
+    if (values == values[:, :1]).all():
+        return [(f"{in_words(name)}\nany action", values[:, 0])]
+    masked = np.where(available, values, np.nan)
+    return [(f"{in_words(name)}\n{action.name.lower()}", masked[:, action]) for action in Action]
+
+
+def draw_policy_map(
+    layout: HallwayLayout,
+    grid: Grid,
+    value: FloatArray,
+    greedy: IntArray,
+    goal_states: IntArray,
+    trapped: BoolArray,
+    whose: str = "",
+) -> Figure:
+    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined.
+
+    whose: policy that is trapped, for the title, where the arrows are not its own.
+    """
+    values = float_array("value", value, (grid.n_states,))
+    with style.report_style():
+        elsewhere = np.delete(values, goal_states)
+        norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
+        figure, axes, cells = cell_map(grid, layout, values, norm, style.VALUE_MAP)
+        draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
+        outline_traps(axes, grid, trapped)
+        colour_bar_below(
+            figure, axes, cells, "value of the cell (discounted reward)", extend="both"
+        )
+        n_traps = counted(int(trapped.sum()), "trap state")
+        axes.set_title(
+            f"{n_traps}{whose} (dashed red)" if trapped.any() else "every arrow leads to the goal"
+        )
+    return figure
+
+
+def _colour_range(values: FloatArray) -> tuple[float, float]:
+    low, high = np.percentile(values, [2, 98])
+    return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
+
+
+def _cell_in(axes: Axes, grid: Grid) -> float:
+    """About the side of a cell of a map on paper, in inches."""
+    rows, columns = grid.walkable.shape
+    panel = axes.get_window_extent()
+    return float(min(panel.width / columns, panel.height / rows)) / axes.figure.dpi
+
+
+def draw_arrows(
+    axes: Axes,
+    grid: Grid,
+    greedy: IntArray,
+    is_goal: BoolArray,
+    trapped: BoolArray,
+    width_in: float = 0.016,
+) -> None:
+    """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
+    width_in = min(width_in, _SLENDER * _cell_in(axes, grid))
+    moving = (greedy != Action.WAIT) & ~is_goal
+    waiting = (greedy == Action.WAIT) & ~is_goal
+    colours = np.where(trapped, style.RED, style.INK)
+    shift = 0.8 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
+    tail = grid.centers_m[moving] - shift / 2
+    if moving.any():
+        heads = {"headwidth": 4.5, "headlength": 4.5, "headaxislength": 4.0}
+        look = {"color": colours[moving].tolist(), "zorder": 5, "gid": "greedy moves"}
+        draw_vectors(axes, tail, shift, width=width_in, **heads, **look)
+    x, y = grid.centers_m[waiting].T
+    axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
+
+
+def draw_flow_map(
+    grid: Grid,
+    flow: IntArray,
+    order: FloatArray,
+    *,
+    layout: HallwayLayout | None = None,
+    scenario_flow: IntArray | None = None,
+) -> Figure:
+    """flow (S,) as arrows (dot = none), order (S,) 0 to 1 in shades of blue.
+
+    layout: plan of the place where one is known. scenario_flow: (S,) that of the scenario; arrows
+    that differ from it are red.
+    """
+    shades = float_array("order", order, (grid.n_states,))
+    differing = np.zeros(grid.n_states, dtype=bool)
+    if scenario_flow is not None:
+        differing = (flow != scenario_flow) & (flow != NO_FLOW)
+    with style.report_style():
+        norm = Normalize(0, 1)
+        figure, axes, cells = cell_map(grid, layout, shades, norm, style.VALUE_MAP, areas=False)
+        arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
+        draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
+        colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")
+        axes.set_title(_flow_title(flow, differing, compared=scenario_flow is not None))
+    return figure
+
+
+def _flow_title(flow: IntArray, differing: BoolArray, *, compared: bool) -> str:
+    n_known = int((flow != NO_FLOW).sum())
+    known = f"flow known in {n_known} of {len(flow)} cells"
+    return f"{known},\n{int(differing.sum())} not the scenario's (red)" if compared else known

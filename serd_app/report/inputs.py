@@ -1,0 +1,214 @@
+"""Everything a report is made of: one frozen record, checked for agreement of its parts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from serd_app.demonstrations.discretise import DiscretisationReport
+from serd_app.demonstrations.grid.resolution import ResolutionAdvice
+from serd_app.learning.knowledge import Knowledge
+from serd_app.navigation.evaluation.familiarity import Familiarity
+from serd_app.navigation.evaluation.prediction_support import RecordedTimes
+from serd_app.report.errors import ReportError
+from serd_core.arrays import FloatArray, float_array, require_index
+from serd_core.arrival.arriving_policy import ArrivingPolicy
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
+from serd_core.policies.solved_policy import Policy
+from serd_files.episode_table import EpisodeResult
+from serd_sim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class PhaseTiming:
+    """Wall-clock time of one phase, and the simulated time it covered if it simulated anything."""
+
+    name: str
+    wall_s: float
+    simulated_s: float | None = None
+
+    @property
+    def real_time_factor(self) -> float | None:
+        """Simulated seconds per second of the wall clock."""
+        if self.simulated_s is None or self.wall_s <= 0:
+            return None
+        return self.simulated_s / self.wall_s
+
+
+@dataclass(frozen=True)
+class FileLink:
+    """A file or folder beside the report; `path` is relative to the report's folder."""
+
+    path: str
+    what: str
+
+    def __post_init__(self) -> None:
+        pure = PurePosixPath(self.path)
+        if not self.path or pure.is_absolute() or ".." in pure.parts or ":" in self.path:
+            raise ReportError(
+                f"path of a file link must be relative to the report and below it, "
+                f"got {self.path!r}; put the file beside the report"
+            )
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What a reader needs to make the same run again; `finished_at` is ISO 8601."""
+
+    command: str
+    how: str
+    finished_at: str
+    phases: tuple[PhaseTiming, ...] = ()
+    seeds: Mapping[str, int] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class CrowdSnapshot:
+    """Who was where at `time_s`; trails run from oldest to newest.
+
+    robot_pose (3,) x_m, y_m, yaw_rad; people_position_m (N, 2); people_velocity_mps (N, 2);
+    people_trail_m (T, N, 2), NaN where a person was not seen yet; robot_trail_m (T, 2).
+    """
+
+    time_s: float
+    robot_pose: FloatArray
+    people_position_m: FloatArray
+    people_velocity_mps: FloatArray
+    people_trail_m: FloatArray
+    robot_trail_m: FloatArray
+
+    def __post_init__(self) -> None:
+        people = len(self.people_position_m)
+        float_array("time_s of the snapshot", self.time_s, ())
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "robot_pose": (3,),
+            "people_position_m": (people, 2),
+            "people_velocity_mps": (people, 2),
+            "robot_trail_m": (None, 2),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, float_array(name, getattr(self, name), shape))
+        trail = np.array(self.people_trail_m, dtype=np.float64)
+        float_array("people_trail_m", np.where(np.isnan(trail), 0.0, trail), (None, people, 2))
+        object.__setattr__(self, "people_trail_m", trail)
+
+
+def snapshot_from_history(
+    *,
+    times_s: Any,
+    robot_pose: Any,
+    people_position_m: Any,
+    people_velocity_mps: Any,
+    at_s: float,
+    trail_s: float = 4.0,
+) -> CrowdSnapshot:
+    """The last recorded moment not later than `at_s`, with the `trail_s` seconds before it.
+
+    times_s (T,) increasing; robot_pose (T, 3); people_position_m and people_velocity_mps (T, N, 2).
+    """
+    times = float_array("times_s", times_s, (None,))
+    last = int(np.searchsorted(times, at_s, side="right")) - 1
+    if last < 0:
+        raise ReportError(
+            f"at_s must not lie before the first recorded time, got {at_s} s; choose a later moment"
+        )
+    first = int(np.searchsorted(times, times[last] - trail_s, side="left"))
+    positions, poses = np.asarray(people_position_m), np.asarray(robot_pose)
+    return CrowdSnapshot(
+        time_s=float(times[last]),
+        robot_pose=poses[last],
+        people_position_m=positions[last],
+        people_velocity_mps=np.asarray(people_velocity_mps)[last],
+        people_trail_m=positions[first : last + 1],
+        robot_trail_m=poses[first : last + 1, :2],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """The computed arrival from a place; name: of a start area, or the point.
+
+    trapped: whether the learned policy does not arrive from a cell of it.
+    """
+
+    name: str
+    law: ArrivalLaw
+    trapped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInputs:
+    """A learned model: demonstrations, what was learned from them, and how it then drove.
+
+    demonstrations: may be empty, then n_demonstrations is how many there were.
+    demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
+    policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
+    episodes: empty where it has not driven. snapshot: None where people were not recorded.
+    knowledge: None where the fit has no posterior. forecasts: from chosen starts. familiarity: how
+    likely demonstrations are for the model; advice: on cells and periods; discretised: what became
+    of the intents. driven: where the policy is not the learned one, None where it is everywhere;
+    remarks: on that. recorded: times of arrival of the demonstrations, None where they are not
+    known.
+    """
+
+    title: str
+    scenario: Scenario
+    problem: NavigationProblem
+    demonstrations: Decisions
+    demonstration_tracks_m: tuple[FloatArray, ...]
+    fit: FitResult
+    policy: Policy
+    episodes: tuple[EpisodeResult, ...]
+    predicted: ArrivalLaw
+    timeout_s: float
+    snapshot: CrowdSnapshot | None
+    run: RunFacts
+    files: tuple[FileLink, ...] = ()
+    knowledge: Knowledge | None = None
+    forecasts: tuple[Forecast, ...] = ()
+    familiarity: Familiarity | None = None
+    advice: ResolutionAdvice | None = None
+    discretised: DiscretisationReport | None = None
+    n_demonstrations: int = 0
+    driven: ArrivingPolicy | None = None
+    remarks: tuple[str, ...] = ()
+    recorded: RecordedTimes | None = None
+
+    def __post_init__(self) -> None:
+        if not self.episodes and not self.forecasts:
+            raise ReportError(
+                "episodes must have at least one row where there is no forecast, got none; drive"
+                " the policy"
+            )
+        if not 0 < self.timeout_s < np.inf:
+            raise ReportError(
+                f"timeout_s must be above 0 and finite, got {self.timeout_s}; use seconds"
+            )
+        states = self.problem.grid.n_states
+        require_index("demonstrations.state", self.demonstrations.state, states, "a state")
+        # What else the fit and the policy hold is checked by the figures that draw it.
+        float_array("fit.objective_trace", self.fit.objective_trace, (None,))
+        for name in ("outcome_probabilities", "initial_outcome_probabilities"):
+            table = getattr(self.fit, name)
+            float_array(f"fit.{name}", table, (len(self.problem.model_names), None))
+        if self.fit.feature_names != self.problem.feature_names:
+            raise ReportError(
+                f"fit.feature_names must be those of the problem {self.problem.feature_names}, "
+                f"got {self.fit.feature_names}; pass the problem the fit was made on"
+            )
+        tracks = tuple(
+            float_array(f"demonstration_tracks_m[{i}]", track, (None, 2))
+            for i, track in enumerate(self.demonstration_tracks_m)
+        )
+        object.__setattr__(self, "demonstration_tracks_m", tracks)
+
+    @property
+    def arrival_times_s(self) -> FloatArray:
+        """(N,) time of arrival of each episode, inf where it did not arrive."""
+        return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])

@@ -1,0 +1,240 @@
+"""The numbers of a report: for summary.json, the headline and the terminal."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from serd_app.navigation.evaluation.prediction_support import (
+    Starts,
+    reasons_against_prediction,
+    reasons_text,
+)
+from serd_app.report.figures.arrival import ArrivalCurve, measured_curve, time_reaching
+from serd_app.report.inputs import ReportInputs
+from serd_app.report.style import percent
+from serd_bag.quantities import counted, seconds_in_words
+from serd_core.arrays import BoolArray, IntArray
+from serd_core.arrival.law import largest_gap
+from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_sim.scenario.grid import start_states_of
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Plain numbers; a median is None when fewer than half of the episodes arrived.
+
+    Without episodes all that is measured is None, and so is the gap. n_decisions: learned from, as
+    are decisions_per_model; of a model without a posterior these are of n_compared_decisions, those
+    of the demonstrations that it is compared with. n_least_time_states: states in which the policy
+    takes the way of least expected time, as the learned one does not arrive; n_trap_states: those
+    from which no policy does. recorded_times_s: of arrival of the demonstrations, None where they
+    are not known. no_prediction_because: why the predicted arrival is not stated, none where it is.
+    """
+
+    n_demonstrations: int
+    n_decisions: int
+    n_compared_decisions: int
+    n_episodes: int
+    n_arrived: int
+    measured_arrival_probability: float | None
+    measured_arrival_interval_95: tuple[float, float] | None
+    predicted_arrival_probability: float
+    measured_median_s: float | None
+    predicted_median_s: float | None
+    measured_mean_s: float | None
+    largest_cdf_gap: float | None
+    timeout_s: float
+    robot_on_person_contacts: int
+    person_on_robot_contacts: int
+    wall_contacts: int
+    n_trap_states: int
+    n_least_time_states: int
+    plan_remarks: tuple[str, ...]
+    recorded_times_s: tuple[float, ...] | None
+    no_prediction_because: tuple[str, ...]
+    fault_share: float | None
+    faults: str
+    converged: bool
+    n_steps: int
+    objective: float
+    reward_weights: dict[str, float]
+    decisions_per_model: dict[str, int]
+    outcome_probabilities: dict[str, list[float]]
+    initial_outcome_probabilities: dict[str, list[float]]
+    real_time_factor: dict[str, float]
+    wall_s: dict[str, float]
+    seeds: dict[str, int]
+    versions: dict[str, str]
+    command: str
+    how: str
+    finished_at: str
+
+    def as_json(self) -> dict[str, object]:
+        """The record as JSON-ready values."""
+        return asdict(self)
+
+
+def summary_of(inputs: ReportInputs) -> Summary:
+    """Count and compare: everything the report states as a number."""
+    episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
+    times = [row.time_of_arrival_s for row in episodes if row.arrived]
+    models = inputs.problem.model_names
+    counts = known_decisions(inputs).tolist()
+    return Summary(
+        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
+        n_decisions=fit.n_decisions if inputs.n_demonstrations else len(inputs.demonstrations),
+        n_compared_decisions=len(inputs.demonstrations),
+        n_episodes=len(episodes),
+        n_arrived=len(times),
+        measured_arrival_probability=len(times) / len(episodes) if episodes else None,
+        measured_arrival_interval_95=_last_interval(measured),
+        predicted_arrival_probability=float(inputs.predicted.cdf[-1]),
+        measured_median_s=None if measured is None else time_reaching(measured, 0.5),
+        predicted_median_s=inputs.predicted.quantile_s(0.5),
+        measured_mean_s=float(np.mean(times)) if times else None,
+        largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s) if episodes else None,
+        timeout_s=inputs.timeout_s,
+        robot_on_person_contacts=sum(row.robot_on_person for row in episodes),
+        person_on_robot_contacts=sum(row.person_on_robot for row in episodes),
+        wall_contacts=sum(row.robot_on_wall for row in episodes),
+        fault_share=None if inputs.discretised is None else inputs.discretised.fault_share,
+        faults="" if inputs.discretised is None else inputs.discretised.faults,
+        n_trap_states=_n_trap_states(inputs),
+        n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
+        plan_remarks=inputs.remarks,
+        recorded_times_s=_recorded_times_s(inputs),
+        no_prediction_because=_reasons_against_prediction(inputs),
+        converged=bool(fit.converged),
+        n_steps=int(fit.n_steps),
+        objective=float(fit.objective),
+        reward_weights=dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        decisions_per_model=dict(zip(models, counts, strict=True)),
+        outcome_probabilities=dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
+        initial_outcome_probabilities=dict(
+            zip(models, fit.initial_outcome_probabilities.tolist(), strict=True)
+        ),
+        real_time_factor={
+            phase.name: phase.real_time_factor
+            for phase in run.phases
+            if phase.real_time_factor is not None
+        },
+        wall_s={phase.name: phase.wall_s for phase in run.phases},
+        seeds=dict(run.seeds),
+        versions=dict(run.versions),
+        command=run.command,
+        how=run.how,
+        finished_at=run.finished_at,
+    )
+
+
+def _last_interval(measured: ArrivalCurve | None) -> tuple[float, float] | None:
+    return None if measured is None else (float(measured.lower[-1]), float(measured.upper[-1]))
+
+
+def _n_trap_states(inputs: ReportInputs) -> int:
+    if inputs.driven is not None:
+        return len(inputs.driven.traps.states)
+    return int(trapped_states(inputs).sum())
+
+
+def _recorded_times_s(inputs: ReportInputs) -> tuple[float, ...] | None:
+    return None if inputs.recorded is None else tuple(inputs.recorded.times_s.tolist())
+
+
+def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
+    cells = start_states_of(inputs.scenario, inputs.problem.grid, "train")
+    return reasons_against_prediction(
+        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
+        starts=Starts(len(cells), int(trapped_states(inputs)[cells].sum())),
+        recorded=inputs.recorded,
+        measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
+    )
+
+
+def no_prediction_text(summary: Summary) -> str:
+    """Why the predicted arrival is not stated; empty where it is."""
+    return reasons_text(summary.no_prediction_because)
+
+
+def headline_of(summary: Summary) -> str:
+    """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
+    if summary.measured_arrival_probability is None:
+        supported = not summary.no_prediction_because
+        return _predicted_headline(summary) if supported else _recorded_headline(summary)
+    predicted = (
+        f"no prediction, because {no_prediction_text(summary)}"
+        if summary.no_prediction_because
+        else f"predicted {percent(summary.predicted_arrival_probability)}"
+    )
+    learned = (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
+        f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
+        f"within {seconds_in_words(summary.timeout_s)} "
+        f"({percent(summary.measured_arrival_probability)}; {predicted})"
+    )
+    return f"{learned}{_speed(summary)}."
+
+
+def _recorded_headline(summary: Summary) -> str:
+    """What is known without a prediction, and why there is none."""
+    times_s = summary.recorded_times_s or ()
+    arrived = ""
+    if times_s:
+        span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
+        all_of_them = len(times_s) == summary.n_demonstrations
+        who = "which" if all_of_them else f"of which {len(times_s)}"
+        arrived = f", {who} arrived after {span},"
+    return (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
+        f" {counted(summary.n_decisions, 'decision')}{arrived} the arrival of the robot is not"
+        f" predicted, because {no_prediction_text(summary)}."
+    )
+
+
+def _predicted_headline(summary: Summary) -> str:
+    half = summary.predicted_median_s
+    return (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
+        f" {counted(summary.n_decisions, 'decision')} the robot is predicted to reach the goal"
+        f" within {seconds_in_words(summary.timeout_s)} with"
+        f" {percent(summary.predicted_arrival_probability)}"
+        + (f", half of the drives within {seconds_in_words(half)}." if half is not None else ".")
+    )
+
+
+def _speed(summary: Summary) -> str:
+    if summary.measured_median_s is None:
+        return ", fewer than half of them in time"
+    measured = f", half of them within {seconds_in_words(summary.measured_median_s)}"
+    if summary.predicted_median_s is None or summary.no_prediction_because:
+        return measured
+    return f"{measured} (predicted {seconds_in_words(summary.predicted_median_s)})"
+
+
+def trapped_states(inputs: ReportInputs) -> BoolArray:
+    """(S,) states from which the learned policy does not arrive."""
+    if inputs.driven is not None:
+        traps = inputs.driven.learned_traps
+        return np.asarray(traps.looping | traps.unlikely)
+    problem = inputs.problem
+    return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
+
+
+def known_decisions(inputs: ReportInputs) -> IntArray:
+    """(M,) decisions per outcome model; see `Summary`."""
+    if not inputs.n_demonstrations or inputs.knowledge is None:
+        return decisions_per_model(inputs.problem, inputs.demonstrations)
+    known = inputs.knowledge.by_model
+    counts = [round(known[name][0].decisions) for name in inputs.problem.model_names]
+    return np.array(counts, dtype=np.int64)
+
+
+def decisions_per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
+    """(M,) number of decisions with their action that each outcome model applies to."""
+    models = problem.outcome_models
+    decisions = decisions.select(~decisions.hidden)
+    used = models.model_of[decisions.state, decisions.action]
+    return np.bincount(used, minlength=models.n_models)

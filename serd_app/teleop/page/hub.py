@@ -1,0 +1,153 @@
+"""The open pages: which one drives, what they request, and the messages that wait for each.
+
+A hub lives on the event loop of the server. Each page gets the newest notices, state and overlay,
+so a slow connection only lowers the frame rate.
+"""
+
+import asyncio
+import json
+import queue
+import time
+from collections import deque
+from collections.abc import Callable
+from itertools import count
+from typing import Literal
+
+from serd_app.teleop.errors import TeleopError
+from serd_app.teleop.page.requests import Away, EmergencyStop, PageRequest, parse_request
+
+SILENCE_S = 2.0
+_MOST_NOTICES = 50
+_OTHER_PAGE_DRIVES = "another page is driving; close it first"
+
+
+class Lease:
+    """The right to drive, held by one page at a time until it releases it or is silent.
+
+    Pages are identified by number; times are seconds of one monotonic clock.
+    """
+
+    def __init__(self) -> None:
+        self._holder: int | None = None
+        self._heard_s = 0.0
+
+    def holder(self, now_s: float) -> int | None:
+        """Number of the page that drives now, None for none."""
+        if self._holder is not None and now_s - self._heard_s > SILENCE_S:
+            self._holder = None
+        return self._holder
+
+    def claim(self, page: int, now_s: float) -> bool:
+        """Take or renew the lease; returns whether the page holds it."""
+        if self.holder(now_s) not in (None, page):
+            return False
+        self._holder, self._heard_s = page, now_s
+        return True
+
+    def release(self, page: int) -> None:
+        """Give the lease up, where the page holds it."""
+        if self._holder == page:
+            self._holder = None
+
+
+class OpenPage:
+    """The messages that wait to be sent to one page: few, also if it never reads."""
+
+    def __init__(self, number: int, greeting: list[str]) -> None:
+        self.number = number
+        self.changed = asyncio.Event()
+        self._greeting = greeting
+        self._notices: deque[str] = deque(maxlen=_MOST_NOTICES)
+        self._newest = {"overlay": "", "state": ""}
+        self.changed.set()
+
+    def add_notice(self, text: str) -> None:
+        """Add a notice; the oldest of too many is left out."""
+        self._notices.append(_message("notice", text=text))
+        self.changed.set()
+
+    def replace(self, kind: Literal["overlay", "state"], message: str) -> None:
+        """Replace the overlay or the state that waits."""
+        self._newest[kind] = message
+        self.changed.set()
+
+    def pending(self) -> list[str]:
+        """Remove and return all messages, the state last."""
+        newest = [message for message in self._newest.values() if message]
+        messages = [*self._greeting, *self._notices, *newest]
+        self._greeting, self._newest = [], dict.fromkeys(self._newest, "")
+        self._notices.clear()
+        self.changed.clear()
+        return messages
+
+
+class Hub:
+    """requests: those of the driving page, in order, for the node that drives the robot."""
+
+    def __init__(self, scene: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.requests: queue.SimpleQueue[PageRequest] = queue.SimpleQueue()
+        self.driving: int | None = None
+        self._scene, self._clock = scene, clock
+        self._overlay: str | None = None
+        self._lease = Lease()
+        self._pages: dict[int, OpenPage] = {}
+        self._numbers = count(1)
+
+    def open(self) -> OpenPage:
+        """Register a new page."""
+        number = next(self._numbers)
+        overlays = [] if self._overlay is None else [self._overlay]
+        page = OpenPage(number, [_message("hello", page=number), self._scene, *overlays])
+        self._pages[number] = page
+        return page
+
+    def close(self, page: OpenPage) -> None:
+        """Remove a page; if it was driving, no page drives."""
+        self._pages.pop(page.number, None)
+        self._lease.release(page.number)
+        self._update_driver()
+
+    def receive(self, page: OpenPage, text: str) -> None:
+        """Handle a message: the emergency stop of any page, all else of the driving page only."""
+        try:
+            request = parse_request(text)
+        except TeleopError as error:
+            page.add_notice(str(error))
+            return
+        if isinstance(request, EmergencyStop) and request.engaged:
+            self.requests.put(request)
+        elif isinstance(request, Away):
+            self._lease.release(page.number)
+        elif self._lease.claim(page.number, self._clock()):
+            self.requests.put(request)
+        elif request.type in ("episode", "e_stop", "mode"):
+            page.add_notice(_OTHER_PAGE_DRIVES)
+        self._update_driver()
+
+    def send_state(self, state: str) -> None:
+        """Send the newest state to all pages."""
+        self._update_driver()
+        for page in self._pages.values():
+            page.replace("state", state)
+
+    def send_overlay(self, overlay: str) -> None:
+        """Send the layers of the newest model to all pages, and to those opened later."""
+        self._overlay = overlay
+        for page in self._pages.values():
+            page.replace("overlay", overlay)
+
+    def send_notice(self, text: str) -> None:
+        """Send a notice to all pages."""
+        for page in self._pages.values():
+            page.add_notice(text)
+
+    def _update_driver(self) -> None:
+        """Set `driving`, and request Away once when no page drives any more."""
+        holder = self._lease.holder(self._clock())
+        if self.driving is not None and holder is None:
+            self.requests.put(Away(type="away"))
+        self.driving = holder
+
+
+def _message(kind: str, **values: object) -> str:
+    return json.dumps({"type": kind, **values})

@@ -1,0 +1,129 @@
+"""The data that the page draws: the scene once, the state of the world again and again."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serd_app.navigation.evaluation.prediction_support import reasons_text
+from serd_app.navigation.overlay import ModelOverlay
+from serd_core.grid.grid import Grid
+from serd_sim.crowd.social_force import model_named
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint
+
+# Decimals that are sent.
+_CENTIMETRES, _MILLIRADIANS = 2, 3
+
+
+def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
+    """The part that does not change, as plain values in metres and seconds, x east and y north."""
+    return {
+        "type": "scene",
+        "name": scenario.name,
+        "bounds_m": scenario.bounds_m,
+        "walls_m": [polygon.tolist() for polygon in scenario.wall_polygons_m],
+        "goal_m": scenario.goal_area_m,
+        "start_m": scenario.start_areas_m["train"],
+        "cells_m": grid.centers_m.tolist(),
+        "cell_size_m": grid.cell_size_m,
+        "decision_period_s": scenario.decision_period_s,
+        "robot_radius_m": scenario.robot.radius_m,
+        "person_radius_m": model_named(scenario.pedestrians.model).body_radius_m,
+        "scan_start_rad": scenario.lidar.angle_min_rad,
+        "scan_step_rad": scenario.lidar.angle_increment_rad,
+    }
+
+
+def watched_scene_of(
+    scenario: Scenario, grid: Grid, replay: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The scene of a page that only watches; replay: duration_s and episodes of a recording."""
+    return {**scene_of(scenario, grid), "watch": True, "replay": replay}
+
+
+def world_state(
+    observation: Observation, scenario: Scenario, ranges_m: NDArray[np.float32] | None
+) -> dict[str, Any]:
+    """Robot, people and scan; decided: the elapsed share of the decision period, in [0, 1)."""
+    ticks = scenario.ticks_per_decision
+    people = np.concatenate([observation.people_position_m, observation.people_velocity_mps], 1)
+    return {
+        "time_s": round(observation.time_s, _CENTIMETRES),
+        "decided": round(observation.tick % ticks / ticks, _MILLIRADIANS),
+        "robot": _rounded([*observation.pose, observation.speed_mps, observation.yaw_rate_radps]),
+        "people": np.round(people, _CENTIMETRES).tolist(),
+        "scan_m": None if ranges_m is None else _scan_values(ranges_m),
+    }
+
+
+def overlay_message(overlay: ModelOverlay) -> dict[str, Any]:
+    """The layers of a learned model that a page can draw, each with a value per cell.
+
+    shades: from 0 to 1 of `low` to `high`, None for a cell without a value; labels: the value.
+    """
+    slowest_s = float(np.nanmax(overlay.median_s, initial=0.0))
+    notes = ["×: fewer arrive before the time-out"] if np.isnan(overlay.median_s).any() else []
+    if overlay.no_prediction_because:
+        notes.append(f"no prediction, because {reasons_text(overlay.no_prediction_because)}")
+    by_time = ""
+    if overlay.n_least_time:
+        by_time = (
+            f"; in {overlay.n_least_time} cells the way of least expected time, as the learned"
+            " policy does not arrive"
+        )
+    kind = "Computed" if overlay.no_prediction_because else "Predicted"
+    by_model = [
+        f"{name.replace('_', ' ')} {100.0 * each:.0f} %"
+        for name, each in overlay.forward_by_model.items()
+    ]
+    return {
+        "type": "overlay",
+        "policy": {
+            "title": "Learned policy",
+            "note": f"dot: waits{by_time}",
+            "directions": overlay.directions.tolist(),
+        },
+        "arrival": {
+            "title": f"{kind} seconds until half of all drives arrive",
+            "note": "; ".join(notes),
+            "low": "0 s",
+            "high": f"{slowest_s:.0f} s",
+            "shades": _shades(overlay.median_s / max(slowest_s, 1.0)),
+            "labels": _labels(overlay.median_s, "×"),
+        },
+        "dynamics": {
+            "title": "Probability (%) that a move of the policy goes forward",
+            "note": f"all moves: {', '.join(by_model)}",
+            "low": "0 %",
+            "high": "100 %",
+            "shades": _shades(overlay.forward),
+            "labels": _labels(100.0 * overlay.forward, ""),
+        },
+    }
+
+
+def _shades(shares: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(share) else round(share, 2) for share in shares.tolist()]
+
+
+def _labels(values: NDArray[np.float64], without: str) -> list[str]:
+    """Whole numbers; without: in place of NaN."""
+    return [without if np.isnan(value) else f"{value:.0f}" for value in values.tolist()]
+
+
+def _scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
+    """(n_rays,) ranges rounded to centimetres, 0 where a ray hit nothing."""
+    seen = np.where(np.isfinite(ranges_m), ranges_m, 0.0).astype(np.float64)
+    return [round(value, _CENTIMETRES) for value in seen.tolist()]
+
+
+def point(waypoint: Waypoint | None) -> list[float] | None:
+    """(x, y) in metres, None for none."""
+    return None if waypoint is None else _rounded([waypoint.x_m, waypoint.y_m])
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [round(float(value), _MILLIRADIANS) for value in values]

@@ -1,0 +1,139 @@
+"""Selection among several velocity commands, after twist_mux, with limits and an e-stop.
+
+Of the inputs that are not silent and whose priority is not below that of an engaged lock, the one
+with the highest priority drives, within the limits. Without such an input the command is stop. The
+e-stop is a latch: engaged, it overrides everything until it is released. After the release each
+input counts as a stop until it has sent a stop, or nothing within its timeout: what drove before
+the release does not drive on. A stop for safety is passed on at once; the limits apply to driving
+commands only:
+
+    v' = clip(clip(w, low, high), v - a dt, v + a dt)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from serd_app.teleop.mux_settings import MuxSettings
+from serd_sim.world.command import STOP, Command, CommandGuard
+
+
+@dataclass(frozen=True)
+class VelocityLimits:
+    """Speed and acceleration limits, named as in Nav2; accelerations apply to braking as well."""
+
+    max_vel_x_mps: float
+    min_vel_x_mps: float
+    max_vel_theta_radps: float
+    acc_lim_x_mps2: float
+    acc_lim_theta_radps2: float
+
+    def speed_limited(self, wanted: Command) -> Command:
+        """The nearest command within the speed limits."""
+        return Command(
+            linear_mps=_clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps),
+            angular_radps=_clip(
+                wanted.angular_radps, -self.max_vel_theta_radps, self.max_vel_theta_radps
+            ),
+        )
+
+    def limited(self, wanted: Command, before: Command, duration_s: float) -> Command:
+        """The nearest command within the limits that is reachable from `before` in that time."""
+        goal = self.speed_limited(wanted)
+        reach_mps = self.acc_lim_x_mps2 * duration_s
+        reach_radps = self.acc_lim_theta_radps2 * duration_s
+        linear, angular = before.linear_mps, before.angular_radps
+        return Command(
+            linear_mps=_clip(goal.linear_mps, linear - reach_mps, linear + reach_mps),
+            angular_radps=_clip(goal.angular_radps, angular - reach_radps, angular + reach_radps),
+        )
+
+
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+_LONGEST_STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class MuxOutput:
+    """active: the input that drives, empty for none; locked_by: the engaged locks.
+
+    held: inputs that count as a stop since the release of the e-stop.
+    """
+
+    command: Command
+    active: str
+    locked_by: tuple[str, ...]
+    held: tuple[str, ...]
+    e_stop: bool
+
+
+class TwistMux:
+    """The state of the mux; times are seconds of one monotonic clock that the caller reads."""
+
+    def __init__(self, settings: MuxSettings, limits: VelocityLimits) -> None:
+        self._settings, self._limits = settings, limits
+        self._inputs = {name: CommandGuard(each.timeout) for name, each in settings.topics.items()}
+        self._locks: dict[str, tuple[bool, float]] = {}
+        self._e_stop = False
+        self._held: set[str] = set()
+        self._before, self._before_s = STOP, 0.0
+
+    @property
+    def n_rejected(self) -> Mapping[str, int]:
+        """Commands that were not finite, by input; each was replaced by a stop."""
+        return {name: guard.n_rejected for name, guard in self._inputs.items()}
+
+    def receive(self, name: str, command: Command, now_s: float) -> None:
+        """Store a command of an input."""
+        if command == STOP and not self._e_stop:
+            self._held.discard(name)
+        self._inputs[name].receive(command, now_s)
+
+    def receive_lock(self, name: str, engaged: bool, now_s: float) -> None:
+        """Store the value of a lock's topic."""
+        self._locks[name] = engaged, now_s
+
+    def set_e_stop(self, engaged: bool) -> None:
+        """Engage the latch, or release it."""
+        self._e_stop = engaged
+        if engaged:
+            self._held = set(self._inputs)
+
+    def step(self, now_s: float) -> MuxOutput:
+        """The command for now; call it at a steady rate."""
+        locked_by = self.engaged_locks(now_s)
+        if not self._e_stop:
+            self._held -= {
+                name for name, each in self._inputs.items() if each.current(now_s) == STOP
+            }
+        active = "" if self._e_stop else self._active(locked_by, now_s)
+        command = STOP
+        if active:
+            duration_s = min(max(now_s - self._before_s, 0.0), _LONGEST_STEP_S)
+            wanted = STOP if active in self._held else self._inputs[active].current(now_s)
+            command = self._limits.limited(wanted, self._before, duration_s)
+        self._before, self._before_s = command, now_s
+        held = tuple(name for name in self._inputs if name in self._held)
+        return MuxOutput(command, active, locked_by, held, self._e_stop)
+
+    def engaged_locks(self, now_s: float) -> tuple[str, ...]:
+        """Locks whose last value is true, or whose timeout has passed without a message."""
+        return tuple(name for name in self._settings.locks if self._is_engaged(name, now_s))
+
+    def _is_engaged(self, name: str, now_s: float) -> bool:
+        timeout_s = self._settings.locks[name].timeout
+        if name not in self._locks:
+            return timeout_s > 0.0
+        engaged, heard_s = self._locks[name]
+        return engaged or (timeout_s > 0.0 and not 0.0 <= now_s - heard_s <= timeout_s)
+
+    def _active(self, locked_by: tuple[str, ...], now_s: float) -> str:
+        barrier = max((self._settings.locks[name].priority for name in locked_by), default=-1)
+        heard = [
+            (each.priority, name)
+            for name, each in self._settings.topics.items()
+            if each.priority >= barrier and not self._inputs[name].is_stale(now_s)
+        ]
+        return max(heard)[1] if heard else ""

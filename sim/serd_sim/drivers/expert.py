@@ -1,0 +1,120 @@
+"""A scripted person who demonstrates: keeps right, goes with the flow, wavers, waits when blocked.
+
+It likes routes (`expert_route`), sometimes takes a nearly as good move instead, and sometimes waits
+when a person is about to be in its next cell. It acts on observations as old as its reaction time.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.grid.grid import DIRECTION_VECTORS, Action
+from serd_sim.drivers.expert_route import MOVES, RouteCosts, costs_to_go, move_costs, opposite_flow
+from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
+from serd_sim.world.seeds import EXPERT, episode_rng
+
+
+@dataclass(frozen=True)
+class ExpertSettings:
+    """waver_probability: of taking another move that costs at most `waver_cost` more.
+
+    wait_probability: of waiting when a person will be within `blocked_radius_m` of the next cell's
+    centre within `look_ahead_s`; never more than `longest_wait` periods in a row.
+    goes_with_flow: False for an expert who prefers the side of oncoming people.
+    reaction_delay_s: age of what a decision is based on.
+    """
+
+    costs: RouteCosts = field(default_factory=RouteCosts)
+    waver_probability: float = 0.06
+    waver_cost: float = 2.5
+    wait_probability: float = 0.25
+    blocked_radius_m: float = 0.6
+    look_ahead_s: float = 0.6
+    longest_wait: int = 2
+    goes_with_flow: bool = True
+    reaction_delay_s: float = 0.0
+
+
+class ScriptedExpert:
+    """Decides as a person would; seeded, and the same again for the same episode."""
+
+    name = "scripted_expert"
+
+    def __init__(
+        self, scenario: Scenario, seed: int, settings: ExpertSettings | None = None
+    ) -> None:
+        self._seed = seed
+        self._settings = settings if settings is not None else ExpertSettings()
+        self._grid = grid_of(scenario)
+        flow = flow_of(scenario, self._grid)
+        self._flow = flow if self._settings.goes_with_flow else opposite_flow(flow)
+        self._goal = goal_states_of(scenario, self._grid)
+        self.begin(0)
+
+    def begin(self, episode: int) -> None:
+        """Draw this episode's likes and dislikes."""
+        self._rng = episode_rng(self._seed, episode, EXPERT)
+        costs = self._settings.costs
+        self._move_cost = move_costs(self._grid, self._flow, costs, self._rng)
+        self._to_go = costs_to_go(self._grid, self._move_cost, self._goal, costs.turning)
+        self._last_move = Action.WAIT
+        self._waited = 0
+
+    def decide(self, observation: Observation) -> Action:
+        """Next move towards the goal, or WAIT."""
+        seen = seen_earlier(observation, self._settings.reaction_delay_s)
+        state = self._grid.state_at(seen.x_m, seen.y_m)
+        wavers, waits = self._rng.random(2) < (
+            self._settings.waver_probability,
+            self._settings.wait_probability,
+        )
+        if state < 0 or state in self._goal:
+            return Action.WAIT
+        move = self._choose(self._total_costs(state), bool(wavers))
+        patient = self._waited < self._settings.longest_wait
+        if waits and patient and self._is_blocked(seen, state, move):
+            self._waited += 1
+            return Action.WAIT
+        self._waited, self._last_move = 0, move
+        return move
+
+    def _total_costs(self, state: int) -> FloatArray:
+        """(5,) cost of each action plus the way from where it leads."""
+        following = self._to_go[self._grid.neighbours[state], np.arange(len(Action))]
+        turned = np.array([act not in (Action.WAIT, self._last_move) for act in Action])
+        turning = self._settings.costs.turning * turned * (self._last_move != Action.WAIT)
+        total: FloatArray = self._move_cost[state] + following + turning
+        return total
+
+    def _choose(self, total: FloatArray, wavers: bool) -> Action:
+        best = int(np.argmin(total))
+        near = [act for act in MOVES if total[act] <= total[best] + self._settings.waver_cost]
+        if wavers and len(near) > 1:
+            return Action(int(self._rng.choice(near)))
+        return Action(best)
+
+    def _is_blocked(self, observation: Observation, state: int, move: Action) -> bool:
+        center = self._grid.centers_m[state] + self._grid.cell_size_m * DIRECTION_VECTORS[move]
+        for ahead_s in (0.0, 0.5 * self._settings.look_ahead_s, self._settings.look_ahead_s):
+            place = observation.people_position_m + ahead_s * observation.people_velocity_mps
+            away = place - center
+            if (np.hypot(away[:, 0], away[:, 1]) < self._settings.blocked_radius_m).any():
+                return True
+        return False
+
+
+def seen_earlier(observation: Observation, delay_s: float) -> Observation:
+    """Estimate of the observation `delay_s` ago, by the present speeds."""
+    if delay_s == 0.0:
+        return observation
+    x_m, y_m, yaw_rad = observation.pose
+    way_m = delay_s * observation.speed_mps
+    return replace(
+        observation,
+        pose=(x_m - way_m * math.cos(yaw_rad), y_m - way_m * math.sin(yaw_rad), yaw_rad),
+        people_position_m=observation.people_position_m - delay_s * observation.people_velocity_mps,
+    )

@@ -1,0 +1,161 @@
+"""One episode: a driver decides, the planner drives, the world answers, until the goal or timeout.
+
+The order within a control period is that of the ROS graph: observe, decide when a decision period
+begins, plan towards the waypoint, guard the command, step the world.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Action, Grid
+from serd_sim.drivers.catalogue import Driver
+from serd_sim.episodes.progress import Ending, EpisodeProgress
+from serd_sim.errors import SimError
+from serd_sim.perception.scanning_planner import ScanningPlanner
+from serd_sim.planning.local_planner import LocalPlanner
+from serd_sim.robot.contacts import ContactCounts
+from serd_sim.safety.world_guard import CommandFilter, WorldGuard
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
+from serd_sim.world.world import HallwayWorld
+
+Observer = Callable[[Observation, Command, Action], bool | None]
+WaypointRule = Callable[[Observation, Action], Waypoint]
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecord:
+    """What came of one episode. time_of_arrival_s: since its start, NaN when it did not arrive."""
+
+    episode: int
+    seed: int
+    driver: str
+    start_area: str
+    outcome: Ending
+    time_of_arrival_s: float
+    duration_s: float
+    n_ticks: int
+    distance_m: float
+    contacts: ContactCounts
+    minimum_person_distance_m: float
+    decisions: Decisions
+
+
+class DecisionLog:
+    """Collects (s, a, s') at the decision clock; a last period cut short by arriving counts."""
+
+    def __init__(self, grid: Grid, episode: int) -> None:
+        self._grid, self._episode = grid, episode
+        self._rows: list[tuple[float, int, int, int]] = []
+        self._open: tuple[float, int, int] | None = None
+
+    def decide(self, observation: Observation, action: Action) -> None:
+        """Close the running period here and begin the next."""
+        self.close(observation)
+        state = self._grid.state_at(observation.x_m, observation.y_m)
+        self._open = (observation.time_s, state, int(action))
+
+    def close(self, observation: Observation) -> None:
+        """End the running period at this observation."""
+        if self._open is not None:
+            reached = self._grid.state_at(observation.x_m, observation.y_m)
+            self._rows.append((*self._open, reached))
+            self._open = None
+
+    def decisions(self, source: str) -> Decisions:
+        """All closed periods that began and ended on the grid."""
+        rows = [row for row in self._rows if row[1] >= 0 and row[3] >= 0]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+        return Decisions(
+            episode=np.full(len(rows), self._episode, dtype=np.int64),
+            time_s=columns[0],
+            state=columns[1].astype(np.int64),
+            action=columns[2].astype(np.int64),
+            next_state=columns[3].astype(np.int64),
+            source=source,
+        )
+
+
+def run_episode(
+    world: HallwayWorld,
+    planner: LocalPlanner,
+    driver: Driver,
+    *,
+    episode: int,
+    start_area: str = "train",
+    timeout_s: float | None = None,
+    observer: Observer | None = None,
+    waypoint_of: WaypointRule | None = None,
+    guard: CommandFilter | None = None,
+) -> EpisodeRecord:
+    """Run one episode to its end; an observer that returns False aborts it.
+
+    timeout_s: simulated seconds, the scenario's when None. waypoint_of: from an action to the
+    waypoint, the centre of the next cell when None. guard: from the planner's command to the one
+    that reaches the robot and the observer; a guard of the world that relies on the people that the
+    planner relies on when None.
+    """
+    limit_s = world.scenario.episode_timeout_s if timeout_s is None else timeout_s
+    if guard is None:
+        guard = WorldGuard(world, "scan" if isinstance(planner, ScanningPlanner) else "given")
+    observation = world.reset(episode, start_area)
+    planner.reset()
+    driver.begin(episode)
+    log = DecisionLog(world.grid, episode)
+    progress = EpisodeProgress(world.scenario, observation, limit_s)
+    waypoint: Waypoint | None = None
+    action = Action.WAIT
+    outcome: Ending | None = None
+    while outcome is None:
+        if is_decision_tick(observation, world.scenario):
+            action = _action(driver, driver.decide(observation))
+            log.decide(observation, action)
+            waypoint = (
+                waypoint_of_intent(world.grid, observation, action)
+                if waypoint_of is None
+                else waypoint_of(observation, action)
+            )
+        wanted = planner.step(observation, waypoint)
+        if not isinstance(wanted, Command):
+            raise SimError(
+                f"step of {type(planner).__name__} must return a Command, got {wanted!r}"
+                "; return STOP to stand"
+            )
+        command = guard(observation, wanted)
+        if observer is not None and observer(observation, command, action) is False:
+            outcome = "aborted"
+        else:
+            observation = world.step(command)
+            outcome = progress.see(observation)
+    if outcome != "aborted":
+        log.close(observation)
+    return EpisodeRecord(
+        episode=episode,
+        seed=world.seed,
+        driver=driver.name,
+        start_area=start_area,
+        outcome=outcome,
+        time_of_arrival_s=progress.duration_s if outcome == "arrived" else float("nan"),
+        duration_s=progress.duration_s,
+        n_ticks=progress.n_ticks,
+        distance_m=progress.distance_m,
+        contacts=world.contacts,
+        minimum_person_distance_m=world.minimum_person_distance_m,
+        decisions=log.decisions(f"{driver.name} in {world.scenario.name}, seed {world.seed}"),
+    )
+
+
+def _action(driver: Driver, chosen: object) -> Action:
+    """What a driver decided; SimError where it is no action."""
+    try:
+        return Action(chosen)  # type: ignore[arg-type]  # of whatever a user's driver returns
+    except ValueError:
+        names = ", ".join(f"{each.value} ({each.name})" for each in Action)
+        raise SimError(
+            f"decide of {type(driver).__name__} must return an Action, one of {names}, got"
+            f" {chosen!r}; return Action.WAIT to stand"
+        ) from None

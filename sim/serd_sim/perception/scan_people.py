@@ -1,0 +1,147 @@
+"""People in one lidar scan: what the map does not explain, cut into bodies.
+
+Rays that end away from every wall are grouped while their end points stay close together; a group
+wider than one body is split. Of a round body of radius r only the near side is seen, on average
+pi/4 r before its centre.
+"""
+
+import math
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serd_core.arrays import FloatArray
+from serd_sim.crowd.social_force import model_named
+from serd_sim.errors import SimError
+from serd_sim.perception.people_tracker import PeopleTracker
+from serd_sim.safety.motion import compose
+from serd_sim.safety.scan import Scan
+from serd_sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation, Pose, make_observation
+
+WALL_MARGIN_M = 0.12
+_SAME_BODY_M = 0.25
+_SKIPPED_RAYS = 2
+_MOST_GROUPS = 500
+
+
+def people_in_scan(
+    ranges_m: NDArray[np.float32],
+    angles_rad: FloatArray,
+    pose: Pose,
+    walls: WallDistanceRaster,
+    person_radius_m: float,
+    wall_margin_m: float = WALL_MARGIN_M,
+) -> FloatArray:
+    """(K, 2) estimated centres of people, in the map.
+
+    ranges_m, angles_rad: (n_rays,), not finite where there is no return. pose: of the lidar.
+    wall_margin_m: points nearer than this to a wall belong to it. Of more groups than
+    `_MOST_GROUPS` the nearest count.
+    """
+    rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
+    free = walls.at(x_m, y_m) > wall_margin_m
+    rays, x_m, y_m = rays[free], x_m[free], y_m[free]
+    if not len(rays):
+        return np.zeros((0, 2))
+    apart = np.hypot(np.diff(x_m), np.diff(y_m)) > _SAME_BODY_M
+    breaks = np.flatnonzero(apart | (np.diff(rays) > _SKIPPED_RAYS)) + 1
+    groups = np.split(np.stack([x_m, y_m], axis=1), breaks)
+    if len(groups) > 1 and _continues_around(rays, groups, len(angles_rad)):
+        groups[0] = np.concatenate([groups.pop(), groups[0]])
+    if len(groups) > _MOST_GROUPS:  # of noise, which the tracker would compare for minutes
+        groups.sort(key=lambda group: math.hypot(*(group[0] - pose[:2])))
+        del groups[_MOST_GROUPS:]
+    centers = [
+        center
+        for group in groups
+        for body in _bodies_of(group, person_radius_m)
+        if (center := _center_of(body, pose, person_radius_m)) is not None
+    ]
+    return np.array(centers).reshape(-1, 2)
+
+
+def _end_points(
+    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose
+) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+    """Indices and end points of the rays that have a return."""
+    rays = np.flatnonzero(np.isfinite(ranges_m))
+    angle = angles_rad[rays] + pose[2]
+    reach_m = ranges_m[rays].astype(np.float64)
+    x_m: FloatArray = pose[0] + reach_m * np.cos(angle)
+    y_m: FloatArray = pose[1] + reach_m * np.sin(angle)
+    return rays, x_m, y_m
+
+
+def _continues_around(rays: NDArray[np.intp], groups: list[FloatArray], n_rays: int) -> bool:
+    """Whether the last group goes on in the first one, across the scan's seam."""
+    near = float(np.hypot(*(groups[-1][-1] - groups[0][0]))) <= _SAME_BODY_M
+    return near and rays[0] + n_rays - rays[-1] <= _SKIPPED_RAYS
+
+
+def _bodies_of(group: FloatArray, person_radius_m: float) -> list[FloatArray]:
+    """The group cut into as many equal parts as bodies fit side by side."""
+    width = float(np.hypot(*(group[-1] - group[0])))
+    count = max(1, math.floor(width / (2.0 * person_radius_m) + 0.4))
+    return [part for part in np.array_split(group, count) if len(part)]
+
+
+def _center_of(body: FloatArray, pose: Pose, person_radius_m: float) -> FloatArray | None:
+    """Centre behind the seen surface; None for a single stray point close by."""
+    seen = body.mean(axis=0)
+    away = seen - np.array(pose[:2])
+    distance = float(np.hypot(*away))
+    if len(body) < 2 and distance < 4.0:
+        return None
+    center: FloatArray = seen + 0.25 * math.pi * person_radius_m * away / max(distance, 1e-6)
+    return center
+
+
+class ScanPerception:
+    """Replaces the people of observations by those tracked in scans."""
+
+    def __init__(self, scenario: Scenario, wall_margin_m: float = WALL_MARGIN_M) -> None:
+        self.tracker = PeopleTracker()
+        self._people_in = partial(
+            people_in_scan,
+            walls=wall_distance_raster(scenario),
+            person_radius_m=model_named(scenario.pedestrians.model).body_radius_m,
+            wall_margin_m=wall_margin_m,
+        )
+        self._angles_rad = scenario.lidar.angles_rad
+
+    def reset(self) -> None:
+        """Discard all tracks, at the start of an episode."""
+        self.tracker.reset()
+
+    def take(self, observation: Observation, ranges_m: NDArray[np.float32]) -> None:
+        """Take the scan (n_rays,) that was made at an observation's time and pose."""
+        if ranges_m.shape != self._angles_rad.shape:
+            raise SimError(
+                f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
+                f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
+            )
+        found = self._people_in(ranges_m, self._angles_rad, observation.pose)
+        self.tracker.update(found, observation.time_s)
+
+    def take_scan(self, scan: Scan, robot: Pose) -> None:
+        """Take a scan of any lidar, with the pose of the robot when it was made.
+
+        Many simulated lidars send range_max for rays that meet nothing.
+        """
+        ends = scan.valid & (scan.ranges_m < scan.geometry.range_max_m)
+        ranges_m = np.where(ends, scan.ranges_m, np.float32(np.inf))
+        lidar = robot if scan.mount is None else compose(robot, scan.mount)
+        self.tracker.update(self._people_in(ranges_m, scan.angles_rad, lidar), scan.stamp_s)
+
+    def see(self, observation: Observation) -> Observation:
+        """The observation with the tracked people, predicted to its time, as its people."""
+        self.tracker.predict(observation.time_s)
+        found = {
+            "people_position_m": self.tracker.position_m,
+            "people_velocity_mps": self.tracker.velocity_mps,
+            "people_id": self.tracker.identity,
+        }
+        return make_observation(**vars(observation) | found)

@@ -1,0 +1,206 @@
+"""Settings of the guard, under the names of Nav2's collision_monitor where it has them."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
+from serd_sim.crowd.social_force import model_named
+from serd_sim.safety.scan import ZeroIs
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import RobotSettings
+
+_ROBOT = RobotSettings()
+Observed = Literal["robot_pose", "pedestrians", "scan"]
+_MAP_SOURCES: tuple[Observed, ...] = ("robot_pose", "pedestrians")
+#: How fast (m/s) a robot drives where it touches something or little is known.
+CREEP_MPS = 0.1
+#: Periods of the lidar within which two scans are expected.
+_SCAN_PERIODS = 2.5
+
+
+class LidarPlace(StrictModel):
+    """Where the lidar is on the robot, and what it means by a range of 0."""
+
+    sensor_x: float = setting(0.0, "position of the lidar ahead of the centre", unit="m")
+    sensor_y: float = setting(0.0, "position of the lidar left of the centre", unit="m")
+    sensor_yaw: float = setting(0.0, "direction of the lidar's x axis", unit="rad")
+    zero_is: ZeroIs = setting(
+        "unknown",
+        "what the lidar means by a range of 0: unknown; free: no return; obstacle: too near",
+    )
+
+
+class GuardSettings(LidarPlace):
+    """The footprint, the zones around it, and the limits of each input; SI units."""
+
+    observation_sources: tuple[Observed, ...] = setting(
+        ("robot_pose", "pedestrians", "scan"),
+        "inputs that the robot relies on beside odom; the robot stands without one of them",
+        min_length=1,
+    )
+    radius: float = setting(_ROBOT.radius_m, "radius of the footprint", unit="m", gt=0)
+    max_vel_x: float = setting(_ROBOT.max_vel_x_mps, "largest speed", unit="m/s", gt=0)
+    max_vel_theta: float = setting(
+        _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
+    )
+    acc_lim_x: float = setting(
+        _ROBOT.acc_lim_x_mps2, "acceleration of the robot", unit="m/s²", gt=0
+    )
+    decel_lim_x: float = setting(
+        0.0, "deceleration of the robot at a stop; 0: acc_lim_x", unit="m/s²", ge=0
+    )
+    acc_lim_theta: float = setting(
+        _ROBOT.acc_lim_theta_radps2, "acceleration of turns of the robot", unit="rad/s²", gt=0
+    )
+    controller_frequency: float = setting(20.0, "commands per second", unit="Hz", ge=1, le=1000)
+
+    reaction_time: float = setting(
+        0.05, "approach zone: delay of braking beyond one command", unit="s", ge=0, le=2
+    )
+    collision_margin: float = setting(
+        0.02, "approach zone: gap to keep from scan points and people", unit="m", ge=0
+    )
+    min_points: int = setting(2, "scan points that count as an obstacle", ge=1)
+    person_radius: float = setting(0.25, "radius of a person of pedestrians", unit="m", gt=0)
+    stop_radius: float = setting(
+        0.0, "stop zone: no motion towards points nearer to the centre; 0: none", unit="m", ge=0
+    )
+    slowdown_radius: float = setting(
+        0.0, "slowdown zone: slower while points are nearer to the centre; 0: none", unit="m", ge=0
+    )
+    slowdown_ratio: float = setting(0.5, "share of the speed in the slowdown zone", gt=0, le=1)
+    linear_limit: float = setting(
+        0.5, "largest speed while only the scan shows people", unit="m/s", gt=0
+    )
+    person_speed: float = setting(
+        1.3, "speed of scan points towards the robot while only they show people", unit="m/s", ge=0
+    )
+
+    source_timeout: float = setting(
+        0.25, "zero speed when the newest stamp of an input is this old", unit="s", gt=0, le=2
+    )
+    slowdown_timeout: float = setting(
+        0.15, "slower in proportion from this age of a stamp on", unit="s", gt=0
+    )
+    command_timeout: float = setting(
+        0.2, "stop without a command for this time", unit="s", gt=0, le=0.5
+    )
+    transform_tolerance: float = setting(
+        0.2, "a stamp this far in the future is a fault", unit="s", ge=0
+    )
+    clock_jump: float = setting(
+        1.0, "a clock that advances more than this at once begins a new session", unit="s", gt=0
+    )
+    override_timeout: float = setting(
+        0.3, "an override lasts this long after its last message", unit="s", gt=0, le=1
+    )
+
+    lost_rays: float = setting(
+        0.05, "share of lost rays from which the robot drives slower in proportion", ge=0, lt=1
+    )
+    blind_rays: float = setting(
+        0.5,
+        "share of rays that state nothing, or are lost, from which the robot stands",
+        gt=0,
+        le=1,
+    )
+    vanished_hold: float = setting(
+        0.5,
+        "time for which an obstacle stays where a ray that met it turns free",
+        unit="s",
+        ge=0,
+        le=10,
+    )
+    frozen_motion: float = setting(
+        0.03, "a scan or pose that is the same after this motion is frozen", unit="m", gt=0
+    )
+    frozen_messages: int = setting(
+        3, "messages with the same people, some of them walking, that are frozen", ge=2
+    )
+    unseen_people: float = setting(
+        0.05,
+        "share of people in view whom the scan does not show, from which they are wrong",
+        gt=0,
+        le=1,
+    )
+    people_look: float = setting(
+        10.0,
+        "time for which the scan must show all people in view after it did not, or after a jump"
+        " of the pose",
+        unit="s",
+        ge=0,
+    )
+    pose_tolerance: float = setting(
+        0.15, "error allowed between the motion of pose and odometry", unit="m", gt=0
+    )
+    yaw_tolerance: float = setting(
+        0.25, "error allowed between the turn of pose and odometry", unit="rad", gt=0
+    )
+    drift_ratio: float = setting(0.1, "error allowed in addition, per motion or turn", ge=0)
+    consistency_window: float = setting(
+        2.0, "time over which motions of pose and odometry are compared", unit="s", gt=0
+    )
+    second_look: float = setting(
+        1.0, "time for which a pose must be consistent after a jump", unit="s", ge=0
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "GuardSettings":
+        sources = self.observation_sources
+        if "pedestrians" in sources and "robot_pose" not in sources:
+            raise ValueError(
+                "observation_sources must have 'robot_pose' where it has 'pedestrians', whose"
+                f" positions are in the map, got {', '.join(sources)}; add it or leave both out"
+            )
+        if not {"scan", "pedestrians"} & {*sources}:
+            raise ValueError(
+                "observation_sources must have 'scan' or 'pedestrians', got"
+                f" {', '.join(sources)}; add one that shows obstacles"
+            )
+        for low, high in (("slowdown_timeout", "source_timeout"), ("lost_rays", "blind_rays")):
+            if not getattr(self, low) < getattr(self, high):
+                raise ValueError(
+                    f"{low} must be less than {high} ({getattr(self, high):g}), got"
+                    f" {getattr(self, low):g}; lower it"
+                )
+        return self
+
+    @property
+    def braking(self) -> float:
+        """Deceleration at a stop in m/s²."""
+        return self.decel_lim_x or self.acc_lim_x
+
+    def robot(self) -> RobotSettings:
+        """The robot with these limits; backward as fast as forward."""
+        return RobotSettings(
+            radius_m=self.radius,
+            max_vel_x_mps=self.max_vel_x,
+            min_vel_x_mps=-self.max_vel_x,
+            max_vel_theta_radps=self.max_vel_theta,
+            acc_lim_x_mps2=self.acc_lim_x,
+            decel_lim_x_mps2=self.braking,
+            acc_lim_theta_radps2=self.acc_lim_theta,
+        )
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario, people_from: str = "given") -> "GuardSettings":
+        """The guard of the robot of a scenario; people_from: where its planner gets people from."""
+        robot = scenario.robot
+        scan_period_s = scenario.ticks_per_scan * scenario.control_period_s
+        timeout_s = max(cls.model_fields["source_timeout"].default, _SCAN_PERIODS * scan_period_s)
+        sees_people = people_from == "given"
+        return cls(
+            observation_sources=(*_MAP_SOURCES[: 1 + sees_people], "scan"),
+            radius=robot.radius_m,
+            max_vel_x=robot.max_vel_x_mps,
+            max_vel_theta=robot.max_vel_theta_radps,
+            acc_lim_x=robot.acc_lim_x_mps2,
+            decel_lim_x=robot.decel_lim_x_mps2,
+            acc_lim_theta=robot.acc_lim_theta_radps2,
+            controller_frequency=1.0 / scenario.control_period_s,
+            person_radius=model_named(scenario.pedestrians.model).body_radius_m,
+            source_timeout=timeout_s,
+            slowdown_timeout=0.6 * timeout_s,
+        )

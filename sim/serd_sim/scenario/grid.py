@@ -1,0 +1,96 @@
+"""A scenario on the coarse grid: walkable cells, flow, goal, starts, distance to walls."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from serd_bag.nearest import choice_rule
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
+from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
+from serd_sim.errors import SimError
+from serd_sim.scenario.polygon import contains, distance_to_segments_m, edges_of
+from serd_sim.scenario.rules import has_room
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import Loop
+
+_WEAKEST_FLOW = 0.05
+
+
+def flow_vectors(loops: tuple[Loop, ...], points_m: FloatArray, cell_size_m: float) -> FloatArray:
+    """(N, 2) walking directions around each point, weighted by share and nearness.
+
+    f = sum over legs of share * max(0, 1 - (d / h)^2) * direction, with d the distance to the leg
+    and h its reach: the half width of the lane plus three quarters of a cell.
+    """
+    total = np.zeros((len(points_m), 2))
+    for loop in loops:
+        legs = edges_of(loop.waypoints_m)
+        along = legs[:, 1] - legs[:, 0]
+        direction = along / np.linalg.norm(along, axis=1, keepdims=True)
+        reach = loop.lane_half_width_m + 0.75 * cell_size_m
+        nearness = 1.0 - (distance_to_segments_m(points_m, legs) / reach) ** 2
+        total += loop.share * np.maximum(nearness, 0.0) @ direction
+    return total
+
+
+def quantised_flow(vectors: FloatArray) -> IntArray:
+    """(N,) the `Action` of the nearest direction, NO_FLOW where the vector nearly vanishes."""
+    alignment = vectors @ DIRECTION_VECTORS[1:].T
+    direction = np.argmax(alignment, axis=1) + int(Action.NORTH)
+    strong = np.linalg.norm(vectors, axis=1) > _WEAKEST_FLOW
+    return np.where(strong, direction, NO_FLOW).astype(np.int64)
+
+
+def grid_of(scenario: Scenario) -> Grid:
+    """Grid over the scenario's bounds; a cell is walkable when its centre is."""
+    cells = scenario.cells
+    return Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
+
+
+def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
+    """(S,) direction people walk in each cell as an `Action`, -1 for none."""
+    loops = scenario.directed_loops if scenario.pedestrians.count else ()
+    return quantised_flow(flow_vectors(loops, grid.centers_m, grid.cell_size_m))
+
+
+def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
+    """States whose centre lies in the goal area."""
+    return np.flatnonzero(contains(scenario.goal_area_m, grid.centers_m))
+
+
+def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
+    """States in which a robot starts: in the start area of that name, with room between walls."""
+    if area not in scenario.start_areas_m:
+        raise SimError(choice_rule("start area", area, sorted(scenario.start_areas_m)))
+    states = np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
+    walls_m, radius_m = scenario.wall_segments_m, scenario.robot.radius_m
+    return states[has_room(grid.centers_m[states], grid.cell_size_m, walls_m, radius_m)]
+
+
+def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
+    """(S,) metres from each cell's centre to the nearest wall."""
+    distance = distance_to_segments_m(grid.centers_m, scenario.wall_segments_m)
+    return np.asarray(distance.min(axis=1))
+
+
+def navigation_problem_of(
+    scenario: Scenario,
+    discount: float,
+    features: Sequence[str] | None = None,
+    flow: IntArray | None = None,
+) -> NavigationProblem:
+    """The decision problem of section 5.1 on this scenario's grid.
+
+    features: by default all that the place has. flow: (S,) as recorded, in place of the one that
+    the scenario's loops make.
+    """
+    grid = grid_of(scenario)
+    return build_navigation_problem(
+        grid=grid,
+        flow=flow_of(scenario, grid) if flow is None else flow,
+        goal_states=goal_states_of(scenario, grid),
+        wall_distance_m=wall_distance_of(scenario, grid),
+        discount=discount,
+        features=features,
+    )

@@ -1,0 +1,280 @@
+"""A scenario: the place, its walkers, the robot and its task, as one YAML file (metres, seconds).
+
+The walkable area is one simple polygon; its edges and those of the obstacles are the walls. Loops
+are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
+"""
+
+import hashlib
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import ValidationError, model_validator
+
+from serd_bag.files import read_text
+from serd_bag.nearest import nearest_name
+from serd_core.arrays import FloatArray
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel, load_yaml_model, sentence_of
+from serd_sim.crowd.social_force import model_named
+from serd_sim.errors import SimError
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario import rules
+from serd_sim.scenario.obstacle import Obstacle
+from serd_sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
+from serd_sim.scenario.settings import (
+    LidarSettings,
+    Loop,
+    OdometrySettings,
+    Outline,
+    PedestrianSettings,
+    RobotSettings,
+)
+from serd_sim.scenario.walkable_cells import WalkableCells, walkable_cells
+
+_BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
+
+
+class Scenario(StrictModel):
+    """Everything that defines a world except the seed."""
+
+    name: str = setting(..., "name in titles and tables")
+    description: str = setting("", "one line for `serd scenario list`")
+    cell_size_m: float = setting(
+        1.0,
+        f"side of the cells of the decision grid, of which there may be {rules.MOST_CELLS:,}",
+        unit="m",
+        ge=0.001,
+    )
+    cell_clearance_m: float | None = setting(
+        None,
+        "least distance of a walkable cell's centre to every wall; a tenth of a cell by default."
+        " With half a cell no thin wall lies between two walkable cells",
+        unit="m",
+        ge=0,
+    )
+    decision_period_s: float = setting(
+        2.0,
+        "time between decisions, a multiple of the control period, in which an unhindered robot"
+        " must reach the next cell",
+        unit="s",
+        ge=rules.LEAST_PERIOD_S,
+    )
+    control_period_s: float = setting(
+        0.05,
+        f"time between commands, at most {rules.LONGEST_CONTROL_PERIOD_S:g} s; the robot must drive"
+        " less than its radius in it",
+        unit="s",
+        ge=rules.LEAST_PERIOD_S,
+    )
+    episode_timeout_s: float = setting(
+        420.0,
+        "simulated time after which an episode ends without arrival, at least a decision period",
+        unit="s",
+        gt=0,
+    )
+    walkable_area_m: Outline = setting(
+        ..., "corners of a simple polygon, in order; its edges are walls", unit="m"
+    )
+    obstacles: tuple[Obstacle, ...] = setting(
+        (),
+        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls",
+    )
+    goal_area_m: Outline = setting(
+        ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
+    )
+    start_areas_m: dict[str, Outline] = setting(
+        ...,
+        "polygons by name, one of them `train`; choose another with `--start-area` or"
+        " `start_area:=`",
+        unit="m",
+    )
+    flow_convention: Literal["right_hand", "left_hand"] = setting(
+        "right_hand", "left_hand: people walk all loops backward"
+    )
+    pedestrians: PedestrianSettings = PedestrianSettings()
+    robot: RobotSettings = RobotSettings()
+    lidar: LidarSettings = LidarSettings()
+    odometry: OdometrySettings = OdometrySettings()
+    local_planner: PlannerSettings = PlannerSettings()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Scenario":
+        rules.require_finite_scale(self.model_dump())
+        rules.require_control_period(self.control_period_s, self.robot)
+        rules.require_braking(self.robot)
+        rules.require_whole_periods(
+            "decision_period_s", self.decision_period_s, self.control_period_s
+        )
+        rules.require_timeout(self.episode_timeout_s, self.decision_period_s)
+        rules.require_lidar(self.lidar, self.control_period_s)
+        self.local_planner.require_within(self.robot, self.control_period_s)
+        if "train" not in self.start_areas_m:
+            raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
+        solids = self.solids_m
+        rules.require_in_place(self.walkable_area_m, solids)
+        rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
+        self._require_usable_areas()
+        rules.require_walkable_crowd(self.pedestrians.count, self.cells)
+        if self.pedestrians.count and not self.pedestrians.loops:
+            raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
+        for number, place in enumerate(self.pedestrians.standing_m):
+            rules.require_standing(
+                f"pedestrians.standing_m[{number}]",
+                place,
+                [self.walkable_area_m, *solids],
+                model_named(self.pedestrians.model).body_radius_m,
+            )
+        for number, loop in enumerate(self.pedestrians.loops):
+            name = f"pedestrians.loops[{number}]"
+            rules.require_lane(name, loop, self.walkable_area_m, solids, self.wall_segments_m)
+        return self
+
+    def _require_usable_areas(self) -> None:
+        cells, radius_m = self.cells, self.robot.radius_m
+        rules.require_cells("goal_area_m", self.goal_area_m, cells)
+        for key, area in self.start_areas_m.items():
+            name = f"start_areas_m.{key}"
+            rules.require_cells(name, area, cells)
+            rules.require_room(name, area, cells, self.wall_segments_m, radius_m)
+            rules.require_way(name, area, self.goal_area_m, cells)
+            rules.require_outside_goal(name, area, self.goal_area_m, cells)
+
+    @property
+    def period_remark(self) -> str:
+        """That the robot cannot reach the next cell within a decision period; else empty."""
+        planned_mps = self.local_planner.max_vel_x
+        speed_mps = self.robot.max_vel_x_mps if planned_mps is None else planned_mps
+        reach_m = speed_mps * self.decision_period_s
+        if reach_m >= self.cell_size_m:
+            return ""
+        return (
+            f"at its full speed of {speed_mps:g} m/s the robot drives {reach_m:.3g} m in a decision"
+            f" period of {self.decision_period_s:g} s, less than a cell of {self.cell_size_m:g} m:"
+            " raise decision_period_s or the speed, or lower cell_size_m"
+        )
+
+    @property
+    def ticks_per_decision(self) -> int:
+        """Control periods in one decision period."""
+        return round(self.decision_period_s / self.control_period_s)
+
+    @property
+    def ticks_per_scan(self) -> int:
+        """Control periods between two scans."""
+        return max(1, round(1.0 / (self.lidar.rate_hz * self.control_period_s)))
+
+    @property
+    def wall_polygons_m(self) -> list[FloatArray]:
+        """Outline of the walkable area, then of each obstacle, (n, 2).
+
+        Corners are ordered so that the free side is to the left of every edge. Corners amid a
+        straight wall are left out: people keep away from each edge, however a wall is cut.
+        """
+        outlines = (self.walkable_area_m, *self.solids_m)
+        area, *solids = (
+            counter_clockwise(without_straight_corners(np.array(outline))) for outline in outlines
+        )
+        return [area, *(solid[::-1] for solid in solids)]
+
+    @cached_property
+    def wall_segments_m(self) -> FloatArray:
+        """(W, 2, 2) start and end points of all walls."""
+        return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
+
+    @property
+    def solids_m(self) -> list[Outline]:
+        """Outlines of the obstacles."""
+        return [each.outline_m for each in self.obstacles]
+
+    @cached_property
+    def cells(self) -> WalkableCells:
+        """The coarse cells of the walkable area."""
+        return walkable_cells(
+            self.walkable_area_m, self.solids_m, self.cell_size_m, self.cell_clearance_m
+        )
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the walkable area."""
+        corners = np.array(self.walkable_area_m)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @property
+    def directed_loops(self) -> tuple[Loop, ...]:
+        """The loops in the order of walking under this scenario's flow convention."""
+        if self.flow_convention == "right_hand":
+            return self.pedestrians.loops
+        return tuple(
+            loop.model_copy(update={"waypoints_m": loop.waypoints_m[::-1]})
+            for loop in self.pedestrians.loops
+        )
+
+    def with_pedestrian_count(self, count: int) -> "Scenario":
+        """The same scenario with another number of people."""
+        if count < 0:
+            raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
+        return self.with_values("pedestrians", count=count)
+
+    def with_values(self, part: str, **values: object) -> "Scenario":
+        """The same scenario with other values in a part of it; SimError where they do not fit."""
+        content = self.model_dump()
+        try:
+            return type(self).model_validate(content | {part: content[part] | values})
+        except ValidationError as error:
+            raise SimError(sentence_of(error, type(self))) from None
+
+    def with_local_planner(self, parameters: PlannerSettings) -> "Scenario":
+        """The same scenario with other parameters of the local planners."""
+        try:
+            parameters.require_within(self.robot, self.control_period_s)
+        except ValueError as error:
+            raise SimError(str(error)) from None
+        return self.model_copy(update={"local_planner": parameters})
+
+
+def builtin_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package."""
+    return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
+
+
+def scenario_suite(name: str) -> tuple[str, ...]:
+    """Names of the scenarios of a suite that comes with the package; empty where there is none."""
+    return tuple(f"{name}/{path.stem}" for path in sorted((_BUILTIN_FOLDER / name).glob("*.yaml")))
+
+
+def suite_names() -> tuple[str, ...]:
+    """Names of the suites: folders of scenarios that stay as they are, for comparisons."""
+    return tuple(sorted(path.name for path in _BUILTIN_FOLDER.iterdir() if path.is_dir()))
+
+
+def scenario_content(scenario: Scenario) -> str:
+    """All values of a scenario, and the URDF that it drives."""
+    text = scenario.model_dump_json()
+    if scenario.robot.drive == "physical":
+        text += read_text(scenario.robot.urdf_path)
+    return text
+
+
+def scenario_digest(scenario: Scenario) -> str:
+    """Digest of the content of a scenario."""
+    return hashlib.sha256(scenario_content(scenario).encode()).hexdigest()[:12]
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Scenario by the name of a built-in one or by the path of a YAML file."""
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"}:
+        return load_yaml_model(path, Scenario)
+    name = str(name_or_path)
+    if name in (*builtin_scenarios(), *scenario_suite(name.partition("/")[0])):
+        return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
+    of_suites = (each for suite in suite_names() for each in scenario_suite(suite))
+    meant = nearest_name(name, (*builtin_scenarios(), *of_suites))
+    known = ", ".join(builtin_scenarios())
+    hint = (
+        f"did you mean {meant!r}?" if meant else f"built in are {known}; name the file of another"
+    )
+    raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")

@@ -1,0 +1,28 @@
+"""The nearest right name."""
+
+from serd_bag.nearest import choice_rule, hint, nearest_name
+
+
+def test_a_slip_finds_the_name_meant():
+    assert nearest_name("hallwya", ["hallway", "junction"]) == "hallway"
+    assert nearest_name("HALLWAY", ["hallway", "junction"]) == "hallway"
+
+
+def test_nothing_near_is_none():
+    assert nearest_name("zebra", ["hallway", "junction"]) is None
+    assert nearest_name("zebra", []) is None
+
+
+def test_the_hint_offers_the_nearest_or_all():
+    assert hint("juncton", ["hallway", "junction"]) == "did you mean 'junction'?"
+    assert hint("zebra", ["junction", "hallway"]) == "choose from hallway, junction"
+    assert hint("zebra", []) == "none is known"
+
+
+def test_a_rule_names_the_choices_and_only_a_near_one_as_meant():
+    rule = "place must be one of hallway, junction, got "
+    choices = ["hallway", "junction"]
+    assert (
+        choice_rule("place", "junktion", choices) == f"{rule}'junktion'; did you mean 'junction'?"
+    )
+    assert choice_rule("place", "zebra", choices) == f"{rule}'zebra'"

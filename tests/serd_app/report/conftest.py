@@ -1,0 +1,176 @@
+"""A small L-shaped world with hand-made results: everything a report needs, nothing simulated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serd_app.report.figures.map_axes import HallwayLayout, layout_of
+from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.arrival.law import law_in_seconds
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.serd import fit_mdce_serd
+from serd_core.policies.solved_policy import Policy, optimal_policy
+from serd_core.priors.divergence import KldPrior
+from serd_sim.scenario.grid import navigation_problem_of, start_states_of
+from serd_sim.scenario.scenario import Scenario
+from support.episodes import episode_result
+
+
+@pytest.fixture(scope="session")
+def scenario() -> Scenario:
+    return Scenario.model_validate(
+        {
+            "name": "corner",
+            "walkable_area_m": [[0, 0], [3, 0], [3, 4], [7, 4], [7, 6], [0, 6]],
+            "goal_area_m": [[6, 4], [7, 4], [7, 6], [6, 6]],
+            "start_areas_m": {
+                "train": [[0, 0], [2, 0], [2, 1], [0, 1]],
+                "transfer": [[2, 0], [3, 0], [3, 1], [2, 1]],
+            },
+            "pedestrians": {
+                "count": 3,
+                "loops": [
+                    {
+                        "name": "round",
+                        "waypoints_m": [
+                            *([0.5, 0.5], [2.5, 0.5], [2.5, 4.5]),
+                            *([6.5, 4.5], [6.5, 5.5], [0.5, 5.5]),
+                        ],
+                        "lane_half_width_m": 0.3,
+                    }
+                ],
+            },
+        }
+    )
+
+
+@pytest.fixture(scope="session")
+def layout(scenario: Scenario) -> HallwayLayout:
+    return layout_of(scenario)
+
+
+@pytest.fixture(scope="session")
+def problem(scenario: Scenario) -> NavigationProblem:
+    return navigation_problem_of(scenario, 0.95)
+
+
+@pytest.fixture(scope="session")
+def start(scenario: Scenario, problem: NavigationProblem) -> np.ndarray:
+    states = start_states_of(scenario, problem.grid, "train")
+    return np.bincount(states, minlength=problem.grid.n_states) / len(states)
+
+
+@pytest.fixture(scope="session")
+def demonstrations(problem: NavigationProblem, start: np.ndarray) -> Decisions:
+    outcomes = np.full((4, 5), 0.02)
+    outcomes[:, 1] = 0.92
+    outcomes[3] = [0.92, 0.02, 0.02, 0.02, 0.02]
+    expert = optimal_policy(problem, np.array([5.0, 0.5, 0.1]), outcomes)
+    return sample_decisions(
+        problem.mdp,
+        expert.probabilities,
+        outcomes,
+        start,
+        n_episodes=6,
+        n_steps=14,
+        rng=np.random.default_rng(5),
+        source="hand-made",
+    )
+
+
+@pytest.fixture(scope="session")
+def fit(problem: NavigationProblem, demonstrations: Decisions) -> FitResult:
+    return fit_mdce_serd(
+        problem, demonstrations, initial_weights=np.array([1.0, 0.1, 0.0]), prior=KldPrior(0.1)
+    )
+
+
+@pytest.fixture(scope="session")
+def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
+    return optimal_policy(problem, fit.reward_weights, fit.outcome_probabilities)
+
+
+@pytest.fixture(scope="session")
+def snapshot() -> CrowdSnapshot:
+    position = np.array([[2.4, 1.0], [2.6, 3.0], [5.0, 4.6]])
+    velocity = np.array([[0.0, 1.2], [0.0, 1.3], [1.1, 0.1]])
+    back = np.linspace(1.0, 0.0, 8)[:, None, None]
+    trail = position - back * velocity
+    trail[:3, 2] = np.nan
+    return CrowdSnapshot(
+        time_s=12.5,
+        robot_pose=np.array([0.8, 0.6, 0.3]),
+        people_position_m=position,
+        people_velocity_mps=velocity,
+        people_trail_m=trail,
+        robot_trail_m=np.linspace([0.2, 0.3], [0.8, 0.6], 8),
+    )
+
+
+@pytest.fixture(scope="session")
+def inputs(
+    scenario: Scenario,
+    problem: NavigationProblem,
+    start: np.ndarray,
+    demonstrations: Decisions,
+    fit: FitResult,
+    policy: Policy,
+    snapshot: CrowdSnapshot,
+) -> ReportInputs:
+    return ReportInputs(
+        title="Corner demo",
+        scenario=scenario,
+        problem=problem,
+        demonstrations=demonstrations,
+        demonstration_tracks_m=(np.linspace([0.5, 0.5], [2.5, 5.5], 9),),
+        fit=fit,
+        policy=policy,
+        episodes=(
+            episode_result(0, "arrived", 21.05),
+            episode_result(1, "arrived", 24.5, person_on_robot=2),
+            episode_result(2, "arrived", 19.0),
+            episode_result(3, "timeout", robot_on_person=1),
+        ),
+        predicted=law_in_seconds(
+            arrival_time_distribution(
+                problem, policy.probabilities, fit.outcome_probabilities, start, 60
+            ),
+            period_s=2.0,
+        ),
+        timeout_s=120.0,
+        snapshot=snapshot,
+        run=RunFacts(
+            command="serd demo --seed 7",
+            how="in process",
+            finished_at="2026-01-02T03:04:05Z",
+            phases=(PhaseTiming("navigate", 2.0, 100.0), PhaseTiming("learn", 0.5)),
+            seeds={"world": 7},
+            versions={"serd": "0.1.0"},
+        ),
+        files=(FileLink("model.yaml", "the learned model"),),
+    )
+
+
+@pytest.fixture
+def odd_inputs(inputs: ReportInputs) -> ReportInputs:
+    """The same report with names that would break a careless page."""
+    odd = '<script>alert("x")</script> & $x_1$ "quoted"'
+    run = replace(
+        inputs.run,
+        command=f"serd demo {odd}",
+        how=odd,
+        seeds={odd: 1},
+        versions={odd: odd},
+        phases=(PhaseTiming(odd, 1.0, 2.0),),
+    )
+    area = inputs.scenario.start_areas_m["train"]
+    scenario = inputs.scenario.model_copy(
+        update={"name": odd, "start_areas_m": {"train": area, odd: area}}
+    )
+    files = (FileLink("a <b> & c.yaml", odd),)
+    return replace(inputs, title=odd, run=run, scenario=scenario, files=files)

@@ -1,0 +1,131 @@
+"""Chart figures carry the numbers they were given."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.container import BarContainer, ErrorbarContainer
+from matplotlib.figure import Figure
+
+from serd_app.learning.knowledge import Knowledge, OutcomeRow
+from serd_app.report.figures.arrival import ArrivalCurve, draw_arrival
+from serd_app.report.figures.charts import (
+    OUTCOME_LABELS,
+    draw_outcomes,
+    draw_progress,
+    draw_weights,
+)
+from serd_app.report.style import png_bytes
+from serd_core.bayes.information import PRIOR_ONLY
+from serd_core.errors import SerdError
+from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
+
+
+def bars(figure: Figure, panel: int = 0) -> list[BarContainer]:
+    return [c for c in figure.axes[panel].containers if isinstance(c, BarContainer)]
+
+
+def test_weight_bars_have_the_lengths_and_names_of_the_weights() -> None:
+    weights = np.array([4.0, -1.5, 0.25])
+    figure = draw_weights(FEATURE_NAMES, weights)
+    (drawn,) = bars(figure)
+    np.testing.assert_allclose([bar.get_width() for bar in drawn], weights)
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert labels == ["goal", "social norm", "inverse wall distance"]
+    assert png_bytes(figure)
+
+
+def test_a_weight_without_a_name_is_refused() -> None:
+    with pytest.raises(SerdError, match=r"one value per feature \(2\), got 3"):
+        draw_weights(("goal", "norm"), np.zeros(3))
+
+
+def test_outcome_panels_show_initial_and_learned_probabilities_and_counts() -> None:
+    rng = np.random.default_rng(0)
+    initial, learned = rng.dirichlet(np.ones(5), size=(2, 4))
+    figure = draw_outcomes(MODEL_NAMES, initial, learned, np.array([455, 0, 1, 13]))
+    for i, axes in enumerate(figure.axes):
+        before, after = bars(figure, i)
+        np.testing.assert_allclose([bar.get_height() for bar in before], initial[i])
+        np.testing.assert_allclose([bar.get_height() for bar in after], learned[i])
+        assert axes.get_title(loc="left") == MODEL_NAMES[i].replace("_", " ")
+    counts = ["455 decisions", "0 decisions", "1 decision", "13 decisions"]
+    texts = [[text.get_text() for text in axes.texts] for axes in figure.axes]
+    assert all(count in panel for count, panel in zip(counts, texts, strict=True))
+    assert png_bytes(figure)
+
+
+def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale() -> None:
+    table = np.full((4, 5), 0.2)
+    rows = tuple(
+        OutcomeRow(model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, 1.0, 0.5, 0.2, "goal")
+        for m, (model, known) in enumerate(
+            zip(MODEL_NAMES, ("counts", PRIOR_ONLY, "choices", "counts and choices"), strict=True)
+        )
+        for outcome in OUTCOME_LABELS
+    )
+    counts = np.array([3, 0, 1, 1])
+    figure = draw_outcomes(MODEL_NAMES, table, table, counts, Knowledge(rows, ()))
+    for i, axes in enumerate(figure.axes):
+        (limits,) = (each for each in axes.containers if isinstance(each, ErrorbarContainer))
+        np.testing.assert_allclose(limits[0].get_ydata(), 0.15 + 0.01 * i)
+        np.testing.assert_allclose(
+            [ends[:, 1] for ends in limits[2][0].get_segments()], [[0.1, 0.6]] * 5
+        )
+        assert bars(figure, i)[1][0].get_alpha() == (0.3 if i == 1 else 1.0)
+        texts = "".join(text.get_text() for text in axes.texts)
+        assert f"known from: {rows[5 * i].known_from}" in texts
+    assert png_bytes(figure)
+
+
+def test_nan_probabilities_are_refused() -> None:
+    learned = np.full((4, 5), 0.2)
+    learned[2, 3] = np.nan
+    with pytest.raises(SerdError, match=r"learned outcome probabilities\[2, 3\] must be finite"):
+        draw_outcomes(MODEL_NAMES, np.full((4, 5), 0.2), learned, np.zeros(4, dtype=int))
+
+
+def test_the_arrival_figure_draws_both_curves_with_their_bands() -> None:
+    times = np.array([0.0, 10.0, 20.0])
+    predicted = ArrivalCurve(
+        times, np.array([0, 0.4, 0.9]), np.array([0, 0.2, 0.7]), np.array([0, 0.6, 1.0])
+    )
+    measured = ArrivalCurve(
+        times, np.array([0, 0.5, 0.8]), np.array([0, 0.3, 0.6]), np.array([0.1, 0.7, 0.9])
+    )
+    figure = draw_arrival(predicted, measured, n_episodes=30, shown_until_s=25.0)
+    axes = figure.axes[0]
+    for line, curve in zip(axes.lines, (predicted, measured), strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), times)
+        np.testing.assert_array_equal(line.get_ydata(), curve.probability)
+        assert line.get_drawstyle() == "steps-post"
+    for band, curve in zip(axes.collections, (predicted, measured), strict=True):
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert set(curve.lower) | set(curve.upper) == set(heights)
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "measured in 30 episodes" in labels
+    assert axes.get_xlim() == (9.0, 25.0)  # a tenth before the first arrival
+    assert png_bytes(figure)
+
+
+def test_the_progress_line_is_the_objective_of_every_step() -> None:
+    trace = np.array([-300.0, -220.0, -208.0, -207.5])
+    figure = draw_progress(trace, converged=True)
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), trace)
+    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xdata(), [1, 2, 3, 4])
+    assert "converged" in figure.axes[0].get_title(loc="right")
+
+
+@pytest.mark.parametrize("trace", [[-1.0], [2.0, 2.0, 2.0], np.linspace(-900, -1, 500)])
+def test_any_trace_can_be_drawn(trace: list[float]) -> None:
+    assert png_bytes(draw_progress(np.array(trace), converged=False))
+
+
+def test_an_empty_trace_is_refused() -> None:
+    with pytest.raises(SerdError, match="objective_trace must have at least one step, got none"):
+        draw_progress(np.zeros(0), converged=False)
+
+
+def test_drawing_leaves_the_global_settings_alone_and_needs_no_pyplot() -> None:
+    before = dict(mpl.rcParams)
+    png_bytes(draw_weights(("goal",), np.ones(1)))
+    assert dict(mpl.rcParams) == before

@@ -1,0 +1,206 @@
+"""Map figures carry the data they were given: positions, counts, arrows, traps."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from matplotlib import image as mpl_image
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from matplotlib.quiver import Quiver
+
+from serd_app.report.figures.hallway import draw_hallway
+from serd_app.report.figures.map_axes import HallwayLayout, layout_of
+from serd_app.report.figures.maps import (
+    draw_features,
+    draw_flow_map,
+    draw_policy_map,
+    draw_surprises,
+    draw_visitation,
+)
+from serd_app.report.inputs import CrowdSnapshot
+from serd_app.report.style import png_bytes, svg_bytes
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NavigationProblem
+from serd_sim.scenario.scenario import load_scenario
+
+
+def artists(figure: Figure, kind: type, gid: str) -> list:
+    return [a for a in figure.axes[0].get_children() if isinstance(a, kind) and a.get_gid() == gid]
+
+
+def cell_values(figure: Figure, panel: int = 0) -> np.ndarray:
+    (cells,) = [a for a in figure.axes[panel].collections if isinstance(a, PatchCollection)]
+    return np.ma.filled(cells.get_array(), np.nan)
+
+
+@pytest.fixture
+def hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
+    return draw_hallway(layout, snapshot)
+
+
+def test_every_person_and_the_robot_stand_where_they_were(
+    hallway: Figure, snapshot: CrowdSnapshot
+) -> None:
+    people = [circle.center for circle in artists(hallway, Circle, "person")]
+    np.testing.assert_allclose(people, snapshot.people_position_m)
+    (robot,) = artists(hallway, Circle, "robot")
+    np.testing.assert_allclose(robot.center, snapshot.robot_pose[:2])
+
+
+def test_arrows_point_along_the_velocities(hallway: Figure, snapshot: CrowdSnapshot) -> None:
+    (arrows,) = artists(hallway, Quiver, "walking direction")
+    drawn = np.stack([arrows.U, arrows.V], axis=1)
+    np.testing.assert_allclose(drawn, 0.7 * snapshot.people_velocity_mps)
+
+
+def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, layout: HallwayLayout) -> None:
+    (wall,) = artists(hallway, Polygon, "wall")
+    np.testing.assert_allclose(wall.get_xy()[:-1], layout.outline_m)
+    for name in ("goal", "start\ntrain", "start\ntransfer"):
+        assert len(artists(hallway, Polygon, f"area {name}")) == 1
+
+
+def test_maps_are_in_metres_with_equal_scales(hallway: Figure) -> None:
+    axes = hallway.axes[0]
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x in m", "y in m")
+
+
+def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
+    no_people = CrowdSnapshot(
+        time_s=0.0,
+        robot_pose=np.zeros(3),
+        people_position_m=np.zeros((0, 2)),
+        people_velocity_mps=np.zeros((0, 2)),
+        people_trail_m=np.zeros((0, 0, 2)),
+        robot_trail_m=np.zeros((0, 2)),
+    )
+    assert png_bytes(draw_hallway(layout, no_people))
+
+
+def test_visitation_shows_the_counts_and_the_tracks(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    counts = np.arange(problem.grid.n_states, dtype=float)
+    track = np.array([[0.5, 0.5], [2.5, 4.5], [6.5, 5.0]])
+    figure = draw_visitation(layout, problem.grid, counts, [track])
+    np.testing.assert_array_equal(cell_values(figure), counts)
+    (line,) = [line for line in figure.axes[0].lines if line.get_gid() == "track"]
+    np.testing.assert_array_equal(line.get_xydata(), track)
+    assert figure.axes[0].get_title() == f"{int(counts.sum())} decisions, 1 track"
+
+
+def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    n_states = problem.grid.n_states
+    greedy = np.full(n_states, Action.EAST)
+    greedy[0], greedy[1] = Action.WAIT, Action.SOUTH
+    trapped = np.arange(n_states) < 2
+    value = np.linspace(0.0, 1.0, n_states)
+    figure = draw_policy_map(layout, problem.grid, value, greedy, problem.goal_states, trapped)
+    np.testing.assert_array_equal(cell_values(figure), value)
+    (arrows,) = artists(figure, Quiver, "greedy moves")
+    n_moving = n_states - 1 - len(problem.goal_states)
+    assert len(arrows.U) == n_moving
+    assert arrows.V[0] == pytest.approx(-0.8)
+    assert set(np.round(arrows.U[1:], 6)) == {0.8}
+    (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "greedy waits"]
+    np.testing.assert_allclose(waits.get_offsets(), problem.grid.centers_m[:1])
+    (frame,) = artists(figure, LineCollection, "trap")
+    assert problem.grid.neighbours[0, Action.EAST] == 1
+    # Two cells side by side have eight sides, of which the two between them are not drawn.
+    assert len(frame.get_segments()) == 6
+    ends_m = np.concatenate(frame.get_segments())
+    around_m = np.abs(ends_m - problem.grid.centers_m[:2].mean(axis=0)).max(axis=0)
+    side_m = problem.grid.cell_size_m
+    assert np.all(around_m <= [side_m, 0.5 * side_m])
+    assert np.all(around_m >= [0.9 * side_m, 0.4 * side_m])
+    assert "2 trap states" in figure.axes[0].get_title()
+
+
+def test_features_have_one_panel_per_action_only_where_the_action_matters(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    available = problem.mdp.available
+    figure = draw_features(layout, problem.grid, problem.features, problem.feature_names, available)
+    titles = [axes.get_title() for axes in figure.axes[:-1]]
+    assert titles[0] == "goal\nany action"
+    assert titles[1:6] == [f"social norm\n{action.name.lower()}" for action in Action]
+    assert titles[6] == "inverse wall distance\nany action"
+    np.testing.assert_array_equal(cell_values(figure), problem.features[:, 0, 0])
+    north = np.where(available, problem.features[:, :, 1], np.nan)[:, Action.NORTH]
+    np.testing.assert_array_equal(cell_values(figure, 2), north)
+
+
+def test_a_nan_value_is_refused_with_its_place(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    value = np.zeros(problem.grid.n_states)
+    value[4] = np.nan
+    greedy = np.zeros(problem.grid.n_states, dtype=int)
+    with pytest.raises(SerdError, match=r"value\[4\] must be finite, got nan"):
+        draw_policy_map(
+            layout, problem.grid, value, greedy, problem.goal_states, greedy.astype(bool)
+        )
+
+
+def test_pictures_are_the_same_bytes_each_time(
+    layout: HallwayLayout, snapshot: CrowdSnapshot
+) -> None:
+    first, second = (draw_hallway(layout, snapshot) for _ in range(2))
+    assert svg_bytes(first) == svg_bytes(second)
+    assert b"<dc:date>" not in svg_bytes(first)
+
+
+def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnapshot) -> None:
+    layout = layout_of(load_scenario("t_junction"))
+    picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(layout, snapshot))))
+    assert (picture[:3, :, :3] == 1.0).all()
+
+
+@pytest.mark.parametrize("with_plan", [True, False])
+def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_differs(
+    problem: NavigationProblem, layout: HallwayLayout, with_plan: bool
+) -> None:
+    own = np.arange(problem.grid.n_states) % 4 + 1
+    flow = own.copy()
+    flow[:2], flow[2] = -1, own[2] % 4 + 1
+    figure = draw_flow_map(
+        problem.grid,
+        flow,
+        np.linspace(0, 1, len(flow)),
+        layout=layout if with_plan else None,
+        scenario_flow=own,
+    )
+    (arrows,) = artists(figure, Quiver, "greedy moves")
+    wanted = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]])[flow[2:] - 1]
+    np.testing.assert_allclose(np.sign(np.stack([arrows.U, arrows.V], axis=1).round(9)), wanted)
+    colours = [tuple(colour) for colour in arrows.get_facecolor()]
+    assert [colour != colours[-1] for colour in colours] == [True] + [False] * (len(flow) - 3)
+    title = figure.axes[0].get_title()
+    assert f"known in {len(flow) - 2} of {len(flow)} cells" in title
+    assert "1 not the scenario's" in title
+
+
+def test_surprising_decisions_are_arrows_to_the_cell_reached_and_circles_where_it_is_the_same():
+    """The first move twice, another once, one that stays, and one that does not surprise."""
+    grid = Grid((0.0, 0.0), 1.0, np.ones((2, 3), bool))
+    state, following = [0, 0, 1, 4, 5], [1, 1, 4, 4, 2]
+    decisions = Decisions(np.arange(5), np.zeros(5), state, np.zeros(5, int), following)
+    figure = draw_surprises(grid, decisions, np.array([True] * 4 + [False]))
+    arrows = artists(figure, Quiver, "surprising moves")
+    assert sorted(len(each.U) for each in arrows) == [1, 1]
+    thin, thick = sorted(arrows, key=lambda each: each.width)
+    assert (thin.U[0], thin.V[0]) == pytest.approx((0.0, 0.8))
+    assert (thick.U[0], thick.V[0]) == pytest.approx((0.8, 0.0))
+    (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "surprising waits"]
+    np.testing.assert_allclose(waits.get_offsets(), [grid.centers_m[4]])
+    assert cell_values(figure).tolist() == [2, 1, 0, 0, 1, 1]
+    assert "4 of 5 decisions surprising" in figure.axes[0].get_title()
+    none = draw_surprises(grid, decisions, np.zeros(5, bool))
+    assert not artists(none, Quiver, "surprising moves")

@@ -1,0 +1,158 @@
+"""The headline summarises the run for every outcome, and predicts only what is supported."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.navigation.evaluation.prediction_support import RecordedTimes
+from serd_app.report.figures.arrival import draw_forecasts
+from serd_app.report.inputs import Forecast, ReportInputs
+from serd_app.report.page import summary_rows
+from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.write import write_report
+from serd_core.arrival.arriving_policy import arriving_policy
+from serd_core.arrival.chain import arrival_by_state
+from serd_core.policies.solved_policy import optimal_policy
+from support.episodes import episode_result
+
+
+def test_all_arrived(inputs: ReportInputs) -> None:
+    episodes = tuple(episode_result(i, "arrived", 20.0 + i) for i in range(5))
+    sentence = headline_of(summary_of(replace(inputs, episodes=episodes)))
+    assert "reached the goal in 5 of 5 new episodes" in sentence
+    assert "(100 %; predicted" in sentence
+    assert "half of them within 22 s (predicted" in sentence
+
+
+def test_nobody_arrived(inputs: ReportInputs) -> None:
+    episodes = (episode_result(0, "timeout"), episode_result(1, "aborted"))
+    summary = summary_of(replace(inputs, episodes=episodes))
+    assert "in 0 of 2 new episodes" in headline_of(summary)
+    assert headline_of(summary).endswith("fewer than half of them in time.")
+    assert summary.measured_mean_s is None
+    assert "more than half never arrived" in dict(summary_rows(summary))["Median time of arrival"]
+
+
+@pytest.fixture
+def undriven(inputs: ReportInputs) -> ReportInputs:
+    """The report of a model by which nothing drove, with its forecast."""
+    forecast = Forecast("area train", inputs.predicted)
+    return replace(inputs, episodes=(), forecasts=(forecast,), n_demonstrations=6)
+
+
+def recorded(*times_s: float, n_outside: int = 0) -> RecordedTimes:
+    return RecordedTimes(np.array(times_s), np.arange(len(times_s)) < n_outside)
+
+
+def trapped(inputs: ReportInputs) -> ReportInputs:
+    """The same with a policy that has learned to shun the goal."""
+    problem, outcomes = inputs.problem, inputs.fit.outcome_probabilities
+    learned = optimal_policy(problem, np.array([-1.0, 0.0, 0.0]), outcomes)
+    driven = arriving_policy(
+        problem,
+        learned,
+        outcomes,
+        lambda policy: arrival_by_state(problem, policy.probabilities, outcomes, 60),
+        60,
+    )
+    return replace(inputs, policy=driven.policy, driven=driven, remarks=("a remark",))
+
+
+def test_a_supported_prediction_is_the_headline(undriven: ReportInputs) -> None:
+    given = replace(undriven, recorded=recorded(20.0, 21.0, 22.0, n_outside=1))
+    summary = summary_of(given)
+    assert summary.no_prediction_because == ()
+    assert "the robot is predicted to reach the goal within 2 min with" in headline_of(summary)
+    assert dict(summary_rows(summary))["Arrives"].startswith("predicted")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason", "known"),
+    [
+        (
+            {"n_demonstrations": 1, "recorded": recorded(41.0)},
+            "a prediction takes at least 3 demonstrations, and the model was learned from 1",
+            "After 1 demonstration with 69 decisions, which arrived after 41 s, the arrival",
+        ),
+        (
+            {"n_demonstrations": 2, "recorded": None},
+            "a prediction takes at least 3 demonstrations, and the model was learned from 2",
+            "After 2 demonstrations with 69 decisions the arrival",
+        ),
+        (
+            {"recorded": recorded(90.0, 100.0, 110.0, n_outside=3)},
+            "3 of 3 recorded drives arrived outside the 90 % band that the model computes",
+            "After 6 demonstrations with 69 decisions, of which 3 arrived after 90 s to 110 s, the",
+        ),
+    ],
+)
+def test_what_does_not_support_a_prediction_stands_in_its_place(
+    undriven: ReportInputs, changes: dict[str, object], reason: str, known: str
+) -> None:
+    summary = summary_of(replace(undriven, **changes))
+    headline = headline_of(summary)
+    assert headline.startswith(known)
+    assert headline.endswith(f"of the robot is not predicted, because {reason}.")
+    rows = dict(summary_rows(summary))
+    assert rows["Predicted arrival"] == f"none, because {reason}"
+    assert "Arrives" not in rows
+    assert summary.as_json()["no_prediction_because"] == (reason,)
+
+
+def test_a_start_in_a_trap_has_no_predicted_headline(undriven: ReportInputs) -> None:
+    summary = summary_of(trapped(undriven))
+    assert summary.n_least_time_states > 10
+    assert summary.n_trap_states == 0
+    (reason,) = summary.no_prediction_because
+    assert (
+        reason == "the learned policy does not arrive from 2 of the 2 cells in which drives begin"
+    )
+    assert headline_of(summary).endswith(f"is not predicted, because {reason}.")
+    assert dict(summary_rows(summary))["Plan"] == "A remark."
+
+
+def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs: ReportInputs) -> None:
+    assert "75 %; predicted" in headline_of(summary_of(inputs))
+    missed = tuple(episode_result(number, "timeout") for number in range(3))
+    summary = summary_of(replace(inputs, episodes=missed))
+    headline = headline_of(summary)
+    assert "in 0 of 3 new episodes within 2 min (0 %; no prediction, because " in headline
+    assert (
+        "3 of 3 measured drives arrived outside the 90 % band that the model computes" in headline
+    )
+    assert "; predicted" not in headline + " ".join(dict(summary_rows(summary)).values())
+
+
+def test_the_page_computes_where_it_does_not_predict(
+    undriven: ReportInputs, tmp_path: Path
+) -> None:
+    one = replace(trapped(undriven), n_demonstrations=1, recorded=recorded(41.0))
+    text = write_report(one, tmp_path).read_text(encoding="utf-8")
+    words = " ".join(re.sub("<[^>]+>", " ", text).split())
+    assert "Arrival as the model computes it This is no prediction, because a prediction" in words
+    assert "Computed share of drives that have arrived" in words
+    assert "Black: when the recorded drives arrived" in words
+    assert "so the arrows are the way of least expected time" in words
+    assert "Predicted share" not in words
+    supported = write_report(undriven, tmp_path / "other").read_text(encoding="utf-8")
+    assert "Forecast of the arrival" in supported
+    assert "no prediction" not in supported
+
+
+def test_recorded_drives_are_drawn_on_the_forecast_from_the_first_to_the_last(
+    undriven: ReportInputs,
+) -> None:
+    times_s = [150.0, 31.0, 40.0]
+    figure = draw_forecasts({"area train": undriven.predicted}, 120.0, times_s)
+    (axes,) = figure.axes
+    (dots,) = [line for line in axes.lines if line.get_label() == "recorded: 3 drives"]
+    assert dots.get_xdata().tolist() == [31.0, 40.0, 150.0]
+    assert dots.get_ydata() == pytest.approx([1 / 3, 2 / 3, 1.0])
+    first_s, last_s = axes.get_xlim()
+    assert first_s < 31.0
+    assert last_s > 150.0
+    (alone,) = draw_forecasts({"area train": undriven.predicted}, 120.0).axes
+    assert len(alone.lines) == len(axes.lines) - 2

@@ -1,0 +1,227 @@
+"""The whole report: complete, self-contained, escaped, and equal for equal inputs."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.learning.knowledge import knowledge_of, posterior_of
+from serd_app.report.inputs import FileLink, ReportInputs, RunFacts
+from serd_app.report.page import render_page
+from serd_app.report.summary import summary_of
+from serd_app.report.write import write_report
+from serd_core.errors import SerdError
+from serd_core.learners.serd import fit_mdce_serd
+
+FIGURES = {
+    *("hallway", "visitation", "policy", "arrival"),
+    *("weights", "outcomes", "features", "progress"),
+}
+VOID = {"meta", "img", "br", "link", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Collects tags, addresses, text, and whether every tag is closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.addresses += [str(v) for k, v in attrs if k in {"src", "href", "srcset", "action"}]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def folder(inputs: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("run") / "report"
+    page = write_report(inputs, target)
+    assert page == target / "report.html"
+    return target
+
+
+@pytest.fixture(scope="module")
+def text(folder: Path) -> str:
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_page_needs_nothing_from_outside(text: str) -> None:
+    page = Page(text)
+    assert not page.open
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+    assert "@import" not in text
+    assert "url(" not in text
+    for address in page.addresses:
+        assert address.startswith("data:image/svg+xml;base64,") or ":" not in address
+
+
+def test_the_page_shows_every_figure_with_its_caption(text: str) -> None:
+    page = Page(text)
+    assert page.tags.count("figure") == page.tags.count("img") == len(FIGURES)
+    captions = re.findall(r"<strong>[^<]+\.</strong>([^<]+)</figcaption>", text)
+    assert len(captions) == len(FIGURES)
+    assert all(len(caption.split()) > 10 for caption in captions)
+
+
+def test_the_page_and_the_folder_have_the_same_figures(folder: Path, text: str) -> None:
+    drawn = {path.stem for path in (folder / "figures").glob("*.svg")}
+    assert drawn == set(re.findall(r'<figure id="(\w+)"', text)) == FIGURES
+
+
+def test_the_headline_states_arrivals_and_times_before_anything_else(text: str) -> None:
+    body = Page(text).text
+    sentence = "After 6 demonstrations the robot reached the goal in 3 of 4 new episodes within"
+    assert sentence in body
+    assert body.index(sentence) < body.index("In short")
+
+
+def test_every_link_leads_to_a_file_beside_the_page(folder: Path, text: str) -> None:
+    for address in Page(text).addresses:
+        if not address.startswith("data:") and address != "model.yaml":
+            assert (folder / address).exists(), address
+
+
+def test_each_figure_is_written_as_png_and_svg(folder: Path) -> None:
+    for name in FIGURES:
+        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert b"<svg" in (folder / "figures" / f"{name}.svg").read_bytes()
+
+
+def test_the_summary_file_holds_the_numbers_of_the_run(folder: Path, inputs: ReportInputs) -> None:
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary == json.loads(json.dumps(summary_of(inputs).as_json()))
+    assert summary["n_episodes"] == 4
+    assert summary["n_arrived"] == 3
+    assert summary["measured_median_s"] == 21.05
+    assert summary["robot_on_person_contacts"] == 1
+    assert summary["person_on_robot_contacts"] == 2
+    assert summary["real_time_factor"] == {"navigate": 50.0}
+    assert sum(summary["decisions_per_model"].values()) == summary["n_decisions"]
+
+
+def test_the_tables_hold_what_was_given(folder: Path, inputs: ReportInputs) -> None:
+    def rows(name: str) -> list[dict[str, str]]:
+        with (folder / name).open(newline="") as stream:
+            return list(csv.DictReader(stream))
+
+    assert [row["time_of_arrival_s"] for row in rows("episodes.csv")] == [
+        "21.05",
+        "24.5",
+        "19.0",
+        "",
+    ]
+    weights = [float(row["reward_weight"]) for row in rows("reward_weights.csv")]
+    np.testing.assert_array_equal(weights, inputs.fit.reward_weights)
+    learned = [float(row["learned_probability"]) for row in rows("outcome_models.csv")]
+    np.testing.assert_array_equal(learned, inputs.fit.outcome_probabilities.ravel())
+    last = rows("arrival_times.csv")[-1]
+    assert float(last["time_s"]) == 120.0
+    assert float(last["measured_cdf"]) == 0.75
+
+
+def test_equal_inputs_give_equal_pages(inputs: ReportInputs, text: str, tmp_path: Path) -> None:
+    assert write_report(inputs, tmp_path).read_text(encoding="utf-8") == text
+
+
+def test_odd_names_are_shown_and_not_obeyed(odd_inputs: ReportInputs, tmp_path: Path) -> None:
+    page = Page(write_report(odd_inputs, tmp_path).read_text(encoding="utf-8"))
+    assert "script" not in page.tags
+    assert not page.open
+    assert page.text.count('<script>alert("x")</script> & $x_1$ "quoted"') >= 6
+    assert "a%20%3Cb%3E%20%26%20c.yaml" in page.addresses
+
+
+def test_a_nan_in_the_objective_is_refused_with_its_place(inputs: ReportInputs) -> None:
+    trace = inputs.fit.objective_trace.copy()
+    trace[1] = np.nan
+    fit = replace(inputs.fit, objective_trace=trace)
+    with pytest.raises(SerdError, match=r"fit\.objective_trace\[1\] must be finite, got nan"):
+        replace(inputs, fit=fit)
+
+
+@pytest.mark.parametrize("name", ["outcome_probabilities", "initial_outcome_probabilities"])
+def test_a_table_of_other_outcome_models_is_refused(inputs: ReportInputs, name: str) -> None:
+    fit = replace(inputs.fit, **{name: getattr(inputs.fit, name)[:1]})
+    with pytest.raises(SerdError, match=rf"^fit\.{name} must have shape \(4, any\), got \(1, 5\)"):
+        replace(inputs, fit=fit)
+
+
+def test_a_report_without_episodes_and_forecasts_is_refused(inputs: ReportInputs) -> None:
+    with pytest.raises(SerdError, match="episodes must have at least one row where there is no"):
+        replace(inputs, episodes=())
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_a_timeout_that_is_no_positive_time_is_refused(inputs: ReportInputs, value: float) -> None:
+    with pytest.raises(SerdError, match="timeout_s must be"):
+        replace(inputs, timeout_s=value)
+
+
+@pytest.mark.parametrize("path", ["/etc/passwd", "../outside", "https://example.org/x", ""])
+def test_a_link_out_of_the_report_folder_is_refused(path: str) -> None:
+    with pytest.raises(SerdError, match="path of a file link must be relative"):
+        FileLink(path, "somewhere else")
+
+
+def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(
+    inputs: ReportInputs, folder: Path
+) -> None:
+    bare = replace(inputs, run=RunFacts("serd report", "in process", "2026"), files=())
+    pictures = {path.stem: path.read_bytes() for path in (folder / "figures").glob("*.svg")}
+    page = Page(render_page(bare, summary_of(bare), pictures, links=()))
+    assert not page.open
+    assert page.tags.count("figure") == len(FIGURES)
+
+
+def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(
+    inputs: ReportInputs, tmp_path: Path
+) -> None:
+    problem = inputs.problem
+    fit = fit_mdce_serd(problem, inputs.demonstrations)
+    posterior = posterior_of(problem, inputs.demonstrations, fit)
+    assert posterior is not None
+    known = knowledge_of(problem, posterior)
+    assert known is not None
+    page = Page(write_report(replace(inputs, fit=fit, knowledge=known), tmp_path).read_text())
+    assert page.tags.count("figure") == len(FIGURES) + 1
+    assert (tmp_path / "figures" / "gain.png").stat().st_size > 1000
+    assert "Which demonstration next" in page.text
+    for row in known.outcomes[::5]:
+        assert row.known_from in page.text
+        assert f"{row.from_choices_nats:.2f}" in page.text
+
+
+def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs: ReportInputs) -> None:
+    decisions = inputs.demonstrations
+    fit = fit_mdce_serd(inputs.problem, decisions)
+    posterior = posterior_of(inputs.problem, decisions, fit)
+    assert posterior is not None
+    compared = replace(
+        inputs,
+        fit=fit,
+        knowledge=knowledge_of(inputs.problem, posterior),
+        demonstrations=decisions.select(decisions.episode == decisions.episode[0]),
+        n_demonstrations=6,
+    )
+    summary = summary_of(compared)
+    assert summary.n_decisions == sum(summary.decisions_per_model.values()) == len(decisions)
+    assert summary.n_compared_decisions == len(compared.demonstrations) < len(decisions)

@@ -1,0 +1,347 @@
+"""The page by keyboard and screen reader, in light and dark, on a desk and on a phone.
+
+Rules are those of axe-core (tests/reference/axe, Mozilla Public License 2.0).
+"""
+
+import os
+import threading
+from contextlib import contextmanager
+
+import pytest
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from serd_app.navigation.overlay import overlay_of
+from serd_app.navigation.strategy import load_strategy
+from serd_app.teleop.page.access import PageAccess
+from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold, Replay
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from support.browser import (
+    DEVICES,
+    SCHEMES,
+    needs_chromium,
+    start_chromium,
+    view,
+    violations,
+)
+from support.observations import observation_at
+from support.waiting import wait_until
+
+HALLWAY = load_scenario("hallway")
+PEOPLE = ((1.0, 5.0), (4.4, 9.0))
+STATE = {
+    "type": "state",
+    "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), HALLWAY, None),
+    "is_stale": False,
+    "action": "north",
+    "waypoint": [2.5, 3.5],
+    "episode": {
+        "phase": "running",
+        "number": 3,
+        "outcome": "",
+        "duration_s": 12.3,
+        "decisions": 6,
+        "other_driver": "",
+        "kept": 2,
+        "arrived": 1,
+        "discarded": 0,
+    },
+    "mux": {"e_stop": "False", "active": "keys"},
+    "guard": {"action": "DO_NOTHING", "overridden": "False"},
+    "recorder": {"recording": "True", "messages": "1200", "free_mb": "70000"},
+    "next_start": None,
+    "there": True,
+    "mode": "directions",
+    "choice": "north",
+}
+DISCARD = Episode(type="episode", do="discard")
+
+pytestmark = [pytest.mark.slow, needs_chromium]
+
+
+class ShownPage:
+    """A served page without a robot; `state` is sent again and again, as by the node."""
+
+    def __init__(self, server, browser):
+        self.server, self.browser = server, browser
+        self.state = STATE
+
+    def show(self, **values):
+        self.state = self.state | values
+
+    def focused(self):
+        active = self.browser.switch_to.active_element
+        return active.get_attribute("id") or active.get_attribute("data-direction") or "body"
+
+    def press(self, key):
+        ActionChains(self.browser).send_keys(key).perform()
+
+    def until_requested(self, wanted):
+        found = []
+        wait_until(lambda: found.extend(self.server.take()) or wanted in found)
+        return found
+
+    def text(self, name):
+        return self.browser.find_element(By.ID, name).get_attribute("textContent")
+
+
+def hold(direction):
+    return Hold(type="hold", direction=direction)
+
+
+@contextmanager
+def sending(shown, server):
+    """The newest state of the shown page, sent until the end."""
+    ended = threading.Event()
+
+    def send():
+        while not ended.wait(0.1):
+            server.show(shown.state | {"page": server.driving_page})
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    browser = start_chromium(tmp_path_factory.mktemp("browser"))
+    yield browser
+    browser.quit()
+
+
+@pytest.fixture
+def shown(browser):
+    with opened(browser, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
+        wait_until(page.browser.find_element(By.ID, "save").is_enabled)  # this page drives
+        yield page
+
+
+@pytest.fixture
+def replayed(browser):
+    replay = {"duration_s": 600.0, "episodes": [[0.0, 90.0, "arrived"], [100.0, 200.0, "timeout"]]}
+    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY), replay)
+    shown = {"at_s": 65.0, "rate": 1.0, "playing": True}
+    with opened(browser, scene, STATE | {"replay": shown, "recorder": None}) as page:
+        wait_until(lambda: page.text("shown-time") == "1:05 / 10:00")
+        yield page
+
+
+@contextmanager
+def opened(browser, scene, state):
+    """A page of the scene that shows a state; its server, and so its origin, is a new one."""
+    server = PageServer(scene, PageAccess("127.0.0.1", ""), 0)
+    page = ShownPage(server, browser)
+    page.state = state
+    try:
+        with sending(page, server):
+            view(browser, width=1280, height=900, scheme="light")
+            browser.get(server.url)
+            wait_until(lambda: page.text("phase") == "episode 3", seen=lambda: page.text("phase"))
+            yield page
+    finally:
+        ActionChains(browser).reset_actions()  # releases keys that a failed test holds
+        browser.get("about:blank")
+        server.close()
+
+
+def keep_picture(browser, name):
+    """SERD_PICTURES=FOLDER keeps pictures of the page there."""
+    if "SERD_PICTURES" in os.environ:
+        browser.save_screenshot(f"{os.environ['SERD_PICTURES']}/teleop_{name}.png")
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
+def test_axe_finds_no_violation_on_the_page_of_a_recording(replayed, scheme, width, height):
+    browser = replayed.browser
+    view(browser, width=width, height=height, scheme=scheme)
+    keep_picture(browser, f"watch_{scheme}_{width}")
+    assert violations(browser) == []
+    for name in ("play", "time", "rate"):
+        assert browser.find_element(By.ID, name).size["height"] >= 44
+    for name in ("start", "pad", "stop"):
+        assert not browser.find_element(By.ID, name).is_displayed()
+
+
+def test_the_page_of_a_recording_requests_times_and_drives_nothing_by_any_key(replayed):
+    for key in ("s", "d", "r", "m", "g", Keys.ENTER, Keys.ARROW_UP, " "):
+        replayed.press(key)
+    requested = replayed.until_requested(Replay(type="replay", playing=False))
+    replayed.browser.find_element(By.ID, "time").send_keys(Keys.ARROW_RIGHT)
+    requested += replayed.until_requested(Replay(type="replay", at_s=65.1))
+    replayed.browser.find_element(By.ID, "rate").send_keys("8")
+    requested += replayed.until_requested(Replay(type="replay", rate=8.0))
+    assert {type(each) for each in requested} == {Replay}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
+def test_axe_finds_no_violation_and_controls_are_44_pixels_large(shown, scheme, width, height):
+    browser = shown.browser
+    view(browser, width=width, height=height, scheme=scheme)
+    for name, values in {
+        "driving": {},
+        "stopped": {"mux": {"e_stop": "True"}, "recorder": {"recording": "False"}},
+    }.items():
+        shown.show(**values)
+        stopped = values.get("mux", {}).get("e_stop") == "True"
+        wait_until(lambda: shown.text("stop").startswith("RELEASE") == stopped)  # noqa: B023
+        keep_picture(browser, f"{name}_{scheme}_{width}")
+        assert violations(browser) == []
+    buttons = [each for each in browser.find_elements(By.TAG_NAME, "button") if each.is_displayed()]
+    assert {"start", "save", "stop"} <= {each.get_attribute("id") for each in buttons}
+    for button in buttons:
+        size = button.size
+        assert min(size["width"], size["height"]) >= 44, button.get_attribute("outerHTML")
+
+
+def test_tab_reaches_every_control_that_is_enabled_and_comes_out_again(shown):
+    order = []
+    for _ in range(20):
+        shown.press(Keys.TAB)
+        if shown.focused() in order:
+            break
+        order.append(shown.focused())
+    pad = ["north", "west", "east", "south"]
+    controls = ["save", "discard", "directions", "velocity", *pad, "stop"]
+    assert [name for name in order if name != "body"] == controls
+
+
+def test_enter_on_a_control_is_for_that_control_only(shown):
+    shown.server.take()
+    shown.browser.execute_script("document.getElementById('discard').focus()")
+    shown.press(Keys.ENTER)
+    found = shown.until_requested(DISCARD)
+    assert [each for each in found if isinstance(each, Episode)] == [DISCARD]
+    assert shown.focused() == "discard"
+
+
+def test_space_stops_the_robot_wherever_the_focus_is_and_the_stop_is_announced(shown):
+    shown.browser.execute_script("document.getElementById('discard').focus()")
+    shown.press(Keys.SPACE)
+    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    assert not [each for each in found if isinstance(each, Episode)]
+    shown.show(mux={"e_stop": "True"})
+    wait_until(lambda: shown.text("alarm") == "Emergency stop. R releases it.")
+    shown.show(mux={"e_stop": "False"})
+    wait_until(lambda: shown.text("alarm") == "Emergency stop released.")
+
+
+def test_a_second_click_right_after_the_one_that_stopped_does_not_release(shown):
+    def click():
+        shown.browser.execute_script("document.getElementById('stop').click()")
+
+    released = EmergencyStop(type="e_stop", engaged=False)
+    click()
+    shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    shown.show(mux={"e_stop": "True"})
+    wait_until(lambda: shown.text("stop").startswith("RELEASE"))
+    # As if it had been pressed just now, however slow this machine is.
+    shown.browser.execute_script("const now = performance.now(); performance.now = () => now")
+    shown.press(Keys.SPACE)
+    click()
+    click()
+    shown.browser.execute_script("delete performance.now")
+    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    assert released not in found
+    requested = []
+    wait_until(lambda: click() or requested.extend(shown.server.take()) or released in requested)
+
+
+def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
+    shown.browser.execute_script("document.querySelector('[data-direction=east]').focus()")
+    ActionChains(shown.browser).key_down(Keys.ENTER).perform()
+    shown.until_requested(hold("east"))
+    ActionChains(shown.browser).key_up(Keys.ENTER).perform()
+    shown.until_requested(hold(None))
+    shown.browser.execute_script("document.querySelector('[data-direction=west]').click()")
+    shown.until_requested(hold("west"))
+    shown.until_requested(hold(None))
+
+
+@pytest.fixture
+def layers(save_model_of):
+    """The layers of a model that is against the flow in two of three lanes."""
+    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
+    return overlay_message(overlay_of(strategy))
+
+
+@pytest.fixture
+def learned(shown, layers):
+    assert not shown.browser.find_element(By.ID, "overlays").is_displayed()
+    shown.server.show_overlay(layers)
+    wait_until(shown.browser.find_element(By.ID, "overlays").is_displayed)
+    return shown
+
+
+def layer_button(shown, name):
+    return shown.browser.find_element(By.CSS_SELECTOR, f"[data-layer={name!r}]")
+
+
+def colours_of_the_map(shown):
+    """How often the map has each colour."""
+    return dict(
+        shown.browser.execute_script(
+            "const canvas = document.getElementById('view'); const counts = new Map();"
+            "const whole = [0, 0, canvas.width, canvas.height];"
+            "const { data } = canvas.getContext('2d').getImageData(...whole);"
+            "for (const each of new Uint32Array(data.buffer))"
+            "  counts.set(each, (counts.get(each) ?? 0) + 1);"
+            "return [...counts].filter(([, count]) => count > 200)"
+        )
+    )
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
+def test_axe_finds_no_violation_with_the_layers_of_a_learned_model(
+    learned, layers, scheme, width, height
+):
+    browser = learned.browser
+    view(browser, width=width, height=height, scheme=scheme)
+    for name in ("policy", "arrival", "dynamics"):
+        button = layer_button(learned, name)
+        assert min(button.size["width"], button.size["height"]) >= 44
+        button.click()
+        wait_until(lambda: learned.text("layer-title") == layers[name]["title"])  # noqa: B023
+        assert learned.text("layer-note") == layers[name]["note"]
+        keep_picture(browser, f"layer_{name}_{scheme}_{width}")
+        assert violations(browser) == []
+
+
+def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
+    plain = colours_of_the_map(learned)
+    learned.browser.execute_script("document.querySelector('[data-layer=arrival]').focus()")
+    learned.press(Keys.ENTER)
+    assert layer_button(learned, "arrival").get_attribute("aria-pressed") == "true"
+    assert learned.text("layer-low") == "0 s"
+    assert len(colours_of_the_map(learned)) > len(plain) + 5  # a shade per time
+    learned.press(Keys.ARROW_UP)
+    learned.until_requested(hold("north"))  # the arrows drive, with the focus there too
+    layer_button(learned, "").click()
+    assert not learned.browser.find_element(By.ID, "layer").is_displayed()
+    wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
+    assert not [each for each in learned.server.take() if isinstance(each, Episode)]
+
+
+def test_tab_goes_through_the_layers_before_the_panel(learned):
+    for name in ("", "policy", "arrival", "dynamics"):
+        learned.press(Keys.TAB)
+        active = learned.browser.switch_to.active_element
+        assert active.get_attribute("data-layer") == name
+
+
+def test_a_newer_model_replaces_the_chosen_layer(learned, layers):
+    layer_button(learned, "dynamics").click()
+    newer = layers | {"dynamics": layers["dynamics"] | {"note": "all moves: with flow 12 %"}}
+    learned.server.show_overlay(newer)
+    wait_until(lambda: learned.text("layer-note") == "all moves: with flow 12 %")

@@ -1,0 +1,294 @@
+"""The multiplexer: priorities, dead-man timeouts, locks, limits and the e-stop latch."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from serd_app.teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
+from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
+from serd_bag.errors import FileError
+from serd_sim.world.command import STOP, Command
+
+UNLIMITED = VelocityLimits(1e6, -1e6, 1e6, 1e9, 1e9)
+ROBOT = VelocityLimits(1.2, -0.3, 3.5, 2.5, 12.0)
+SLOW, FAST = Command(0.2, 0.1), Command(0.9, -0.4)
+SETTINGS = MuxSettings(
+    topics={
+        "planner": MuxTopic(topic="cmd_vel_planner", timeout=0.5, priority=10),
+        "keys": MuxTopic(topic="cmd_vel_teleop", timeout=0.5, priority=90),
+    },
+    locks={"gone": MuxLock(topic="gone", timeout=0.5, priority=50)},
+)
+UNLOCKED = MuxSettings(topics=SETTINGS.topics)
+
+
+def test_without_any_command_the_robot_stops():
+    output = TwistMux(UNLOCKED, UNLIMITED).step(3.0)
+    assert output == MuxOutput(STOP, active="", locked_by=(), held=(), e_stop=False)
+
+
+def test_from_the_zero_of_its_clock_the_robot_accelerates_as_from_rest():
+    mux = TwistMux(UNLOCKED, ROBOT)
+    mux.receive("keys", FAST, 0.04)
+    command = mux.step(0.04).command
+    assert command == Command(pytest.approx(2.5 * 0.04), pytest.approx(-0.4))
+
+
+def test_the_highest_priority_drives_until_its_timeout():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.receive("planner", SLOW, 1.0)
+    mux.receive("keys", FAST, 1.0)
+    assert mux.step(1.05).active == "keys"
+    mux.receive("planner", SLOW, 1.5)
+    after = mux.step(1.6)
+    assert (after.active, after.command) == ("planner", SLOW)
+    assert mux.step(2.1).command == STOP
+
+
+def test_a_lock_masks_lower_priorities_only_and_engages_after_its_timeout():
+    mux = TwistMux(SETTINGS, UNLIMITED)
+    mux.receive("planner", SLOW, 1.0)
+    assert mux.step(1.0).locked_by == ("gone",)
+    assert mux.step(1.0).command == STOP
+    mux.receive_lock("gone", False, 1.0)
+    assert mux.step(1.1).command == SLOW
+    mux.receive("planner", SLOW, 1.6)
+    assert mux.step(1.6).command == STOP
+    mux.receive("keys", FAST, 1.6)
+    assert mux.step(1.65).active == "keys"
+    mux.receive_lock("gone", True, 1.65)
+    mux.receive("planner", SLOW, 2.3)
+    assert mux.step(2.3).command == STOP
+
+
+def test_a_lock_engages_after_its_timeout_and_not_at_it():
+    mux = TwistMux(SETTINGS, UNLIMITED)
+    mux.receive_lock("gone", False, 1.0)
+    engaged = {now_s: mux.engaged_locks(now_s) for now_s in (0.9, 1.0, 1.5, 1.5001)}
+    assert engaged == {0.9: ("gone",), 1.0: (), 1.5: (), 1.5001: ("gone",)}
+
+
+def test_without_an_engaged_lock_an_input_of_the_lowest_priority_drives():
+    topics = {"planner": MuxTopic(topic="cmd_vel", timeout=0.5, priority=0)}
+    mux = TwistMux(MuxSettings(topics=topics), UNLIMITED)
+    mux.receive("planner", SLOW, 1.0)
+    assert mux.step(1.0).active == "planner"
+
+
+def test_a_lock_lets_inputs_of_its_own_priority_pass():
+    locks = {"gone": MuxLock(topic="gone", timeout=0.0, priority=SETTINGS.topics["keys"].priority)}
+    mux = TwistMux(MuxSettings(topics=SETTINGS.topics, locks=locks), UNLIMITED)
+    mux.receive_lock("gone", True, 1.0)
+    mux.receive("planner", SLOW, 1.0)
+    assert mux.step(1.0).active == ""
+    mux.receive("keys", FAST, 1.0)
+    assert mux.step(1.0).active == "keys"
+
+
+def test_a_lock_without_timeout_keeps_its_last_value():
+    lock = MuxLock(topic="pause", timeout=0.0, priority=255)
+    mux = TwistMux(MuxSettings(topics=UNLOCKED.topics, locks={"pause": lock}), UNLIMITED)
+    mux.receive("keys", FAST, 1.0)
+    assert mux.step(1.0).active == "keys"
+    mux.receive_lock("pause", True, 1.0)
+    mux.receive("keys", FAST, 100.0)
+    assert mux.step(100.0).active == ""
+    mux.receive_lock("pause", False, 100.0)
+    assert mux.step(100.1).active == "keys"
+
+
+def test_the_e_stop_wins_over_everything_until_it_is_released():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.set_e_stop(True)
+    for now_s in (1.0, 50.0):
+        mux.receive("keys", FAST, now_s)
+        output = mux.step(now_s)
+        assert output.e_stop
+        assert output.command == STOP
+
+
+@pytest.mark.parametrize("between", [STOP, None])
+def test_after_the_release_an_input_counts_once_it_has_sent_a_stop_or_fallen_silent(between):
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.receive("keys", FAST, 1.0)
+    mux.set_e_stop(True)
+    mux.step(1.0)
+    mux.set_e_stop(False)
+    for tick in range(100):
+        now_s = 1.1 + 0.1 * tick
+        mux.receive("keys", FAST, now_s)
+        output = mux.step(now_s)
+        assert (output.command, output.held) == (STOP, ("keys",))
+    if between is not None:
+        mux.receive("keys", between, now_s)
+    else:
+        now_s += 0.6
+        assert mux.step(now_s).held == ()
+    mux.receive("keys", FAST, now_s)
+    assert mux.step(now_s + 0.02).command == FAST
+
+
+def test_an_input_that_was_neutral_at_the_release_counts_at_once():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.set_e_stop(True)
+    mux.receive("keys", FAST, 1.0)
+    mux.receive("keys", STOP, 1.1)
+    mux.step(1.1)
+    mux.set_e_stop(False)
+    assert mux.step(1.15).held == ()
+    mux.receive("keys", FAST, 1.2)
+    assert mux.step(1.2).command == FAST
+
+
+def test_a_planner_that_drives_on_through_the_e_stop_is_held_while_keys_drive_anew():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.set_e_stop(True)
+    mux.receive("planner", FAST, 1.0)
+    mux.step(1.0)
+    mux.set_e_stop(False)
+    mux.receive("planner", FAST, 1.1)
+    output = mux.step(1.1)
+    assert (output.active, output.command, output.held) == ("planner", STOP, ("planner",))
+    mux.receive("keys", SLOW, 1.2)
+    assert mux.step(1.2).command == SLOW
+
+
+def test_a_command_that_is_not_finite_is_a_stop_of_its_input_and_is_counted():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.receive("planner", SLOW, 1.0)
+    mux.receive("keys", Command(math.nan, 0.0), 1.0)
+    output = mux.step(1.0)
+    assert (output.active, output.command) == ("keys", STOP)
+    assert mux.n_rejected == {"planner": 0, "keys": 1}
+
+
+def test_a_clock_that_went_backwards_means_stop():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.receive("keys", FAST, 10.0)
+    assert mux.step(9.0).command == STOP
+
+
+def test_a_command_is_approached_at_the_acceleration_limit_and_a_stop_for_safety_is_at_once():
+    mux = TwistMux(UNLOCKED, ROBOT)
+    speeds = []
+    for tick in range(12):
+        now_s = 1.0 + 0.05 * tick
+        mux.receive("keys", Command(5.0, 0.0), now_s)
+        speeds.append(mux.step(now_s).command.linear_mps)
+    gains = [after - before for before, after in pairwise(speeds)]
+    assert gains[:7] == pytest.approx([0.125] * 7)
+    assert speeds[-1] == 1.2
+    mux.set_e_stop(True)
+    assert mux.step(1.65).command == STOP
+
+
+speeds = st.floats(allow_nan=True, allow_infinity=True)
+commands = st.builds(Command, speeds, speeds)
+events = st.lists(
+    st.tuples(
+        st.sampled_from(["planner", "keys", "lock", "unlock", "e_stop", "release", "step"]),
+        commands,
+        st.floats(0.0, 0.4),
+    ),
+    max_size=40,
+)
+
+
+@given(events)
+def test_whatever_comes_the_output_is_finite_within_limits_and_reachable(happenings):
+    mux, now_s, before, latched, stepped_s = TwistMux(SETTINGS, ROBOT), 0.0, STOP, False, 0.0
+    last: dict[str, float] = {}
+    sent: dict[str, Command] = {}
+    held: set[str] = set()
+    for kind, command, wait_s in happenings:
+        now_s += wait_s
+        if kind in SETTINGS.topics:
+            mux.receive(kind, command, now_s)
+            last[kind] = now_s
+            sent[kind] = command if command.is_finite else STOP
+        elif kind in ("lock", "unlock"):
+            mux.receive_lock("gone", kind == "lock", now_s)
+        elif kind in ("e_stop", "release"):
+            latched = kind == "e_stop"
+            mux.set_e_stop(latched)
+        neutral = {
+            name
+            for name in SETTINGS.topics
+            if sent.get(name, STOP) == STOP or now_s - last[name] > 0.5 + 1e-9
+        }
+        held = set(SETTINGS.topics) if latched else held - neutral
+        output = mux.step(now_s)
+        got = output.command
+        assert got.is_finite
+        assert -0.3 <= got.linear_mps <= 1.2
+        assert abs(got.angular_radps) <= 3.5
+        if output.active:
+            reach_mps = 2.5 * min(now_s - stepped_s, 0.1) + 1e-9
+            assert abs(got.linear_mps - before.linear_mps) <= reach_mps
+            assert now_s - last[output.active] <= 0.5 + 1e-6
+            assert not latched
+            assert got == STOP or output.active not in held
+            assert output.active == "keys" or not output.locked_by
+        else:
+            assert got == STOP
+        before, stepped_s = got, now_s
+
+
+@given(st.permutations(["a", "b", "c", "d"]))
+def test_priority_decides_whatever_the_order_of_arrival(order):
+    topics = {
+        name: MuxTopic(topic=name, timeout=0.5, priority=rank) for rank, name in enumerate("abcd")
+    }
+    mux = TwistMux(MuxSettings(topics=topics), UNLIMITED)
+    for name in order:
+        mux.receive(name, FAST, 1.0)
+    assert mux.step(1.0).active == "d"
+
+
+def test_the_built_in_settings_let_a_driver_override_the_planner_and_lock_it_without_one():
+    settings = load_mux()
+    priority = {name: each.priority for name, each in settings.topics.items()}
+    assert priority["planner"] < settings.locks["driver_gone"].priority < priority["keys"]
+    assert priority["keys"] < priority["joystick"]
+
+
+def test_a_file_of_twist_mux_is_understood_with_its_frame_and_use_stamped(tmp_path):
+    file = tmp_path / "twist_mux.yaml"
+    file.write_text(
+        "twist_mux:\n  ros__parameters:\n    use_stamped: true\n    topics:\n      navigation:\n"
+        "        topic   : nav_vel\n        timeout : 0.5\n        priority: 10\n"
+        "    locks:\n      pause:\n        topic: pause\n        timeout: 0.0\n"
+        "        priority: 100\n"
+    )
+    settings = load_mux(file)
+    assert settings.topics["navigation"].stamped
+    assert settings.locks["pause"].timeout == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("topics: {}", "topics must"),
+        ("topics: {a: {topic: x, timeout: 0.0, priority: 1}}", "timeout must be greater than 0"),
+        ("topics: {a: {topic: x, timeout: 3.0, priority: 1}}", "less than or equal to 0.5"),
+        (
+            "topics: {a: {topic: x, timeout: 0.5, priority: 1},"
+            " b: {topic: y, timeout: 0.5, priority: 1}}",
+            "priority must differ between a and b, got 1 for both; change one",
+        ),
+        (
+            "topics: {a: {topic: x, timeout: 0.5, priority: 1}}\n"
+            "locks: {b: {topic: x, timeout: 0.5, priority: 1}}",
+            "topic must differ between a and b, got 'x' for both",
+        ),
+        ("topics: {a: {topic: x, timeout: 0.5, priorty: 1}}", "priorty"),
+    ],
+)
+def test_a_bad_file_names_the_key_and_the_rule(text, sentence, tmp_path):
+    file = tmp_path / "mux.yaml"
+    file.write_text(text)
+    with pytest.raises(FileError, match=sentence):
+        load_mux(file)

@@ -1,0 +1,125 @@
+"""Files are written whole or not at all, and read where they are regular ones."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from serd_bag.errors import FileError
+from serd_bag.files import (
+    atomic_write_bytes,
+    atomic_write_text,
+    delete_file,
+    read_bytes,
+    read_text,
+    require_file_place,
+)
+
+
+def test_the_content_is_written_and_folders_are_made(tmp_path):
+    path = tmp_path / "new" / "folder" / "file.txt"
+    atomic_write_text(path, "grüße\n")
+    assert path.read_bytes() == "grüße\n".encode()
+
+
+def test_a_link_is_followed_and_the_mode_kept(tmp_path):
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_bytes(b"old")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    atomic_write_bytes(link, b"new")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("step", ["fsync", "fchmod"])
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [(errno.ENOSPC, "the disk is full; free some space"), (errno.EROFS, "is read-only")],
+)
+def test_a_failure_keeps_the_old_content_and_leaves_no_temporary(
+    tmp_path, monkeypatch, step, code, sentence
+):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+
+    def fail(*_):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(FileError, match=sentence):
+        atomic_write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match=r"cannot write .*; "):
+        atomic_write_bytes(tmp_path / "file" / "x", b"x")
+
+
+def test_a_folder_in_the_way_gets_a_sentence(tmp_path):
+    with pytest.raises(FileError, match="it is a folder; name a file"):
+        atomic_write_bytes(tmp_path, b"x")
+
+
+def test_places_for_files_are_checked_before_they_are_written(tmp_path, monkeypatch):
+    require_file_place(tmp_path / "new" / "folder" / "file")
+    (tmp_path / "file").write_bytes(b"")
+    for place, sentence in (
+        (tmp_path, "it is a folder"),
+        (tmp_path / "file" / "below", "a file of this name is in the way"),
+        (tmp_path / "file" / "far" / "below", "a part of the path is a file"),
+    ):
+        with pytest.raises(FileError, match=sentence):
+            require_file_place(place)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileError, match="permission is denied"):
+        require_file_place(tmp_path / "new")
+
+
+def test_a_file_is_deleted_where_there_is_one_and_a_folder_gets_a_sentence(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.touch()
+    delete_file(path)
+    assert not path.exists()
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileError, match=r"cannot delete .*folder: "):
+        delete_file(tmp_path / "folder")
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "unlink", fail)
+    delete_file(path)
+    path.touch()
+    with pytest.raises(FileError, match="the file system is read-only; choose a folder"):
+        delete_file(path)
+
+
+def test_devices_and_pipes_are_rejected_before_they_are_opened(tmp_path):
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (Path("/dev/zero"), pipe, link):
+        for read in (read_bytes, read_text):
+            with pytest.raises(FileError) as error:
+                read(path)
+            assert str(error.value) == (
+                f"{path} must be a regular file, got a device, pipe or socket; write its content to"
+                " a file first"
+            )
+
+
+def test_links_to_files_are_read_and_folders_are_not(tmp_path):
+    (tmp_path / "file").write_bytes(b"content")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    assert read_bytes(tmp_path / "link") == b"content"
+    with pytest.raises(FileError, match="it is a folder; name a file"):
+        read_bytes(tmp_path)
+    with pytest.raises(FileError, match="it does not exist; check the path"):
+        read_bytes(tmp_path / "other")

@@ -1,0 +1,142 @@
+"""Model files: exact round trip, refusal of another grid, sentences for what is wrong."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.grid.grid_file import save_grid
+from serd_bag.errors import FileError
+from serd_core.grid.grid import Grid
+from serd_files.model_file import (
+    FitRecord,
+    GridSummary,
+    ModelDraws,
+    ModelFile,
+    OutcomeModel,
+    load_model,
+)
+from serd_files.yaml_config import save_yaml_model
+
+GRID = Grid((0.0, 0.0), 1.0, np.ones((2, 3), dtype=bool))
+ROW = (0.1, 0.6, 0.1, 0.1, 0.1)
+
+
+def model(**changes):
+    """A small model."""
+    values = {
+        "scenario": "hallway",
+        "method": "MDCE-SERD",
+        "prior": "KLD, weight 1",
+        "discount": 0.99,
+        "beta": 1.0,
+        "decision_period_s": 2.0,
+        "reward_weights": {"goal": 1 / 3, "social_norm": -1e-5},
+        "outcome_names": ("stay", "forward", "right", "back", "left"),
+        "outcome_models": (
+            OutcomeModel(name="with_flow", learned=ROW, believed=ROW[::-1], initial=(0.2,) * 5),
+        ),
+        "grid": GridSummary.of(GRID),
+        "fit": FitRecord(
+            converged=True, message="ok", n_episodes=2, n_decisions=9, objective=-1.5,
+            policy_log_likelihood=-1.0, dynamics_log_likelihood=-0.5, log_prior=0.0,
+            gradient_norm=1e-9, n_steps=3, n_evaluations=4,
+        ),
+    }  # fmt: skip
+    return ModelFile(**(values | changes))
+
+
+def test_a_model_survives_a_round_trip(tmp_path):
+    save_yaml_model(tmp_path / "model.yaml", model())
+    loaded = load_model(tmp_path / "model.yaml", expected_grid=GRID)
+    assert loaded == model()
+    assert loaded.feature_names == ("goal", "social_norm")
+    assert loaded.weights.tolist() == [1 / 3, -1e-5]
+    assert loaded.outcome_probabilities.tolist() == [list(ROW)]
+    assert loaded.believed_outcome_probabilities.tolist() == [list(ROW[::-1])]
+    assert loaded.initial_outcome_probabilities.tolist() == [[0.2] * 5]
+
+
+def test_draws_survive_a_round_trip(tmp_path):
+    draws = ModelDraws(reward_weights=((1 / 3, 2.0), (0.1, -1e-7)), learned=((ROW,), (ROW[::-1],)))
+    save_yaml_model(tmp_path / "model.yaml", model(draws=draws))
+    assert load_model(tmp_path / "model.yaml").draws == draws
+
+
+def test_a_feature_that_does_not_count_leaves_weights_and_draws_together():
+    draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW,),))
+    whole = model(draws=draws)
+    left = whole.with_features(("goal", "inverse_wall_distance"))
+    assert left.reward_weights == {"goal": 1 / 3}
+    assert left.draws.reward_weights == ((1.0,),)
+    assert left.draws.learned == draws.learned
+    assert ModelFile(**left.model_dump()) == left
+    assert whole.with_features(("social_norm", "goal")) is whole
+
+
+@pytest.mark.parametrize(
+    ("flow", "without"), [((), False), (("#..", "..."), True), (("#..", ".>."), False)]
+)
+def test_a_model_was_learned_without_flow_where_its_picture_has_no_direction(flow, without):
+    assert model(flow=flow).without_flow == without
+
+
+@pytest.mark.parametrize(
+    ("weights", "learned", "sentence"),
+    [
+        (((1.0, 2.0),), (), "as many reward_weights as learned tables"),
+        (((1.0,),), ((ROW,),), "a weight per feature"),
+        (((1.0, 2.0),), ((ROW, ROW),), "a row per outcome model"),
+        (((1.0, 2.0),), (((0.5, 0.6, 0, 0, 0),),), "must sum to 1, got 1.1"),
+        (((1.0, 2.0),), (((0.5, 0.5),),), "one probability per outcome"),
+    ],
+)
+def test_draws_that_do_not_fit_the_model_are_rejected(weights, learned, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        model(draws=ModelDraws(reward_weights=weights, learned=learned))
+
+
+@pytest.mark.parametrize(
+    ("changes", "difference"),
+    [
+        ({"cell_size_m": 0.5}, "cell_size_m 1.0 there, 0.5 here"),
+        ({"walkable": np.ones((2, 4), dtype=bool)}, "columns 3 there, 4 here, n_states 6 there, 8"),
+        ({"walkable": np.eye(2, 3) == 0}, "n_states 6 there, 4 here"),
+    ],
+)
+def test_a_model_of_another_grid_is_refused_with_the_difference(tmp_path, changes, difference):
+    save_yaml_model(tmp_path / "model.yaml", model())
+    other = dataclasses.replace(GRID, **changes)
+    with pytest.raises(FileError, match=f"was made for another grid .*{difference}"):
+        load_model(tmp_path / "model.yaml", expected_grid=other)
+
+
+def test_another_kind_of_file_is_named_as_such(tmp_path):
+    save_grid(tmp_path / "grid.yaml", GRID)
+    with pytest.raises(FileError, match="format must be 'serd-model', got 'serd-grid'"):
+        load_model(tmp_path / "grid.yaml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("format_version: 1", "format_version: 2", "format_version must be 1, got 2"),
+        ("beta: 1.0", "beta: 0.0", "beta must be greater than 0, got 0.0"),
+        ("discount: 0.99", "discont: 0.99", "discont is not a known key; did you mean 'discount'"),
+        ("0.6", "0.7", "with_flow.learned must sum to 1"),
+        (
+            "name: with_flow",
+            "name: with_flow_at_1_per_m2",
+            "outcome_models must be among with_flow, against_flow, across_flow, waiting, got"
+            " 'with_flow_at_1_per_m2'; learn the model again",
+        ),
+        ("0.3333333333333333", ".nan", "reward_weights.goal must be a finite number"),
+    ],
+)
+def test_a_wrong_model_gets_a_sentence(tmp_path, old, new, sentence):
+    path = tmp_path / "model.yaml"
+    save_yaml_model(path, model())
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(FileError, match=sentence):
+        load_model(path)

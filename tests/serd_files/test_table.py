@@ -1,0 +1,198 @@
+"""Typed tables: exact round trips, and one message per fault with its place and the fix."""
+
+import math
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_bag.errors import FileError
+from serd_files.table import (
+    Column,
+    OptionalFloat,
+    append_row,
+    columns_of,
+    csv_text,
+    read_rows,
+    read_table,
+    write_table,
+)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A row of each kind of column."""
+
+    episode: int
+    n_people: int | None
+    time_s: float
+    arrival_s: OptionalFloat
+    name: str = ""
+
+
+COLUMNS = columns_of(Drive, optional=("name",))
+HEADER = "episode,n_people,time_s,arrival_s,name\n"
+
+drives = st.builds(
+    Drive,
+    episode=st.integers(-(2**63), 2**63 - 1),
+    n_people=st.none() | st.integers(0, 10**6),
+    time_s=st.floats(allow_nan=False),
+    arrival_s=st.floats(allow_nan=False),
+    name=st.text(st.characters(exclude_characters="\r\0", codec="utf-8")),
+)
+
+
+def test_a_dataclass_describes_its_columns():
+    assert (
+        Column("episode", int),
+        Column("n_people", int, nullable=True),
+        Column("time_s", float),
+        Column("arrival_s", float, nullable=True),
+        Column("name", str, optional=True),
+    ) == COLUMNS
+
+
+@settings(deadline=None)
+@given(st.lists(drives, max_size=4))
+@pytest.mark.parametrize("name", ["drives.csv", "drives.parquet"])
+def test_rows_read_back_exactly(tmp_path_factory, name, rows):
+    path = tmp_path_factory.mktemp("table") / name
+    write_table(path, COLUMNS, [astuple(row) for row in rows])
+    assert read_rows(path, Drive, optional=("name",)) == tuple(rows)
+
+
+def test_a_frame_has_the_types_of_the_columns_even_without_rows(tmp_path):
+    for rows in ([], [(1, None, 0.5, math.nan, "a")]):
+        write_table(tmp_path / "drives.csv", COLUMNS, rows)
+        table = read_table(tmp_path / "drives.csv", COLUMNS)
+        assert table["episode"].dtype == np.int64
+        assert str(table["n_people"].dtype) == "Int64"
+        assert table["time_s"].dtype == table["arrival_s"].dtype == np.float64
+        assert len(table) == len(rows)
+
+
+def test_an_empty_cell_and_nan_are_both_no_number(tmp_path):
+    path = tmp_path / "drives.csv"
+    path.write_text(HEADER + "1,,0.5,,a\n2,3,inf,nan,b\n")
+    first, second = read_rows(path, Drive, optional=("name",))
+    assert (first.n_people, second.n_people) == (None, 3)
+    assert math.isnan(first.arrival_s)
+    assert math.isnan(second.arrival_s)
+
+
+def test_a_file_without_an_optional_column_gets_the_default(tmp_path):
+    path = tmp_path / "drives.csv"
+    path.write_text("episode,n_people,time_s,arrival_s\n1,2,0.5,7.0\n")
+    assert read_rows(path, Drive, optional=("name",)) == (Drive(1, 2, 0.5, 7.0),)
+
+
+def test_appended_rows_are_those_of_a_table_written_at_once(tmp_path):
+    rows = [(1, None, 0.1 + 0.2, math.nan, 'a, "b"\nc'), (2, 3, -0.0, 1e-300, "")]
+    for row in rows:
+        append_row(tmp_path / "new" / "appended.csv", COLUMNS, row)
+    write_table(tmp_path / "written.csv", COLUMNS, rows)
+    written = (tmp_path / "written.csv").read_bytes()
+    assert (tmp_path / "new" / "appended.csv").read_bytes() == written
+    assert b"0.30000000000000004" in written
+
+
+def test_text_is_written_as_floats_repr_and_empty_cells():
+    assert csv_text(["a", "b"], [(None, 1 / 3), ("x,y", 2)]) == (
+        'a,b\n,0.3333333333333333\n"x,y",2\n'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "must have the columns episode, n_people, time_s, arrival_s, name, got none; it"),
+        ("episode,episode\n", "got episode, episode; it has no column 'n_people'; choose"),
+        (HEADER[:-1] + ",name\n", "it has others, or in another order; choose another file"),
+        (HEADER + "1,2\n", "line 2 must have 5 columns, got 2; correct the line"),
+        (HEADER + "1,2,3.0,4.0,a,b\n", "line 2 must have 5 columns, got 6; correct the line"),
+        (HEADER + "\n1.5,2,3.0,4.0,a\n", "line 3, episode must be a whole number, got '1.5'; corr"),
+        (HEADER + ",2,3.0,4.0,a\n", "line 2, episode must be a whole number, got ''; correct"),
+        (HEADER + "1,two,3.0,4.0,a\n", "line 2, n_people must be a whole number, got 'two'"),
+        (HEADER + "1,2,nan,4.0,a\n", "line 2, time_s must be a number, got 'nan'; correct"),
+        (HEADER + "1,2,,4.0,a\n", "line 2, time_s must be a number, got ''; correct the line"),
+        (HEADER + '1,2,3.0,4.0,"a\n', "line 2 must be CSV, but unexpected end of data; correct"),
+        (HEADER + "1,2,3.0,4.0," + "a" * 200_000, "line 2 must be CSV, but field larger than"),
+        (HEADER + f"{2**63},2,3.0,4.0,a\n", "line 2, episode must be a whole number, got '92233"),
+        (HEADER + f"{'9' * 5000},2,3.0,4.0,a\n", "line 2, episode must be a whole number, got '9"),
+        (HEADER + '1,2,3.0,4.0,"a\nb"\nx,2,3.0,4.0,c\n', "line 4, episode must be a whole number"),
+        (b"\x89PNG\r\n\x1a\n".decode("latin-1"), "must have the columns"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_named_with_its_place_value_and_fix(tmp_path, text, sentence):
+    path = tmp_path / "drives.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match=sentence) as caught:
+        read_table(path, COLUMNS)
+    assert str(caught.value).startswith(str(path))
+    assert len(str(caught.value)) < len(str(path)) + 200
+
+
+@pytest.mark.parametrize("name", ["drives.csv", "drives.parquet"])
+def test_a_binary_file_is_refused(tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(
+        FileError, match=r"must be UTF-8 text, got byte 0x80|must be a Parquet file"
+    ):
+        read_table(path, COLUMNS)
+
+
+def test_a_parquet_table_with_other_columns_or_values_is_refused(tmp_path):
+    path = tmp_path / "drives.parquet"
+    write_table(path, (Column("seed", int),), [(1,)])
+    with pytest.raises(FileError, match=r"must have the columns episode, .* got seed"):
+        read_table(path, COLUMNS)
+    write_table(path, (Column("seed", float, nullable=True),), [(1.5,), (math.nan,)])
+    with pytest.raises(FileError, match=r"line 2, seed must be a whole number, got '1\.5'"):
+        read_table(path, (Column("seed", int),))
+
+
+@pytest.mark.parametrize("text", ["", "epis", HEADER[:-1]])
+def test_a_growing_table_may_end_within_its_header(tmp_path, text):
+    path = tmp_path / "drives.csv"
+    path.write_text(text)
+    assert len(read_table(path, COLUMNS, growing=True)) == 0
+    append_row(path, COLUMNS, (1, 2, 0.5, 7.0, "a"))
+    assert read_rows(path, Drive, optional=("name",)) == (Drive(1, 2, 0.5, 7.0, "a"),)
+
+
+def test_a_growing_table_may_end_within_a_row(tmp_path):
+    path = tmp_path / "drives.csv"
+    path.write_text(HEADER + "1,2,0.5,7.0,a\n2,2,0.")
+    assert read_rows(path, Drive, growing=True, optional=("name",)) == (Drive(1, 2, 0.5, 7.0, "a"),)
+    with pytest.raises(FileError, match="line 3 must have 5 columns, got 3"):
+        read_rows(path, Drive, optional=("name",))
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "sentence"),
+    [
+        ("episode", None, "episode must be a whole number, got ''"),
+        ("episode", 2**63, "episode must be a whole number, got"),
+        ("episode", 1.5, "episode must be a whole number, got '1.5'"),
+        ("time_s", math.nan, "time_s must be a number, got 'nan'"),
+        ("name", "a\rb", "name must hold no carriage return and no NUL"),
+        ("name", "\0", "name must hold no carriage return and no NUL"),
+    ],
+)
+@pytest.mark.parametrize("name", ["drives.csv", "drives.parquet"])
+def test_a_row_that_could_not_be_read_is_not_written(tmp_path, name, column, value, sentence):
+    row = list(astuple(replace(Drive(1, None, 0.5, math.nan, "a"), **{column: value})))
+    with pytest.raises(FileError, match=sentence):
+        write_table(tmp_path / name, COLUMNS, [row])
+    with pytest.raises(FileError, match=sentence):
+        append_row(tmp_path / "growing.csv", COLUMNS, row)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_row_of_too_few_values_is_not_written(tmp_path):
+    with pytest.raises(FileError, match="line 2 must have 5 columns, got 1"):
+        write_table(tmp_path / "drives.csv", COLUMNS, [[1]])

@@ -1,0 +1,305 @@
+"""Whose the columns of places are: certain, or an error with a mapping that is right."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from serd_app.drives.mapped.mapping import TableMapping
+from serd_app.drives.table_drives import drives_of_table
+from serd_bag.errors import FileError
+from serd_files.trajectories.columns import TableColumns
+from serd_files.trajectories.read import read_trajectories
+from serd_files.yaml_config import yaml_model
+
+N_STEPS = 50
+TIME_NS = 1_700_000_000_000_000_000 + 100_000_000 * np.arange(N_STEPS)
+RNG = np.random.default_rng(4)
+NOISE = RNG.normal(size=(4, N_STEPS, 2)) / 200
+#: A robot that drives east at 0.6 m/s, two people who meet it, and one who stands.
+ROBOT = np.column_stack([0.06 * np.arange(N_STEPS), np.zeros(N_STEPS)]) + NOISE[0]
+PEOPLE = [
+    np.column_stack([9.0 - 0.12 * np.arange(N_STEPS), np.full(N_STEPS, 0.7)]) + NOISE[1],
+    np.column_stack([8.0 - 0.09 * np.arange(N_STEPS), np.full(N_STEPS, -0.8)]) + NOISE[2],
+    np.full((N_STEPS, 2), 4.0) + NOISE[3],
+]
+
+
+def wide(robot=("robot_x", "robot_y"), people=(), scale=1.0, time="timestamp"):
+    """A table with the columns of a robot and of people."""
+    columns = {time: TIME_NS, **dict(zip(robot, scale * ROBOT.T, strict=True))}
+    for names, places in zip(people, PEOPLE, strict=False):
+        columns |= dict(zip(names, scale * places.T, strict=True))
+    return pd.DataFrame(columns)
+
+
+def rows_of_people(people):
+    """A row per person and time, in which the place of the robot is repeated."""
+    frames = [
+        pd.DataFrame({"timestamp": TIME_NS, "x": places[:, 0], "y": places[:, 1], "column": number,
+                      "robot_x": ROBOT[:, 0], "robot_y": ROBOT[:, 1], "robot_yaw_rad": 0.1})
+        for number, places in enumerate(people, start=1)
+    ]  # fmt: skip
+    return pd.concat(frames).sort_values(["timestamp", "column"], kind="stable")
+
+
+def read(tmp_path, frame, wanted=None):
+    path = tmp_path / "table.csv"
+    frame.to_csv(path, index=False)
+    return read_trajectories(path, wanted)
+
+
+def drives(tmp_path, frame, mapping=""):
+    path = tmp_path / "table.csv"
+    frame.to_csv(path, index=False)
+    chosen = yaml_model(mapping, TableMapping, name="mapping") if mapping else TableMapping()
+    return drives_of_table(path, chosen, 1.0)
+
+
+def assert_robot_among_people(found, n_people):
+    """One drive, along the path of the robot, among people who are where they were."""
+    (drive,) = found.drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    assert len(found.crowd.people) == n_people
+    for track, places in zip(found.crowd.people, PEOPLE, strict=False):
+        np.testing.assert_allclose(track.position_m, places, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_people", [1, 2, 3])
+def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_people):
+    """The first layout of NavWareSet."""
+    found = drives(tmp_path, rows_of_people(PEOPLE[:n_people]))
+    assert_robot_among_people(found, n_people)
+    assert [track.agent for track in found.crowd.people] == [
+        f"person {number + 1}" for number in range(n_people)
+    ]
+    assert any(f"robot demonstrates among {n_people} people" in each for each in found.assumed)
+
+
+def test_numbered_x_and_y_beside_those_of_the_robot_are_of_people(tmp_path):
+    """The second layout of NavWareSet, with columns of people who are not there."""
+    table = wide(people=[("x1", "y1"), ("x2", "y2"), ("x3", "y3")]).assign(x4=np.nan, y4=np.nan)
+    assert_robot_among_people(drives(tmp_path, table), 3)
+
+
+@pytest.mark.parametrize(
+    ("robot", "people"),
+    [
+        (("robot_x", "robot_y"), [("x", "y")]),
+        (("Robot_X", "Robot_Y"), [("X", "Y")]),
+        (("robotX", "robotY"), [("pos_x", "pos_y")]),
+        (("ego_x", "ego_y"), [("x", "y")]),
+        (("agv.position.x", "agv.position.y"), [("x", "y")]),
+        (("mobile_robot_x", "mobile_robot_y"), [("x", "y"), ("x2", "y2")]),
+        (("robot_pose_x", "robot_pose_y"), [("px_0", "py_0"), ("px_1", "py_1")]),
+        (("robot_map_x", "robot_map_y"), [("ped_x", "ped_y"), ("x", "y")]),
+        (("robot_x", "robot_y"), [("agent_x", "agent_y"), ("x", "y")]),
+        (("x_robot", "y_robot"), [("x_human1", "y_human1"), ("x_human2", "y_human2")]),
+        (("x", "y"), [("ped_x", "ped_y")]),
+        (("pos_x", "pos_y"), [("x1", "y1"), ("x2", "y2")]),
+        (("rx", "ry"), [("x", "y")]),
+    ],
+)
+def test_the_robot_is_the_one_that_the_columns_name(tmp_path, robot, people):
+    found = drives(tmp_path, wide(robot, people))
+    assert_robot_among_people(found, len(people))
+    assert not any("not used" in sentence for sentence in found.assumed)
+
+
+@pytest.mark.parametrize(
+    ("robot", "people", "scales"),
+    [
+        (("robot_x_cm", "robot_y_cm"), ("x_m", "y_m"), (100.0, 1.0)),
+        (("robot_x [m]", "robot_y [m]"), ("x [mm]", "y [mm]"), (1.0, 1000.0)),
+        (("robot_x_cm", "robot_y_cm"), ("x_cm", "y_cm"), (100.0, 100.0)),
+        (("robot_x_cm", "robot_y_cm"), ("x", "y"), (100.0, 100.0)),
+    ],
+)
+def test_places_have_the_units_of_their_own_names(tmp_path, robot, people, scales):
+    table = pd.DataFrame(
+        {"timestamp": TIME_NS, **dict(zip(robot, scales[0] * ROBOT.T, strict=True)),
+         **dict(zip(people, scales[1] * PEOPLE[0].T, strict=True))}
+    )  # fmt: skip
+    found = drives(tmp_path, table)
+    assert_robot_among_people(found, 1)
+    remark = "places of x, y are taken in cm, as the others"
+    assert (remark in found.assumed) == (people == ("x", "y"))
+
+
+def test_units_that_some_of_several_columns_lack_are_asked_for(tmp_path):
+    names = [("x_cm", "y_cm"), ("ped2_x", "ped2_y")]
+    with pytest.raises(FileError, match=r"of ped2_x, ped2_y are not stated; write them behind the"):
+        read(tmp_path, wide(("robot_x_m", "robot_y_m"), names))
+
+
+def mappings_in(error):
+    """The mappings that an error shows."""
+    return re.findall(r"\{[^}]*\}", str(error))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ("pos_x", "pos_y"),
+        ("x_est", "y_est"),
+        ("global_x", "global_y"),
+        ("position.x", "position.y"),
+        ("odom_x", "odom_y"),
+        ("turtlebot_x", "turtlebot_y"),
+        ("x_filtered", "y_filtered"),
+    ],
+)
+def test_two_candidates_for_x_and_y_are_an_error_that_shows_right_mappings(tmp_path, other):
+    table = wide(("x", "y"), [other])
+    with pytest.raises(FileError, match=rf"has x, y and {other[0]}, {other[1]}, whose") as raised:
+        drives(tmp_path, table)
+    first, second = mappings_in(raised.value)
+    (drive,) = drives(tmp_path, table, first).drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    found = drives(tmp_path, table, second)
+    np.testing.assert_allclose(found.drives[0].position_m, PEOPLE[0], atol=1e-9)
+    assert any("columns x, y are not used" in sentence for sentence in found.assumed)
+
+
+@pytest.mark.parametrize(
+    ("robot", "people"),
+    [
+        (("robot_x", "robot_y"), [("ego_x", "ego_y")]),
+        (("robot_x", "robot_y"), [("robot_odom_x", "robot_odom_y")]),
+        (("x", "y"), [("agent_x", "agent_y")]),
+        (("spot_x", "spot_y"), [("ped_x", "ped_y")]),
+    ],
+)
+def test_two_candidates_for_the_robot_are_an_error_that_shows_right_mappings(
+    tmp_path, robot, people
+):
+    table = wide(robot, people)
+    with pytest.raises(FileError, match=r"whose values differ; write one of them into") as raised:
+        drives(tmp_path, table)
+    candidates = {robot: ROBOT, people[0]: PEOPLE[0]}
+    places = {f"{{x: {x}, y: {y}}}": each for (x, y), each in candidates.items()}
+    assert sorted(mappings_in(raised.value)) == sorted(places)
+    for mapping, expected in places.items():
+        (drive,) = drives(tmp_path, table, mapping).drives
+        np.testing.assert_allclose(drive.position_m, expected, atol=1e-9)
+
+
+def test_people_are_kept_beside_the_columns_of_a_robot_of_any_name_that_a_mapping_names(tmp_path):
+    table = wide(("spot_x", "spot_y"), [("ped1_x", "ped1_y"), ("ped2_x", "ped2_y")])
+    assert_robot_among_people(drives(tmp_path, table, "{x: spot_x, y: spot_y}"), 2)
+
+
+@pytest.mark.parametrize("names", [("x1", "y1", "x2", "y2"), ("spot_x", "spot_y", "it_x", "it_y")])
+def test_columns_of_which_it_is_not_known_what_they_are_get_mappings_too(tmp_path, names):
+    table = wide(names[:2], [names[2:]])
+    with pytest.raises(FileError, match="must have columns of x and y, named so, or") as raised:
+        drives(tmp_path, table)
+    first, second = mappings_in(raised.value)
+    assert len(drives(tmp_path, table, second).drives) == 1
+    (drive,) = drives(tmp_path, table, first).drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+
+
+def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
+    path = tmp_path / "table.csv"
+    table = np.column_stack([np.arange(N_STEPS) / 10, ROBOT, PEOPLE[0]])
+    np.savetxt(path, table, "%.4f", ",", header="t,x,y,x,y", comments="")
+    with pytest.raises(FileError, match=r"has x, y and x, y, whose values differ") as raised:
+        read_trajectories(path)
+    _, second = mappings_in(raised.value)
+    assert second == "{x: '4', y: '5'}"
+    wanted = yaml_model(second, TableMapping, name="mapping")
+    (track,) = read_trajectories(path, wanted).tracks
+    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
+
+
+@pytest.mark.parametrize("again", [("pos_x", "pos_y"), ("x_cm", "y_cm")])
+def test_columns_that_hold_the_same_places_are_no_two_candidates(tmp_path, again):
+    scale = 100.0 if "cm" in again[0] else 1.0
+    table = wide(("x_m", "y_m")).assign(**dict(zip(again, scale * ROBOT.T, strict=True)))
+    found = drives(tmp_path, table)
+    np.testing.assert_allclose(found.drives[0].position_m, ROBOT, atol=1e-9)
+
+
+def test_x_and_y_that_repeat_those_of_the_robot_are_no_person(tmp_path):
+    table = wide(people=[("ped_x", "ped_y")]).assign(x=ROBOT[:, 0], y=ROBOT[:, 1])
+    found = drives(tmp_path, table)
+    assert_robot_among_people(found, 1)
+    assert "columns x and y repeat robot_x and robot_y" in found.assumed
+
+
+def test_columns_without_numbers_are_no_candidates(tmp_path):
+    table = wide(("x", "y")).assign(pos_x=np.nan, pos_y=np.nan)[
+        ["timestamp", "pos_x", "pos_y", "x", "y"]
+    ]
+    np.testing.assert_allclose(drives(tmp_path, table).drives[0].position_m, ROBOT, atol=1e-9)
+
+
+def test_columns_of_places_that_are_not_used_are_named(tmp_path):
+    table = wide(people=[("x", "y")]).assign(
+        goal_x=9.0, goal_y=0.0, vel_x=0.6, cmd_y=0.0, lidar_x=1
+    )
+    (sentence,) = [each for each in drives(tmp_path, table).assumed if "not used" in each]
+    assert sentence.startswith("columns goal_x, goal_y, lidar_x are not used; 'x:' and 'y:'")
+
+
+def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_drives(tmp_path):
+    table = rows_of_people(PEOPLE).assign(ego_x=1.0, ego_y=RNG.normal(size=3 * N_STEPS))
+    found = drives(tmp_path, table, "{x: robot_x, y: robot_y}")
+    assert_robot_among_people(found, 3)
+    assert found.assumed[0].startswith("columns ego_x, ego_y are not used")
+
+
+def test_rows_that_repeat_the_place_of_an_agent_are_of_one_agent(tmp_path):
+    table = rows_of_people(PEOPLE).rename(columns={"robot_x": "spot_x", "robot_y": "spot_y"})
+    found = drives(tmp_path, table, "{x: spot_x, y: spot_y}")
+    (drive,) = found.drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    assert found.assumed[0].startswith("columns x, y are not used")
+
+
+def test_the_robot_in_a_table_of_people_is_no_person(tmp_path):
+    rows_of_people(PEOPLE[:2]).to_csv(tmp_path / "people.csv", index=False)
+    found = drives(tmp_path, wide(), "people: people.csv")
+    assert_robot_among_people(found, 2)
+    assert "people.csv: its robots are left out, as table.csv has them" in found.assumed
+    wide().to_csv(tmp_path / "people.csv", index=False)
+    with pytest.raises(FileError, match="must hold people, it holds robots alone; correct people:"):
+        drives(tmp_path, wide(), "people: people.csv")
+
+
+def test_a_mapping_names_the_ids_of_people_and_the_time_beside_columns_of_a_robot(tmp_path):
+    table = rows_of_people(PEOPLE).rename(columns={"column": "who", "timestamp": "when"})
+    found = drives(tmp_path, table, "{agent: who, time: when, time_unit: ns}")
+    assert_robot_among_people(found, 3)
+    with pytest.raises(FileError, match=r"agent person is in two places .*\(agent:\)"):
+        drives(tmp_path, table.rename(columns={"when": "timestamp"}))
+
+
+@pytest.mark.parametrize("places", [("x", "y"), ("robot_x", "robot_y")])
+def test_two_columns_of_times_that_differ_are_an_error_that_shows_right_mappings(tmp_path, places):
+    late = TIME_NS / 1e9 + np.cumsum(RNG.uniform(0.0, 2.0, N_STEPS))
+    table = wide(places, time="timestamp").assign(stamp=late)
+    with pytest.raises(FileError, match=r"it has timestamp and stamp, whose values diff") as raised:
+        read(tmp_path, table)
+    assert mappings_in(raised.value) == ["{time: timestamp}", "{time: stamp}"]
+    for mapping, time_s in zip(mappings_in(raised.value), (TIME_NS / 1e9, late), strict=True):
+        wanted = yaml_model(mapping, TableMapping, name="mapping")
+        (track,) = read(tmp_path, table, wanted).tracks
+        np.testing.assert_allclose(np.diff(track.time_s), np.diff(time_s), atol=1e-4)
+
+
+def test_two_clocks_that_agree_are_one_and_a_time_is_preferred_to_frames(tmp_path):
+    table = wide(time="time").assign(frame=np.arange(N_STEPS), elapsed=np.arange(N_STEPS) / 10)
+    table = table[["frame", "time", "elapsed", "robot_x", "robot_y"]]
+    (track,) = read(tmp_path, table).tracks
+    np.testing.assert_allclose(np.diff(track.time_s), 0.1, rtol=1e-5)
+    np.testing.assert_allclose(track.position_m, ROBOT, atol=1e-9)
+
+
+def test_the_mapping_of_a_table_of_one_agent_is_as_before(tmp_path):
+    wanted = TableColumns(x="4", y="5", time="1", agent="", time_unit="ns", unit="m")
+    table = wide(("x", "y"), [("pos_x", "pos_y")])
+    (track,) = read(tmp_path, table, wanted).tracks
+    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-9)

@@ -1,0 +1,182 @@
+"""The distributions serd-core, serd-bag and serd: who owns which file, and what each needs."""
+
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from importlib.metadata import PackageNotFoundError, distribution, requires
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+#: Project folder and packages of each distribution.
+PROJECTS = {
+    "serd-core": ("serd_core", ("serd_core",)),
+    "serd-bag": ("bags", ("bags/serd_bag",)),
+    "serd": (".", ("serd_files", "sim/serd_sim", "serd_app", "serd_ros", "serd_cli")),
+}
+#: Refuses every import but those of some packages, then imports all modules and runs a statement.
+ALONE = """
+import importlib, importlib.abc, pkgutil, sys
+folder, package, allowed, statement = sys.argv[1:]
+allowed = {package, *allowed.split(","), *sys.stdlib_module_names}
+
+class Allowed(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in allowed and not name.startswith("_sysconfigdata"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Allowed())
+sys.path.insert(0, folder)
+root = importlib.import_module(package)
+assert root.__file__.startswith(folder), root.__file__
+for module in pkgutil.walk_packages(root.__path__, f"{package}."):
+    if not module.name.rpartition(".")[2].startswith(("compiled", "swept")):  # of the extra `fast`
+        importlib.import_module(module.name)
+exec(statement)
+"""
+
+
+@pytest.fixture(scope="module")
+def wheels(root, tmp_path_factory):
+    """File of each wheel, built in a copy: a build leaves its modules beside the source."""
+    folder = tmp_path_factory.mktemp("wheels")
+    tree = folder / "tree"
+    ignored = shutil.ignore_patterns("build", "data", "results", "__pycache__", "*.egg-info")
+    names = {"serd_core", "bags", "sim", "serd_files", "serd_app", "serd_ros", "serd_cli"}
+    for name in names:
+        shutil.copytree(root / name, tree / name, ignore=ignored)
+    (tree / "docs").mkdir()
+    for file in ("pyproject.toml", "LICENSE", "docs/package.md"):
+        shutil.copy(root / file, tree / file)
+    options = ("--no-deps", "--no-build-isolation", "--quiet", "--wheel-dir", folder)
+    projects = [tree / project for project, _ in PROJECTS.values()]
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, *projects], check=True)
+    return {name: next(folder.glob(f"{name.replace('-', '_')}-[0-9]*.whl")) for name in PROJECTS}
+
+
+@pytest.fixture(scope="module")
+def unpacked(wheels, tmp_path_factory):
+    """Folder of each unpacked wheel."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    for name, file in wheels.items():
+        with zipfile.ZipFile(file) as archive:
+            archive.extractall(folder / name)
+    return {name: folder / name for name in wheels}
+
+
+def metadata_of(wheel):
+    (file,) = wheel.glob("*.dist-info/METADATA")
+    return file.read_text()
+
+
+def modules_in(folder):
+    return {path.relative_to(folder) for path in folder.rglob("*.py")}
+
+
+def with_dependencies(names):
+    """Names of distributions and of all that they require here."""
+    waiting, found = list(names), set()
+    while waiting:
+        name = waiting.pop().lower()
+        if name not in found:
+            found.add(name)
+            lines = [line for line in requires(name) or () if "extra ==" not in line]
+            waiting += [re.match(r"[\w.-]+", line)[0] for line in lines if installed(line)]
+    return found
+
+
+def installed(line):
+    try:
+        return distribution(re.match(r"[\w.-]+", line)[0])
+    except PackageNotFoundError:
+        return None
+
+
+def importable_names(name):
+    """Importable names of a distribution, as `packages_distributions` of Python 3.11 finds them."""
+    return {file.parts[0].partition(".")[0] for file in distribution(name).files}
+
+
+def required_by(wheel):
+    lines = re.findall(r"^Requires-Dist: ([\w-]+)([^\n]*)", metadata_of(wheel), re.MULTILINE)
+    return {name: rest for name, rest in lines if "extra ==" not in rest}
+
+
+def test_each_has_every_module_of_its_packages_and_no_recordings(unpacked, root):
+    for name, (_, packages) in PROJECTS.items():
+        ours = {
+            Path(path).parent.joinpath(module).relative_to(Path(path).parent)
+            for path in packages
+            for module in modules_in((root / path).parent)
+            if module.parts[0] == Path(path).name
+        }
+        theirs = modules_in(unpacked[name])
+        assert ours <= theirs, name
+        assert not list(unpacked[name].rglob("*.mcap"))
+
+
+def test_no_file_belongs_to_two_and_every_name_begins_with_serd(unpacked):
+    files = [
+        path.relative_to(wheel)
+        for wheel in unpacked.values()
+        for path in wheel.rglob("*")
+        if path.is_file()
+    ]
+    assert len(files) == len(set(files))
+    assert all(re.match(r"serd(_|-[0-9.]+\.dist-info)", file.parts[0]) for file in files)
+
+
+def test_serd_requires_the_other_two_in_its_own_version(unpacked):
+    versions = {
+        name: re.search(r"^Version: (.+)$", metadata_of(wheel), re.MULTILINE)[1]
+        for name, wheel in unpacked.items()
+    }
+    assert len(set(versions.values())) == 1
+    needed = required_by(unpacked["serd"])
+    assert {needed["serd-core"], needed["serd-bag"]} == {f"=={versions['serd']}"}
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "statement"),
+    [
+        ("serd-core", "serd_core", "import serd_core as sc; sc.fit_mdce_serd"),
+        ("serd-bag", "serd_bag", "from serd_bag.command.main import main; main(['--help'])"),
+    ],
+)
+def test_a_library_works_with_its_dependencies_alone(unpacked, name, package, statement):
+    allowed = set().union(*map(importable_names, with_dependencies(required_by(unpacked[name]))))
+    assert not allowed & {"pydantic", "typer", "rich", "rclpy", "pandas"}
+    ended = subprocess.run(
+        [sys.executable, "-c", ALONE, unpacked[name], package, ",".join(allowed), statement],
+        capture_output=True,
+        text=True,
+        cwd=unpacked[name],
+    )
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_whichever_is_removed_the_others_keep_their_files(wheels, tmp_path):
+    subprocess.run([sys.executable, "-m", "venv", tmp_path / "env"], check=True)
+    python = tmp_path / "env" / "bin" / "python"
+    pip = (python, "-m", "pip", "--disable-pip-version-check", "-q")
+    (packages,) = (tmp_path / "env").glob("lib/python*/site-packages")
+    # The dependencies are those of this environment.
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    for removed in PROJECTS:
+        subprocess.run(
+            [*pip, "install", "--no-deps", "--ignore-installed", *wheels.values()], check=True
+        )
+        subprocess.run([*pip, "uninstall", "-y", removed], check=True)
+        for name in PROJECTS.keys() - {removed}:
+            (record,) = packages.glob(f"{name.replace('-', '_')}-[0-9]*.dist-info/RECORD")
+            listed = [line.partition(",")[0] for line in record.read_text().splitlines()]
+            assert [each for each in listed if not (packages / each).exists()] == []
+        for package in {"serd_core", "serd_bag"} - {removed.replace("-", "_")}:
+            there = f"import {package}, {package}.errors; print({package}.__file__)"
+            shown = subprocess.check_output([python, "-E", "-c", there], text=True, cwd=tmp_path)
+            assert shown.startswith(str(packages))
