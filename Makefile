@@ -31,21 +31,24 @@ help:
 	@echo "make dist      build the wheels and source distributions, and check their metadata"
 	@echo "make clean     remove .venv, builds and caches (never your demo output)"
 
-setup: build
+PROJECTS := pyproject.toml serd_core/pyproject.toml bags/pyproject.toml lab/pyproject.toml constraints.txt tools/setup_venv.sh
 
-$(VENV)/.ready: pyproject.toml serd_core/pyproject.toml bags/pyproject.toml constraints.txt tools/setup_venv.sh
-	@PYTHON="$(PYTHON)" VENV="$(VENV)" bash tools/setup_venv.sh
+# What a target needs: run (the product), all (and what developers need), docs (and the site's tools).
+$(VENV)/.run $(VENV)/.all $(VENV)/.docs: $(PROJECTS)
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" bash tools/setup_venv.sh $(subst .,,$(notdir $@))
 
-build: $(VENV)/.ready
+setup: $(VENV)/.run
+
+build: $(VENV)/.all
 	@bash tools/build_workspace.sh $(BIN)
 
-interfaces: $(VENV)/.ready
+interfaces: $(VENV)/.all
 	@$(BIN)/python tools/build_interfaces.py
 
 ubuntu:
 	@PYTHON="$(PYTHON)" bash tools/test_ubuntu_versions.sh $(ARGS)
 
-demo: build
+demo: $(VENV)/.run
 	@$(BIN)/serd demo $(ARGS)
 
 test: build
@@ -59,18 +62,18 @@ coverage: build
 
 check: format lint types imports test
 
-format: $(VENV)/.ready
+format: $(VENV)/.all
 	@$(BIN)/ruff format --check .
 
-lint: $(VENV)/.ready
+lint: $(VENV)/.all
 	@$(BIN)/ruff check .
 
 # The types of NumPy 2.2, the newest for Python 3.10, are incomplete.
-types: $(VENV)/.ready
+types: $(VENV)/.all
 	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then $(BIN)/mypy; \
 	else echo "types: checked on Python 3.11 and 3.12"; fi
 
-imports: $(VENV)/.ready
+imports: $(VENV)/.all
 	@$(BIN)/lint-imports
 
 bench: build
@@ -80,12 +83,8 @@ pictures: build
 	@$(BIN)/python tools/draw_architecture.py
 	@$(BIN)/python tools/draw_pictures.py $(ARGS)
 
-reference: $(VENV)/.ready
+reference: $(VENV)/.all
 	@$(BIN)/python tools/write_reference.py
-
-$(VENV)/.docs: $(VENV)/.ready pyproject.toml constraints.txt
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ./serd_core -e ./bags -e '.[docs]'
-	@touch $@
 
 site: $(VENV)/.docs
 	@$(BIN)/python tools/run_notebooks.py

@@ -27,7 +27,7 @@ from serd_bag.nearest import hint
 from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, UsageError
 from serd_cli.output.terminal import progress_console
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 
 def main(words: Sequence[str]) -> int:
@@ -44,7 +44,7 @@ def main(words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
-    except SerdError as error:
+    except USER_ERRORS as error:
         progress_console.print(Text.assemble(("lab:", "red"), f" {error}"), soft_wrap=True)
         return BAD_INPUT
     return 0

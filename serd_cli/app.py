@@ -16,7 +16,7 @@ from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
 from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
-from serd_files.errors import USER_ERRORS
+from serd_files.errors import USER_ERRORS, missing_extra
 
 
 class LazyCommands(FlagGroup):
@@ -112,6 +112,11 @@ def run(app: typer.Typer) -> int:
     except USER_ERRORS as error:
         progress_console.print(Text.assemble(("serd:", "red"), f" {error}"), soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
+    except ModuleNotFoundError as error:
+        if not (sentence := missing_extra(error)):
+            raise
+        progress_console.print(Text.assemble(("serd:", "red"), f" {sentence}"), soft_wrap=True)
+        return BAD_INPUT
     return exit_code
 
 

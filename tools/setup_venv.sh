@@ -1,9 +1,18 @@
 #!/usr/bin/env bash
-# Create the virtual environment and install the project with everything it needs.
+# Create the virtual environment and install the project: with `run` what it needs to run, with `all`
+# what developers need too, with `docs` what makes the site besides.
 set -euo pipefail
 : "${PYTHON:?}" "${VENV:?}"
+case "${1:-run}" in
+  run) what="what it needs to run"; extras="sim"; lab=() ;;
+  all) what="what developers need"; extras="sim,movie,workspace,dev"; lab=(-e ./lab) ;;
+  docs) what="what the site needs"; extras="sim,movie,workspace,dev,docs"; lab=(-e ./lab) ;;
+  *) echo "setup: name run, all or docs, got $1" >&2; exit 2 ;;
+esac
+projects=(-e ./serd_core -e ./bags -e ".[$extras]" "${lab[@]}")
 
 version=$("$PYTHON" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+verbose=-q
 case "$version" in
   3.10|3.11) ;;
   3.12)
@@ -12,8 +21,7 @@ case "$version" in
       echo "setup: PyBullet needs a C++ compiler: sudo apt-get install g++ python3-dev" >&2
       exit 2
     }
-    export PIP_PROGRESS_BAR=on
-    verbose="-v"
+    verbose=-v
     ;;
   *)
     echo "setup: found Python $version; the ROS 2 Jazzy and PyBullet wheels need 3.10, 3.11 or 3.12." >&2
@@ -33,9 +41,19 @@ if ! "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null; then
   exit 2
 fi
 
-echo "setup: creating $VENV with Python $version and installing (one to two minutes) ..."
+echo "setup: installing $what into $VENV with Python $version ..."
 [ -x "$VENV/bin/python" ] || "$PYTHON" -m venv "$VENV"
-"$VENV/bin/python" -m pip install ${verbose:--q} --disable-pip-version-check \
-  -c constraints.txt -e ./serd_core -e ./bags -e '.[workspace,dev]' -e ./lab 2> >(grep -v '^WARNING: Location' >&2)
-touch "$VENV/.ready"
+pip=("$VENV/bin/python" -m pip)
+uv=$(command -v "$VENV/bin/uv" || command -v uv || true)
+if [ -z "$uv" ]; then
+  "${pip[@]}" install -q --disable-pip-version-check -c constraints.txt uv >/dev/null 2>&1 || true
+  uv=$(command -v "$VENV/bin/uv" || true)
+fi
+if [ -z "$uv" ] || ! VIRTUAL_ENV="$VENV" "$uv" pip install $verbose -c constraints.txt "${projects[@]}"; then
+  echo "setup: uv, which takes ten seconds, could not install; pip takes two to three minutes ..."
+  [ "$verbose" = -q ] || export PIP_PROGRESS_BAR=on
+  "${pip[@]}" install $verbose --disable-pip-version-check -c constraints.txt "${projects[@]}" \
+    2> >(grep -v '^WARNING: Location' >&2)
+fi
+touch "$VENV/.${1:-run}"
 echo "setup: done."

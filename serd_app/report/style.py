@@ -135,14 +135,3 @@ def _take_names_as_they_are(figure: Figure) -> None:
     for each in figure.findobj(Text):
         if isinstance(each, Text) and each not in numbers:
             each.set_parse_math(False)
-
-
-def in_words(name: str) -> str:
-    """A code name for people: `with_flow` becomes `with flow`."""
-    return name.replace("_", " ")
-
-
-def percent(share: float) -> str:
-    """A share of one as a percentage without needless digits."""
-    value = 100 * share
-    return f"{value:.0f} %" if abs(value - round(value)) < 0.05 else f"{value:.1f} %"

@@ -11,7 +11,7 @@ from serd_app.navigation.evaluation.prediction_support import (
 )
 from serd_app.report.figures.arrival import ArrivalCurve, measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs
-from serd_app.report.style import percent
+from serd_app.report.words import percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap

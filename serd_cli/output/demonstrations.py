@@ -18,10 +18,6 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
-from serd_app.report.figures.map_axes import layout_of
-from serd_app.report.figures.maps import draw_flow_map, draw_visitation
-from serd_app.report.figures.resolution import draw_resolution
-from serd_app.report.style import save_figure
 from serd_bag.files import delete_file
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import table_of
@@ -189,6 +185,11 @@ def save_pictures(
     advice: ResolutionAdvice | None,
 ) -> None:
     """Draw the tracks, the flow of people where there is one, and the advice, beside the table."""
+    from serd_app.report.figures.map_axes import layout_of
+    from serd_app.report.figures.maps import draw_flow_map, draw_visitation
+    from serd_app.report.figures.resolution import draw_resolution
+    from serd_app.report.style import save_figure
+
     files = files_beside(output)
     layout = layout_of(place.scenario) if place.scenario else None
     visits = state_counts(concatenated(found), place.grid.n_states)

@@ -14,7 +14,7 @@ from serd_app.learning.crossing_times import times_sentence, unseen_sentence
 from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
-from serd_app.report.style import in_words
+from serd_app.report.words import in_words
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, finite, table_of
 from serd_core.grid.grid import Outcome

@@ -14,6 +14,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
+from serd_files.errors import missing_extra
+
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
 #: Module in serd_ros.nodes and class of the node, or function that makes it, by executable.
@@ -81,7 +83,12 @@ def run(executable: str) -> NoReturn:
             sys.stdout = _nowhere(1)
         from serd_ros.process.run_node import run_node
 
-        node = node_maker(executable)
+        try:
+            node = node_maker(executable)
+        except ModuleNotFoundError as error:
+            if not (sentence := missing_extra(error)):
+                raise
+            sys.exit(f"{executable}: {sentence}")
     code = run_node(node)
     with suppress(OSError):  # who reads them may have ended
         sys.stdout.flush()

@@ -9,7 +9,8 @@ from matplotlib.patches import Rectangle
 from serd_app.demonstrations.grid.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
 from serd_app.report import style
 from serd_app.report.figures.map_axes import colour_bar
-from serd_app.report.style import Look, new_figure, percent
+from serd_app.report.style import Look, new_figure
+from serd_app.report.words import percent
 
 
 def draw_resolution(advice: ResolutionAdvice) -> Figure:

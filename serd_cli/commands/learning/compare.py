@@ -12,9 +12,6 @@ from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.learning.learning_files import FlowSource, LearningFiles
 from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
-from serd_app.report.figures.map_axes import layout_of
-from serd_app.report.figures.maps import draw_surprises
-from serd_app.report.style import save_figure
 from serd_bag.quantities import counted
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
@@ -96,6 +93,10 @@ def compare(
         n_simulated=simulations,
         seed=seed,
     )
+    from serd_app.report.figures.map_axes import layout_of
+    from serd_app.report.figures.maps import draw_surprises
+    from serd_app.report.style import save_figure
+
     layout = layout_of(found.files.scenario) if found.files.scenario else None
     rows = _rows(found, surprise)
     write_rows(output, EpisodeRow, rows)

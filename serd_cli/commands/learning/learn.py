@@ -20,10 +20,6 @@ from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
-from serd_app.report.figures.maps import draw_gain
-from serd_app.report.model_inputs import inputs_of_model
-from serd_app.report.style import save_figure
-from serd_app.report.write import write_report
 from serd_bag.files import require_file_place, require_folder
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson, validated, with_settings
@@ -121,10 +117,16 @@ def learn(
     outcome = replace(outcome, model=model)
     save_outcome(output, outcome, problem.grid)
     if outcome.knowledge is not None:
+        from serd_app.report.figures.maps import draw_gain
+        from serd_app.report.style import save_figure
+
         figure = draw_gain(None, problem.grid, outcome.knowledge.gain_nats)
         save_figure(outcome_files(output)["gain_map"], figure)
     page = None
     if report is not None:
+        from serd_app.report.model_inputs import inputs_of_model
+        from serd_app.report.write import write_report
+
         page = write_report(
             inputs_of_model(output, scenario=scenario, demonstrations=table), report
         )

@@ -8,10 +8,6 @@ import typer
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
-from serd_app.report.model_inputs import inputs_of_model
-from serd_app.report.page import summary_rows
-from serd_app.report.summary import headline_of, summary_of
-from serd_app.report.write import write_report
 from serd_bag.files import require_folder
 from serd_cli.options import AsJson, option
 from serd_cli.output.terminal import console, print_json
@@ -54,6 +50,11 @@ def report(
     if mapping is not None and demonstrations is not None:
         kind = TableMapping if is_table(demonstrations) else BagMapping
         chosen = load_yaml_model(mapping, kind)
+    from serd_app.report.model_inputs import inputs_of_model
+    from serd_app.report.page import summary_rows
+    from serd_app.report.summary import headline_of, summary_of
+    from serd_app.report.write import write_report
+
     inputs = inputs_of_model(
         model,
         scenario=scenario,

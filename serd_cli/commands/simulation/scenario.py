@@ -11,8 +11,6 @@ from rich.table import Table
 from serd_app.places.free_area import free_area_m, is_area_file, read_area_m
 from serd_app.places.map_scenario import PlaceSettings, map_scenario_yaml
 from serd_app.places.ros_map import read_map
-from serd_app.report.figures.scenario_plan import draw_scenario_plan
-from serd_app.report.style import save_figure
 from serd_bag.files import atomic_write_text, read_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
@@ -209,6 +207,9 @@ def _sentence(values: dict[str, Any]) -> str:
 def _save_plan(scenario: Scenario, path: Path) -> None:
     """Write the plan as PNG and make its folder; UsageError for another suffix."""
     require_suffix(path, ".png")
+    from serd_app.report.figures.scenario_plan import draw_scenario_plan
+    from serd_app.report.style import save_figure
+
     save_figure(path, draw_scenario_plan(scenario))
 
 

@@ -7,7 +7,6 @@ import typer
 
 from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
 from serd_cli.demo.phases import demonstrate, learn, navigate
-from serd_cli.demo.report import report_demo
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
@@ -45,6 +44,8 @@ def _run(folder: DemoFolder, settings: DemoSettings, *, as_json: bool) -> None:
             phases = [
                 phase(folder, settings, environment) for phase in (demonstrate, learn, navigate)
             ]
+        from serd_cli.demo.report import report_demo
+
         report_demo(folder, settings, phases, as_json=as_json)
     except (KeyboardInterrupt, RunError):
         progress_console.print(

@@ -7,10 +7,9 @@ from dataclasses import asdict
 from os.path import realpath
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from serd_app.learning.crossing_times import unseen_sentence
@@ -21,8 +20,6 @@ from serd_app.navigation.evaluation.prediction_support import reasons_text
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model
-from serd_app.report.figures.arrival import draw_comparison
-from serd_app.report.style import save_figure
 from serd_bag.files import require_folder
 from serd_bag.quantities import counted
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
@@ -34,6 +31,9 @@ from serd_files.model_file import CrossingTimes, load_model
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.goal import with_goal
 from serd_sim.scenario.grid import grid_of, start_states_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @with_settings(
@@ -83,6 +83,8 @@ def navigate(
     found = compare(strategy, settings.start_area, rows)
     if output is not None:
         figure = comparison_figure(strategy, settings, rows)
+        from serd_app.report.style import save_figure
+
         save_figure(output / "arrival.png", figure)
     if as_json:
         print_json({**settings.model_dump(), **asdict(found)})
@@ -140,10 +142,12 @@ def _drive_in_process(settings: DriveSettings, output: Path | None) -> list[Epis
 
 def comparison_figure(
     strategy: Strategy, settings: DriveSettings, episodes: Sequence[EpisodeResult]
-) -> Figure:
+) -> "Figure":
     """Predicted and measured share of arrivals over time, with bands."""
     law = predicted_law(strategy, settings.start_area)
     times_s = [row.time_of_arrival_s if row.arrived else math.inf for row in episodes]
+    from serd_app.report.figures.arrival import draw_comparison
+
     return draw_comparison(law, times_s, settings.timeout_s)
 
 

@@ -6,6 +6,7 @@ begins, plan towards the waypoint, guard the command, step the world.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from serd_sim.safety.world_guard import CommandFilter, WorldGuard
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
-from serd_sim.world.world import HallwayWorld
+
+if TYPE_CHECKING:  # which needs PyBullet; nodes on a robot use what this module defines
+    from serd_sim.world.world import HallwayWorld
 
 Observer = Callable[[Observation, Command, Action], bool | None]
 WaypointRule = Callable[[Observation, Action], Waypoint]
@@ -81,7 +84,7 @@ class DecisionLog:
 
 
 def run_episode(
-    world: HallwayWorld,
+    world: "HallwayWorld",
     planner: LocalPlanner,
     driver: Driver,
     *,

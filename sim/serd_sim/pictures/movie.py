@@ -1,4 +1,4 @@
-"""Frames as files: PNG, GIF, and MP4 by the ffmpeg that imageio-ffmpeg brings.
+"""Frames as files: PNG, GIF, and MP4 by the ffmpeg that imageio-ffmpeg brings (extra `movie`).
 
 A movie is written beside its place and moved there when it is whole, so that an interrupted
 run leaves no file.
@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 
-import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
@@ -45,6 +44,8 @@ def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10
 
 def save_mp4(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 20.0) -> None:
     """Write an H.264 movie frame by frame; an odd last row or column of pixels is cut off."""
+    import imageio_ffmpeg  # of the extra `movie`
+
     first, others = _first_and_others(frames)
     height, width = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2
     with _whole(Path(path)) as part:

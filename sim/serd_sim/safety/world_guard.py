@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Source
@@ -11,7 +11,9 @@ from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
-from serd_sim.world.world import HallwayWorld
+
+if TYPE_CHECKING:  # which needs PyBullet
+    from serd_sim.world.world import HallwayWorld
 
 #: Returns the command that reaches the robot in place of a planner's.
 CommandFilter = Callable[[Observation, Command], Command]
@@ -30,7 +32,7 @@ class Message:
     value: Any
 
 
-def published(world: HallwayWorld, observation: Observation) -> list[Message]:
+def published(world: "HallwayWorld", observation: Observation) -> list[Message]:
     """What the nodes of the world publish at an observation."""
     time_s = observation.time_s
     speeds = observation.speed_mps, observation.yaw_rate_radps
@@ -75,7 +77,7 @@ class WorldGuard:
     people_from: scan leaves out the people as the world gives them.
     """
 
-    def __init__(self, world: HallwayWorld, people_from: str = "given") -> None:
+    def __init__(self, world: "HallwayWorld", people_from: str = "given") -> None:
         scenario = world.scenario
         settings = GuardSettings.of_scenario(scenario, people_from)
         self._guard = Guard(settings, scenario.wall_segments_m)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from serd_app.report.style import in_words, percent
+from serd_app.report.words import in_words, percent
 from serd_bag.quantities import counted, seconds_in_words
 
 
