@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from collections.abc import Sequence
 from threading import Timer
 from typing import Annotated, Any
 
@@ -12,11 +13,12 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command as click_command
 
 from serd_bag.standard_output import written_output
-from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
+from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError, UsageError
 from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
 from serd_files.errors import USER_ERRORS, missing_extra
+from serd_files.moved_names import where
 
 
 class LazyCommands(FlagGroup):
@@ -105,6 +107,7 @@ def run(app: typer.Typer) -> int:
     exit_code = 0
     try:
         with written_output():
+            _require_present(sys.argv[1:])
             exit_code = int(app(standalone_mode=True) or 0)
     except KeyboardInterrupt:
         progress_console.print("interrupted")
@@ -118,6 +121,16 @@ def run(app: typer.Typer) -> int:
         progress_console.print(Text.assemble(("serd:", "red"), f" {sentence}"), soft_wrap=True)
         return BAD_INPUT
     return exit_code
+
+
+def _require_present(words: Sequence[str]) -> None:
+    """UsageError for a command or option of an earlier version."""
+    if words and (went := where("command", words[0])):
+        raise UsageError(f"there is no command {words[0]!r}; {went}")
+    for word in words:
+        option = word.partition("=")[0]
+        if went := where("option", option):
+            raise UsageError(f"there is no option {option}; {went}")
 
 
 def _repeat_interrupt(ignored: Any) -> None:

@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 from serd_bag.errors import FileError, shortened
 from serd_bag.files import atomic_write_text, read_text
 from serd_bag.nearest import hint
+from serd_files.moved_names import where_or_near, without_what_had_no_effect
 from serd_files.yaml_text import read_yaml, write_yaml
 
 
@@ -50,6 +51,7 @@ def yaml_model(text: str, model_class: type[Model], *, name: str) -> Model:
         kind = type(values).__name__
         raise FileError(f"{name}: must hold keys and values ('key: value'), got a {kind}")
     _require_format(values, model_class, name)
+    values = without_what_had_no_effect(values)
     try:
         # By way of JSON, because pydantic's strict mode takes no list for a tuple otherwise.
         return model_class.model_validate_json(json.dumps(values), strict=True)
@@ -112,7 +114,8 @@ def _sentence(detail: ErrorDetails, model_class: type[BaseModel]) -> str:
     key = dotted(detail["loc"])
     if detail["type"] == "extra_forbidden":
         name = str(detail["loc"][-1])
-        return f"{key} is not a known key; {hint(name, keys_at(model_class, detail['loc'][:-1]))}"
+        known = keys_at(model_class, detail["loc"][:-1])
+        return f"{key} is not a known key; {where_or_near('key', name, known)}"
     if detail["type"] == "missing":
         return f"{key} is required but missing; add it"
     if detail["type"] in ("value_error", "assertion_error"):

@@ -15,6 +15,7 @@ from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
+from serd_files.moved_names import where_or_near
 from serd_files.yaml_text import read_yaml
 from serd_ros.graph.graph import (
     COMPOSABLE,
@@ -69,9 +70,8 @@ def _own() -> list[str]:
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:
     if executable not in known:
-        raise UsageError(
-            f"package {package!r} has no executable {executable!r}; {hint(executable, known)}"
-        )
+        near = where_or_near("executable", executable, known)
+        raise UsageError(f"package {package!r} has no executable {executable!r}; {near}")
 
 
 def executables_of(prefix: Path, package: str) -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from serd_bag.nearest import hint
+from serd_files.moved_names import where_or_near
 from serd_files.yaml_config import StrictModel, load_yaml_model
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
@@ -158,13 +159,14 @@ def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
         if node not in stack.nodes:
             raise NodeError(f"{key!r} names no node of this stack; {hint(node, stack.nodes)}")
         if name not in CONFIGS[node].model_fields:
-            near = hint(name, CONFIGS[node].model_fields)
+            near = where_or_near("parameter", name, CONFIGS[node].model_fields)
             raise NodeError(f"{node} has no parameter {name!r}; {near}")
         return [(node, name)]
     having = [each for each in stack.nodes if key in CONFIGS[each].model_fields]
     if not having:
         everything = {known for each in stack.nodes for known in CONFIGS[each].model_fields}
-        raise NodeError(f"no node of this stack has a parameter {key!r}; {hint(key, everything)}")
+        near = where_or_near("parameter", key, everything)
+        raise NodeError(f"no node of this stack has a parameter {key!r}; {near}")
     found = [(each, key) for each in having if key not in stack.parameters.get(each, {})]
     if not found:
         names = " or ".join(f"{each}.{key}" for each in having)

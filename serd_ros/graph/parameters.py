@@ -14,8 +14,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from serd_bag.nearest import hint
 from serd_files.errors import USER_ERRORS
+from serd_files.moved_names import where_or_near
 from serd_files.settings import Setting, settings_of
 from serd_files.yaml_config import sentence_of
 from serd_ros.errors import NodeError
@@ -34,7 +34,7 @@ def read_config(node: Node, kind: str, given: Mapping[str, Any]) -> Any:
     config_class = CONFIGS[kind]
     for name in given:
         if name not in config_class.model_fields:
-            near = hint(name, config_class.model_fields)
+            near = where_or_near("parameter", name, config_class.model_fields)
             raise NodeError(f"{kind} has no parameter {name!r}; {near}")
     config = validated(kind, given, config_class)
     for each in settings_of(config_class):

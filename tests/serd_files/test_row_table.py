@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from serd_core.errors import SerdError
+from serd_bag.errors import FileError
 from serd_files.row_table import RowTable, new_rows_path
 from serd_files.table import Column, read_table, records
 
@@ -70,7 +70,7 @@ def test_a_line_cut_short_is_dropped_from_the_file(tmp_path):
 def test_a_row_with_other_columns_is_refused(tmp_path):
     with RowTable(tmp_path / "rows.csv", COLUMNS, ["seed"]) as table:
         table.append(ROWS[0])
-        with pytest.raises(SerdError, match="'speed' is in one only; choose another file"):
+        with pytest.raises(FileError, match="'speed' is in one only; choose another file"):
             table.append({**ROWS[1], "speed": 1.0})
 
 
@@ -92,7 +92,7 @@ def test_a_row_with_other_columns_is_refused(tmp_path):
 def test_a_file_that_is_no_such_table_is_refused(tmp_path, name, content, sentence):
     path = tmp_path / name
     path.write_bytes(content)
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(FileError, match=sentence):
         RowTable(path, COLUMNS, ["seed"])
     assert path.read_bytes() == content
 

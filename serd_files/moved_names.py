@@ -1,0 +1,71 @@
+"""Names of version 0.2.0 that left or moved, and where to; version 0.4.0 forgets them."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+from serd_bag.nearest import hint
+
+Kind = Literal["command", "option", "parameter", "executable", "key"]
+
+_LAB = "it is run by the authors now, from a checkout: python -m lab"
+_NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
+_TYPES = "types of experts are a library now: serd_core.choose_expert_types (docs/mixed_experts.md)"
+_ROBOTS = (
+    "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/runtime.md)"
+)
+_WALL = "every obstacle is a wall now; delete the key"
+
+_LEFT: dict[tuple[Kind, str], str] = {
+    ("command", "experiment"): f"{_LAB} NAME",
+    ("command", "study"): f"{_LAB} NAME",
+    ("command", "faults"): f"{_LAB} faults",
+    ("command", "crowd"): f"{_LAB} crowd",
+    ("option", "--density"): _NO_GAIN,
+    ("option", "--experts"): _TYPES,
+    ("option", "--same-expert"): _TYPES,
+    ("option", "--expert"): _TYPES,
+    ("option", "--lerobot"): f"{_LAB} lerobot",
+    ("executable", "foxglove_server"): (
+        "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
+    ),
+    ("parameter", "robots"): _ROBOTS,
+    ("parameter", "expert"): _TYPES,
+    ("key", "density"): f"{_NO_GAIN}; delete the key",
+    ("key", "types"): f"{_TYPES}; learn again, or delete the key",
+    ("key", "mass_kg"): _WALL,
+    ("key", "hinge_m"): _WALL,
+}
+
+#: Keys that 0.2.0 wrote beside each model and that had no effect, with the values that said so.
+_WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
+    "imu": lambda _: True,
+    "mass_kg": lambda value: value is None,
+    "hinge_m": lambda value: value is None,
+}
+
+
+def without_what_had_no_effect(values: Any) -> Any:
+    """The content of a YAML file without keys of 0.2.0 that changed nothing."""
+    if isinstance(values, list):
+        return [without_what_had_no_effect(each) for each in values]
+    if not isinstance(values, dict):
+        return values
+    return {
+        key: without_what_had_no_effect(each)
+        for key, each in values.items()
+        if not (key in _WITHOUT_EFFECT and _WITHOUT_EFFECT[key](each))
+    }
+
+
+def where(kind: Kind, name: str) -> str:
+    """Where a name went, as the end of a sentence; empty for one that never was.
+
+    >>> where("command", "faults")
+    'it is run by the authors now, from a checkout: python -m lab faults'
+    """
+    return _LEFT.get((kind, name), "")
+
+
+def where_or_near(kind: Kind, name: str, candidates: Iterable[str]) -> str:
+    """Where a name went, or the candidate that was meant."""
+    return where(kind, name) or hint(name, candidates)

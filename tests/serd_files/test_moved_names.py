@@ -1,0 +1,59 @@
+"""Names of the version before answer where they went."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from serd_bag.errors import FileError
+from serd_files.moved_names import where
+from serd_files.yaml_config import model_yaml, yaml_model
+from serd_ros.errors import NodeError
+from serd_ros.graph.graph import addressees, find_stack
+from serd_sim.scenario.scenario import Scenario, load_scenario
+
+
+@pytest.mark.parametrize(
+    ("words", "went"),
+    [
+        (["faults", "--seeds", "3"], "python -m lab faults"),
+        (["study", "hallway"], "python -m lab NAME"),
+        (["learn", "decisions.csv", "--density"], "it improved no forecast"),
+        (["navigate", "model.yaml", "--expert=2"], "serd_core.choose_expert_types"),
+        (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
+    ],
+)
+def test_a_command_says_where_it_went(words, went):
+    program = "import sys; from serd_cli.main import main; sys.exit(main())"
+    ended = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert went in ended.stderr.replace("\n", " ")
+
+
+def test_a_parameter_says_where_it_went():
+    with pytest.raises(NodeError, match="namespace:=robot1"):
+        addressees(find_stack("navigate"), "robots")
+
+
+def with_pillar(**more):
+    """The hallway with an obstacle that has more keys, as text."""
+    pillar = {"name": "pillar", "outline_m": [[2.8, 8.0], [3.2, 8.0], [3.2, 8.4]], **more}
+    return model_yaml(load_scenario("hallway")).replace(
+        "obstacles: []\n", f"obstacles: {json.dumps([pillar])}\n"
+    )
+
+
+def test_a_key_says_where_it_went():
+    with pytest.raises(FileError, match="every obstacle is a wall now"):
+        yaml_model(with_pillar(mass_kg=3.0), Scenario, name="place.yaml")
+
+
+def test_a_scenario_that_the_version_before_wrote_is_read():
+    older = with_pillar(mass_kg=None, hinge_m=None) + "imu: {gyroscope_noise_radps: 0.01}\n"
+    now = yaml_model(with_pillar(), Scenario, name="place.yaml")
+    assert yaml_model(older, Scenario, name="place.yaml") == now
+
+
+def test_a_name_that_never_was_went_nowhere():
+    assert where("command", "navigate") == ""
