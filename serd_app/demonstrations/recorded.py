@@ -181,11 +181,17 @@ def save_demonstrations(
 ) -> None:
     """Write table, grid, record, flow and advice side by side; see `files_beside`."""
     files = files_beside(output)
-    # First, as an edited file is not replaced.
-    keep_scenario(output, own_scenario_yaml(place.scenario) if place.scenario else "")
-    save_decisions(files["decisions"], concatenated(found))
-    save_grid(files["grid"], place.grid, place.name)
-    save_yaml_model(files["record"], _record(place, found, advice))
+    save_learnable(
+        output,
+        place,
+        concatenated(found),
+        tuple(entry_s for each in found for entry_s in each.goal_entry_s),
+        bags=tuple(
+            BagRecord(**{name: values[name] for name in BagRecord.model_fields})
+            for values in (each.values() for each in found)
+        ),
+        motion=MotionRecord.model_validate(advice, from_attributes=True) if advice else None,
+    )
     for name in ("resolution", "resolution picture"):  # those of other recordings
         delete_file(files[name])
     if advice is not None:
@@ -194,6 +200,32 @@ def save_demonstrations(
         delete_file(files["flow"])
         return
     save_flow(files["flow"], place.grid, flow)
+
+
+def save_learnable(
+    output: Path,
+    place: Place,
+    decisions: Decisions,
+    goal_entry_s: tuple[float, ...],
+    *,
+    bags: tuple[BagRecord, ...] = (),
+    motion: MotionRecord | None = None,
+) -> None:
+    """Write a table of decisions with what `serd learn` needs beside it: grid, record, scenario."""
+    files = files_beside(output)
+    # First, as an edited file is not replaced.
+    keep_scenario(output, own_scenario_yaml(place.scenario) if place.scenario else "")
+    save_decisions(files["decisions"], decisions)
+    save_grid(files["grid"], place.grid, place.name)
+    record = DemonstrationRecord(
+        scenario=place.name,
+        grid_fingerprint=place.grid.fingerprint(),
+        decision_period_s=place.period_s,
+        goal_entry_s=goal_entry_s,
+        bags=bags,
+        motion=motion,
+    )
+    save_yaml_model(files["record"], record)
 
 
 def files_beside(table: Path) -> dict[str, Path]:
@@ -212,22 +244,6 @@ def files_beside(table: Path) -> dict[str, Path]:
     }
 
 
-def _record(
-    place: Place, found: Sequence[RecordedDemonstrations], advice: ResolutionAdvice | None
-) -> DemonstrationRecord:
-    return DemonstrationRecord(
-        scenario=place.name,
-        grid_fingerprint=place.grid.fingerprint(),
-        decision_period_s=place.period_s,
-        goal_entry_s=tuple(entry_s for each in found for entry_s in each.goal_entry_s),
-        bags=tuple(
-            BagRecord(**{name: values[name] for name in BagRecord.model_fields})
-            for values in (each.values() for each in found)
-        ),
-        motion=MotionRecord.model_validate(advice, from_attributes=True) if advice else None,
-    )
-
-
 def load_advice(table: Path) -> ResolutionAdvice | None:
     """The advice of the recordings of a table, None where they have none."""
     files = files_beside(table)
@@ -239,8 +255,7 @@ def load_advice(table: Path) -> ResolutionAdvice | None:
 
 
 def report_of_table(table: Path) -> DiscretisationReport | None:
-    """That of the recordings of a table of decisions; None where its record is not kept."""
+    """That of the recordings of a table of decisions; None where its record has none."""
     record = files_beside(table)["record"]
-    if not record.exists():
-        return None
-    return joined_reports(load_yaml_model(record, DemonstrationRecord).bags)
+    bags = load_yaml_model(record, DemonstrationRecord).bags if record.exists() else ()
+    return joined_reports(bags) if bags else None

@@ -11,8 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.demonstrations.recorded import Place, save_learnable
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.methods import require_learnable
@@ -50,6 +50,9 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
+        self._place = Place(
+            grid_of(self._scenario), self._scenario.decision_period_s, self._scenario
+        )
         require_file_place(Path(self.config.output))
         require_replaceable(Path(self.config.output), self._task.scenario_yaml)
         self._again = self._begin_anew = False
@@ -184,8 +187,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> Demonstrations:
         demonstrations = memory.gather(unfinished=unfinished)
-        if self.config.decisions:
-            save_decisions(self.config.decisions, demonstrations.decisions)
+        self._save_decisions(demonstrations)
         self.get_logger().info(f"in this session {memory.drive.report}")
         return demonstrations
 
@@ -218,18 +220,23 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
-            self.config.bag,
-            grid_of(self._scenario),
-            self._scenario.decision_period_s,
-            hidden=self._hidden,
+            self.config.bag, self._place.grid, self._place.period_s, hidden=self._hidden
         )
         decisions = demonstrations.decisions
         text = f"{len(decisions)} decisions from {self.config.bag}: {report}"
         self.get_logger().info(text)
         write_progress(Progress(text=text))
-        if self.config.decisions:
-            save_decisions(self.config.decisions, decisions)
+        self._save_decisions(demonstrations)
         return demonstrations
+
+    def _save_decisions(self, demonstrations: Demonstrations) -> None:
+        if self.config.decisions:
+            save_learnable(
+                Path(self.config.decisions),
+                self._place,
+                demonstrations.decisions,
+                demonstrations.goal_entry_s,
+            )
 
     def _show(self, progress: FitProgress) -> None:
         step = progress.step

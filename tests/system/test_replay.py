@@ -11,6 +11,7 @@ from std_srvs.srv import SetBool
 
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.learning.learning_files import read_learning_files
 from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
@@ -60,6 +61,10 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
     probe.spin_until(lambda: learner.poll() is not None)
     assert learner.returncode == 0
     assert (tmp_path / "model.yaml").exists()
+    # What `serd learn` reads of the table is beside it.
+    files = read_learning_files(received, discount=0.9)
+    assert files.scenario == hallway
+    assert files.demonstrations.goal_entry_s == offline.goal_entry_s
 
 
 def test_every_recorded_pose_arrives_bit_for_bit_at_a_high_rate(probe, replay, bag):
