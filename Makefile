@@ -11,17 +11,18 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Where Python is told not to keep compiled modules, each node compiles 300 of them when it starts.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports bench pictures reference site dist clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget bench pictures reference site dist clean
 
 help:
-	@echo "make setup     set up .venv and build the ROS workspace"
+	@echo "make setup     set up .venv with what the product needs"
+	@echo "make build     set up .venv with what developers need, and build the ROS workspace"
 	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
 	@echo "make test      every test                                                    (ARGS='-k name')"
 	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
 	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
 	@echo "make fuzz      mutated messages, files and arguments, 10,000 per target   (FUZZ_CASES=1000)"
 	@echo "make coverage  every test, and which lines and branches they reach"
-	@echo "make check     format, lint, types, import rules, tests"
+	@echo "make check     format, lint, types, import rules, budget of lines, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
 	@echo "make bench     speed against peers, results as JSON"
 	@echo "make pictures  draw the pictures of the documents again (needs Graphviz and Chromium)"
@@ -60,7 +61,7 @@ fuzz: build
 coverage: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)
 
-check: format lint types imports test
+check: format lint types imports budget test
 
 format: $(VENV)/.all
 	@$(BIN)/ruff format --check .
@@ -75,6 +76,9 @@ types: $(VENV)/.all
 
 imports: $(VENV)/.all
 	@$(BIN)/lint-imports
+
+budget: $(VENV)/.all
+	@$(BIN)/python tools/check_budget.py
 
 bench: build
 	@$(BIN)/python -m lab bench $(ARGS)
