@@ -18,6 +18,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
 
+from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
 from serd_ros.process.executable import starting
 
@@ -119,7 +120,15 @@ def _class(signature: Signature) -> type[TyperCommand]:
 def _function(module: str, command: str, signature: Signature) -> Callable[..., None]:
     """A function with the parameters of a command; it imports the module and calls the command."""
 
+    inputs = [
+        name
+        for name, each in signature["parameters"].items()
+        if each["type"] == "Path" and "argument" in each
+    ]
+
     def call(**values: Any) -> None:
+        for name in inputs:
+            _require_there(values[name])
         with starting():
             _, defined = _definitions(module)
         defined[command].callback(**values)  # type: ignore[misc]
@@ -129,6 +138,13 @@ def _function(module: str, command: str, signature: Signature) -> Callable[..., 
     call.__annotations__ = {each.name: each.annotation for each in parameters}
     call.__doc__ = signature["help"]
     return call
+
+
+def _require_there(given: Path | Sequence[Path] | None) -> None:
+    """FileError for inputs that are missing, before the command is imported, which takes longer."""
+    for path in (given,) if isinstance(given, Path) else given or ():
+        with disk_errors("read", path):
+            path.stat()
 
 
 def _parameter(name: str, described: dict[str, Any]) -> inspect.Parameter:

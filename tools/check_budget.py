@@ -47,8 +47,8 @@ def main() -> int:
     over = [name for name, found, most in rows if found > most]
     if over:
         print(
-            f"budget: {', '.join(over)} must not grow; take something out, or raise tools/budget.toml"
-            " with a decision record (docs/decisions) that says what left for it",
+            f"budget: {', '.join(over)} must not grow; take something out, or raise the number in"
+            " tools/budget.toml with a decision record (docs/decisions) of what left for it",
             file=sys.stderr,
         )
     return 1 if over else 0

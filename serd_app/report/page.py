@@ -26,7 +26,7 @@ def render_page(
 ) -> str:
     """The whole page as text; `pictures` are SVG bytes by figure name."""
     environment = Environment(
-        loader=PackageLoader("report"),
+        loader=PackageLoader("serd_app.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

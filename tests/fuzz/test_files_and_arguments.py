@@ -68,8 +68,8 @@ _MODELS: dict[str, StrictModel] = {
     "demo": DemoSettings(),
 }
 _TEXTS = {
-    "mux": _ROOT / "teleop" / "mux.yaml",
-    "joy": _ROOT / "teleop" / "joy.yaml",
+    "mux": _ROOT / "serd_app" / "teleop" / "mux.yaml",
+    "joy": _ROOT / "serd_app" / "teleop" / "joy.yaml",
     "study": YAML,
 }
 _RINGS = [[[0, 0], [8, 0], [8, 4], [0, 4], [0, 0]], [[2, 1], [3, 1], [3, 2], [2, 2], [2, 1]]]

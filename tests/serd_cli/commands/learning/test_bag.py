@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,14 +173,18 @@ def test_a_folder_in_use_is_not_written_to(serd, drive_bag):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("info", "nowhere"), "bag nowhere must be a folder or a .mcap, .db3 or .bag file"),
+        (("info", "nowhere"), "cannot read nowhere: it does not exist"),
+        (("info", "one"), "bag one must be a folder or a .mcap, .db3 or .bag file"),
         (("recover", "one", "two", "--output", "new"), "--output must be left out for several"),
         (("chek", "one"), "Did you mean 'check'?"),
         (("info", "one", "--jsno"), "--json"),
         (("convert", "one", "--compression", "gzip"), "'none', 'zstd'"),
     ],
 )
-def test_bad_input_prints_an_error_and_exits_with_2(serd, words, message):
+def test_bad_input_prints_an_error_and_exits_with_2(serd, words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("one", "two"):
+        Path(name).touch()
     ended = serd("bag", *words)
     assert ended.code == 2
     assert message in ended.err

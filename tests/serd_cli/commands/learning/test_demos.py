@@ -290,10 +290,10 @@ def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("nowhere", "--scenario", "hallway"), "bag nowhere must be a folder"),
-        (("nowhere", "--scenario", "halway"), "did you mean 'hallway'?"),
-        (("nowhere", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
-        (("nowhere",), "bag nowhere must be a folder"),
+        (("nowhere", "--scenario", "hallway"), "cannot read nowhere: it does not exist"),
+        (("a", "--scenario", "halway"), "did you mean 'hallway'?"),
+        (("a", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
+        (("a",), "a must hold rows of values, it holds none"),
         (("a", "--scenario", "hallway", "--cell-size-m", "1"), "must be given, got both"),
         (("a", "--scenario", "hallway", "--period-s", "1"), "--period-s must be left out"),
         (("a", "--cell-size-m", "0"), "--cell-size-m must be finite and above 0, got 0"),
@@ -308,7 +308,9 @@ def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
         (("a", "--scenario", "b.yaml", "--output", "b.csv"), "b.csv would overwrite b.yaml"),
     ],
 )
-def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a").touch()
     ended = serd("demos", *words)
     assert ended.code == 2
     assert sentence in ended.err

@@ -293,6 +293,7 @@ def test_outcome_models_that_apply_nowhere_are_left_out(serd, demonstrations):
 
 def test_a_bag_in_place_of_a_table_is_refused_with_the_command_that_makes_one(serd, tmp_path):
     (tmp_path / "bag").mkdir()
+    (tmp_path / "bag_0.mcap").touch()
     for bag in (tmp_path / "bag", tmp_path / "bag_0.mcap"):
         ended = serd("learn", bag)
         assert ended.code == 2
