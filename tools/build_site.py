@@ -19,7 +19,8 @@ from serd_cli.app import make_app
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
 #: Packages that are used as libraries.
-LIBRARIES = ("serd_core", "bags")
+#: Folders in which the libraries are packages.
+LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
 _PAGES = (".md", ".ipynb")
 _LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
 #: Style and script of all pages.
@@ -74,10 +75,10 @@ def commands_page() -> str:
 def module_pages() -> dict[str, str]:
     """By path: a page of modules for each folder of the libraries, and the list of pages."""
     pages, index = {}, ["# Python modules", ""]
-    for library in LIBRARIES:
-        folders = [ROOT / library, *sorted((ROOT / library).rglob("*"))]
+    for library, beside in LIBRARIES.items():
+        folders = [beside / library, *sorted((beside / library).rglob("*"))]
         for folder in (path for path in folders if (path / "__init__.py").exists()):
-            dotted = ".".join(folder.relative_to(ROOT).parts)
+            dotted = ".".join(folder.relative_to(beside).parts)
             modules = sorted(f"{dotted}.{path.stem}" for path in folder.glob("[!_]*.py"))
             if modules:
                 text = "\n\n".join(f"::: {module}" for module in modules)

@@ -127,7 +127,7 @@ def journey_picture() -> Picture:
     names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
     modules = {
         name: f"{_PACKAGE_LOOK}, "
-        f"label=<{_label(name, ROOT.joinpath(*name.split('.')).with_suffix('.py'))}>"
+        f"label=<{_label(name, _file_of(name).with_suffix('.py'))}>"
         for name, _ in JOURNEY
     }
     edges = tuple(pairwise(names))
@@ -186,9 +186,16 @@ def draw(picture: Picture, path: Path) -> None:
         raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
 
 
+def _file_of(dotted: str) -> Path:
+    """Folder or file, without suffix, of a package or module."""
+    package, *inner = dotted.split(".")
+    beside = next(each for each in (ROOT, ROOT / "sim", ROOT / "bags") if (each / package).is_dir())
+    return beside.joinpath(package, *inner)
+
+
 def _package_label(name: str) -> str:
     """Name, first line of the package and, where a contract orders them, its subpackages."""
-    label = _label(name, ROOT / name / "__init__.py")
+    label = _label(name, _file_of(name) / "__init__.py")
     parts = " → ".join(package_parts(ROOT / "pyproject.toml", name))
     return f'{label}<br/><font point-size="12">{parts}</font>' if parts else label
 

@@ -32,9 +32,9 @@ NODES = {
     "scripted_expert": "scripted_expert:ScriptedExpertNode",
     "strategy": "strategy:StrategyNode",
     "teleop_joy": "teleop.joy:TeleopJoyNode",
-    "teleop_keyboard": "serd_app.teleop.keyboard:TeleopKeyboardNode",
+    "teleop_keyboard": "teleop.keyboard:TeleopKeyboardNode",
     "teleop_mux": "teleop.mux:TeleopMuxNode",
-    "teleop_page": "serd_app.teleop.page:TeleopPageNode",
+    "teleop_page": "teleop.page:TeleopPageNode",
     "watch_page": "watch_page:WatchPageNode",
 }
 

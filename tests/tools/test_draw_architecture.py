@@ -54,7 +54,7 @@ def test_every_node_is_in_a_picture(drawing: ModuleType) -> None:
 def test_the_packages_picture_names_every_package_of_the_import_rules(drawing: ModuleType) -> None:
     packages = {name for layer in drawing.package_layers(ROOT / "pyproject.toml") for name in layer}
     assert packages == set(drawing.packages_picture().nodes)
-    assert {"serd_core", "serd_ros", "report"} <= packages
+    assert {"serd_core", "serd_ros", "serd_app"} <= packages
 
 
 def test_the_packages_picture_shows_the_subpackages_of_serd_app_in_the_order_of_the_data(
