@@ -93,9 +93,14 @@ def package_layers(pyproject: Path) -> list[list[str]]:
 
 
 def package_parts(pyproject: Path, package: str) -> list[str]:
-    """Subpackages that a layers contract orders, in the order of the data; none without one."""
+    """Subpackages that a layers contract orders, in the order of the data; none without one.
+
+    Those of one layer stand together, as `report, teleop`.
+    """
     layers = _layers(pyproject, lambda name: name.startswith(f"{package}."))
-    return [name.removeprefix(f"{package}.") for layer in reversed(layers) for name in layer]
+    return [
+        ", ".join(name.removeprefix(f"{package}.") for name in layer) for layer in reversed(layers)
+    ]
 
 
 def _layers(pyproject: Path, is_wanted: Callable[[str], bool]) -> list[list[str]]:
@@ -126,8 +131,7 @@ def journey_picture() -> Picture:
     """The modules of JOURNEY from top to bottom; each arrow has what is passed on."""
     names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
     modules = {
-        name: f"{_PACKAGE_LOOK}, "
-        f"label=<{_label(name, _file_of(name).with_suffix('.py'))}>"
+        name: f"{_PACKAGE_LOOK}, label=<{_label(name, file_of(name).with_suffix('.py'))}>"
         for name, _ in JOURNEY
     }
     edges = tuple(pairwise(names))
@@ -186,7 +190,7 @@ def draw(picture: Picture, path: Path) -> None:
         raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
 
 
-def _file_of(dotted: str) -> Path:
+def file_of(dotted: str) -> Path:
     """Folder or file, without suffix, of a package or module."""
     package, *inner = dotted.split(".")
     beside = next(each for each in (ROOT, ROOT / "sim", ROOT / "bags") if (each / package).is_dir())
@@ -195,7 +199,7 @@ def _file_of(dotted: str) -> Path:
 
 def _package_label(name: str) -> str:
     """Name, first line of the package and, where a contract orders them, its subpackages."""
-    label = _label(name, _file_of(name) / "__init__.py")
+    label = _label(name, file_of(name) / "__init__.py")
     parts = " → ".join(package_parts(ROOT / "pyproject.toml", name))
     return f'{label}<br/><font point-size="12">{parts}</font>' if parts else label
 

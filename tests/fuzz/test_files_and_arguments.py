@@ -1,4 +1,4 @@
-"""Mutated files and arguments load or raise SerdError with one line, in bounded time and memory."""
+"""Mutated files and arguments load or are refused in one line, in bounded time and memory."""
 
 import json
 import os

@@ -54,6 +54,6 @@ def test_frozen_lake_takes_at_most_twenty_lines(root):
 
 
 def test_the_readme_of_the_distribution_runs(root, capsys):
-    (block,) = blocks_of(root / "distributions" / "serd-core" / "README.md")
+    (block,) = blocks_of(root / "serd_core" / "README.md")
     exec(block, {})
     assert "converged: yes" in capsys.readouterr().out

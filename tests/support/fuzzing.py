@@ -18,7 +18,7 @@ import yaml
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 #: Settings of one target; the cases are the same in every run.
 FUZZ = settings(
@@ -105,11 +105,11 @@ def mutated_yaml(valid: str) -> st.SearchStrategy[str]:
 
 
 def assert_loads_or_one_line(load: Callable[[], object]) -> None:
-    """The call returns, or raises SerdError with one line, within the bounds."""
+    """The call returns, or is refused in one line, within the bounds."""
     with _bounded():
         try:
             load()
-        except SerdError as error:
+        except USER_ERRORS as error:
             if len(str(error).splitlines()) == 1:
                 return
             raise

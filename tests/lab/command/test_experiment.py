@@ -8,7 +8,7 @@ import yaml
 
 from lab.__main__ import app_of
 from lab.command.experiment import _text
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 
 def run(name, *words):
@@ -69,13 +69,13 @@ def test_work_of_another_version_of_the_code_is_named(tmp_path, capsys):
     ],
 )
 def test_a_wrong_setting_gets_a_sentence(words, sentence, tmp_path):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         run(*words, "--output", str(tmp_path))
 
 
 def test_a_file_in_the_place_of_the_folder_gets_a_sentence(tmp_path):
     (tmp_path / "afile").touch()
-    with pytest.raises(SerdError, match="afile: a file of this name is in the way; move it away"):
+    with pytest.raises(USER_ERRORS, match="afile: a file of this name is in the way; move it away"):
         run("priors", "--output", str(tmp_path / "afile"))
 
 

@@ -13,7 +13,7 @@ from lab.crowd.corridor_measures import (
     measure_simulation,
 )
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_files.trajectories.read import Track, read_trajectories
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.routes import Routes
@@ -263,12 +263,12 @@ def test_people_on_a_moving_lattice_have_its_density_its_speed_and_its_distance(
 
 def test_without_pedpy_the_fix_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pedpy", None)
-    with pytest.raises(SerdError, match=r"run: pip install pedpy"):
+    with pytest.raises(USER_ERRORS, match=r"run: pip install pedpy"):
         measure_simulation(0.5, settle_s=0.0, duration_s=0.1)
 
 
 def test_a_density_that_gives_nobody_is_refused_with_the_fix():
-    with pytest.raises(SerdError, match="raise it or lengthen the ring"):
+    with pytest.raises(USER_ERRORS, match="raise it or lengthen the ring"):
         ring_corridor_crowd(
             width_m=2.0, length_m=2.0, density_pm2=0.01, rng=np.random.default_rng(1)
         )

@@ -10,13 +10,13 @@ from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.errors import SerdError
 from serd_core.learners.serd import SerdSettings, fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief, TiedBelief
 from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import validation_log_likelihood
 from serd_core.selection.prior_weight import split_episodes
+from serd_files.errors import USER_ERRORS
 
 
 def slope(vector):
@@ -37,7 +37,7 @@ def test_the_step_with_the_best_score_is_returned():
 
 def test_a_start_without_a_score_is_refused_and_does_not_win():
     ascent = EarlyStopping(GradientAscent(), lambda _: float("nan"))
-    with pytest.raises(SerdError, match="score of the start must be a number, got nan"):
+    with pytest.raises(USER_ERRORS, match="score of the start must be a number, got nan"):
         ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
 
 
@@ -93,5 +93,5 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
 
 
 def test_a_patience_of_no_step_is_refused():
-    with pytest.raises(SerdError, match="patience must be at least 1, got 0"):
+    with pytest.raises(USER_ERRORS, match="patience must be at least 1, got 0"):
         EarlyStopping(Lbfgs(), lambda _: 0.0, patience=0)

@@ -5,11 +5,11 @@ from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
+from serd_files.errors import USER_ERRORS
 
 CURVATURE = np.diag([1.0, 10.0])
 TOP = np.array([3.0, -2.0])
@@ -69,11 +69,15 @@ def test_no_more_steps_are_taken_than_may_be(max_steps):
 
 
 def test_wrong_starts_and_limits_are_refused():
-    with pytest.raises(SerdError, match="parameter 1 of 2 became nan; start from smaller weights"):
+    with pytest.raises(
+        USER_ERRORS, match="parameter 1 of 2 became nan; start from smaller weights"
+    ):
         GradientAscent().maximise(FunctionObjective(quadratic), np.array([0.0, np.nan]), never)
-    with pytest.raises(SerdError, match="gradient_tolerance must not be negative or NaN, got nan"):
+    with pytest.raises(
+        USER_ERRORS, match="gradient_tolerance must not be negative or NaN, got nan"
+    ):
         GradientAscent(gradient_tolerance=np.nan)
-    with pytest.raises(SerdError, match="max_steps must not be negative or NaN, got -1"):
+    with pytest.raises(USER_ERRORS, match="max_steps must not be negative or NaN, got -1"):
         GradientAscent(max_steps=-1)
 
 

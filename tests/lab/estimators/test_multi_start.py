@@ -6,12 +6,12 @@ import pytest
 from lab.estimators.multi_start import describe, differences, multi_start
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
+from serd_files.errors import USER_ERRORS
 
 
 @pytest.fixture
@@ -71,9 +71,9 @@ def test_one_seed_gives_the_same_fits(minimum_example, always_a):
 
 
 def test_no_starts_are_refused():
-    with pytest.raises(SerdError, match="n_starts must be a whole number of at least 1, got 0"):
+    with pytest.raises(USER_ERRORS, match="n_starts must be a whole number of at least 1, got 0"):
         multi_start(lambda _: None, 0, np.random.default_rng(0))
-    with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
+    with pytest.raises(USER_ERRORS, match=r"rng must be a .*Generator, got 3"):
         multi_start(lambda _: None, 2, 3)
 
 
@@ -129,5 +129,5 @@ def test_no_fit_that_converged_leaves_no_best_one(gridworld):
     )
     assert found.explanations == ()
     assert describe(found).startswith("0 distinct explanation(s) from 2 starts (0 converged)")
-    with pytest.raises(SerdError, match="at least one of 2 fits must have converged, got none"):
+    with pytest.raises(USER_ERRORS, match="at least one of 2 fits must have converged, got none"):
         _ = found.best

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lab.faults.faults import FAULTS, fault_named
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.safety.reasons import Source
 from serd_sim.safety.scan import Scan, ScanGeometry
 from serd_sim.safety.world_guard import Message
@@ -74,5 +74,5 @@ def test_a_noisy_scan_loses_its_share_of_rays_and_deviates_by_five_centimetres()
 
 
 def test_a_misspelt_fault_is_refused_with_the_nearest_name():
-    with pytest.raises(SerdError, match="did you mean 'pose_frozen'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'pose_frozen'"):
         fault_named("pose_froze")

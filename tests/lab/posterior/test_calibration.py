@@ -6,9 +6,9 @@ import pytest
 from lab.posterior.calibration import calibration_ranks, draw_by_laplace, uniformity
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
+from serd_files.errors import USER_ERRORS
 
 PRIOR = PriorByEvidence(deviation=2.0, pseudo_count=2.0)
 
@@ -53,7 +53,7 @@ def test_ranks_of_the_truth_are_uniform_and_show_a_posterior_that_is_too_narrow(
 
 
 def test_bad_arguments_are_rejected(small):
-    with pytest.raises(SerdError, match="prior must have a deviation and a pseudo_count"):
+    with pytest.raises(USER_ERRORS, match="prior must have a deviation and a pseudo_count"):
         calibration_ranks(
             small,
             PriorByEvidence(),
@@ -62,5 +62,5 @@ def test_bad_arguments_are_rejected(small):
             n_episodes=1,
             n_steps=1,
         )
-    with pytest.raises(SerdError, match="n_bins must divide n_draws \\+ 1 = 64, got 7"):
+    with pytest.raises(USER_ERRORS, match="n_bins must divide n_draws \\+ 1 = 64, got 7"):
         uniformity(np.zeros((4, 1), int), n_bins=7)

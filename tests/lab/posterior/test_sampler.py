@@ -10,10 +10,10 @@ from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
+from serd_files.errors import USER_ERRORS
 
 GIVEN = PriorByEvidence(deviation=3.0, pseudo_count=1.0)
 
@@ -53,11 +53,11 @@ def test_chains_that_did_not_mix_are_no_result(counted):
     problem, decisions = counted
     fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
     modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(SerdError, match=r"chains must have mixed, with R-hat at most 1\.01, 400"):
+    with pytest.raises(USER_ERRORS, match=r"chains must have mixed, with R-hat at most 1\.01, 400"):
         sample_posterior(problem, modes, np.random.default_rng(0), n_draws=8, n_warm_up=4)
     stuck = np.repeat(np.arange(4.0), 500).reshape(4, 500, 1)
     stuck = stuck + 0.01 * np.random.default_rng(0).normal(size=stuck.shape)
-    with pytest.raises(SerdError, match="take more draws"):
+    with pytest.raises(USER_ERRORS, match="take more draws"):
         sampler._require_mixed(importlib.import_module("arviz"), stuck, np.zeros((4, 500)))
 
 
@@ -70,7 +70,7 @@ def test_a_missing_library_is_named(counted, monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(sampler.importlib, "import_module", missing)
-    with pytest.raises(SerdError, match="needs the library arviz, which is not installed"):
+    with pytest.raises(USER_ERRORS, match="needs the library arviz, which is not installed"):
         sample_posterior(problem, modes, np.random.default_rng(0))
 
 
@@ -78,5 +78,5 @@ def test_too_few_chains_are_rejected(counted):
     problem, decisions = counted
     fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
     modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(SerdError, match="n_chains must be a whole number of at least 2, got 1"):
+    with pytest.raises(USER_ERRORS, match="n_chains must be a whole number of at least 2, got 1"):
         sample_posterior(problem, modes, np.random.default_rng(0), n_chains=1)

@@ -4,7 +4,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.topic_types import named_topic, topic_type
 from serd_ros.graph.graph import load_graph
@@ -62,6 +62,6 @@ def test_a_message_is_stamped_where_its_first_field_is_a_header_or_a_time(text, 
     ],
 )
 def test_what_cannot_be_recorded_is_refused_in_one_sentence(text, sentence):
-    with pytest.raises(SerdError, match=sentence) as refused:
+    with pytest.raises(USER_ERRORS, match=sentence) as refused:
         assert named(text)[1].message
     assert "\n" not in str(refused.value)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.robots import RobotBody
 from serd_sim.crowd.routes import Routes
@@ -144,5 +144,5 @@ def test_the_published_model_pushes_along_the_gradient_of_its_elliptic_potential
 
 
 def test_a_wrong_model_name_is_refused_with_the_nearest_right_one():
-    with pytest.raises(SerdError, match="did you mean 'circular_anisotropic'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'circular_anisotropic'"):
         model_named("circular_anisotropy")

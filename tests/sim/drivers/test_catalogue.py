@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy
+from serd_files.errors import USER_ERRORS
 from serd_files.grid_picture import flow_picture
 from serd_files.model_file import load_model
 from serd_sim.drivers.expert import ScriptedExpert
@@ -80,7 +80,7 @@ def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episod
 
 
 def test_probabilities_that_do_not_sum_to_one_are_refused():
-    with pytest.raises(SerdError, match="sum to 1 in every state"):
+    with pytest.raises(USER_ERRORS, match="sum to 1 in every state"):
         PolicyDriver(GRID, np.ones((GRID.n_states, 5)))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from distributed import LocalCluster
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_files.row_table import RowTable, new_rows_path
 from serd_files.table import read_table, records
 from serd_files.yaml_config import model_yaml
@@ -145,7 +145,7 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
     file.write_text(model_yaml(mine))
     run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
     file.write_text(model_yaml(mine.model_copy(update={"episode_timeout_s": 30.0})))
-    with pytest.raises(SerdError, match=r"another version of .*mine.yaml.*; choose another file"):
+    with pytest.raises(USER_ERRORS, match=r"another version of .*mine.yaml.*; choose another file"):
         run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
 
 
@@ -161,7 +161,7 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
     ],
 )
 def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         run_batch([*TASKS, task], tmp_path / "rows.csv", execution=ONE)
     assert not list(tmp_path.iterdir())
 
@@ -175,19 +175,19 @@ def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
     ],
 )
 def test_a_bad_execution_is_refused(settings, sentence):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         Execution(**settings)
 
 
 def test_an_address_without_a_scheduler_is_named():
-    with pytest.raises(SerdError, match=r"running Dask scheduler, got 'nonsense://nowhere'"):
+    with pytest.raises(USER_ERRORS, match=r"running Dask scheduler, got 'nonsense://nowhere'"):
         list(Execution(2, "dask", "nonsense://nowhere").results(abs, [1, -2]))
 
 
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
     path = tmp_path / "other.csv"
     path.write_text("a,b\n1,2\n")
-    with pytest.raises(SerdError, match="has no column 'scenario'; choose another file"):
+    with pytest.raises(USER_ERRORS, match="has no column 'scenario'; choose another file"):
         run_batch(TASKS, path)
 
 
@@ -201,7 +201,7 @@ def test_an_episode_is_the_same_when_run_alone(table):
 def test_drivers_are_known_by_name():
     scenario = load_scenario("corridor")
     assert {"expert", "expert_with_flow", "expert_against_flow"} <= set(driver_names())
-    with pytest.raises(SerdError, match="did you mean 'expert'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'expert'"):
         make_driver("experts", scenario, 1)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.robot.sensors.lidar import Lidar
@@ -63,5 +63,5 @@ def test_a_scan_sent_twice_is_taken_once(matcher):
 
 def test_a_scan_of_another_lidar_is_refused_with_the_fix(matcher):
     matcher.take_observation(standing(4))
-    with pytest.raises(SerdError, match=r"must have 360 rays"):
+    with pytest.raises(USER_ERRORS, match=r"must have 360 rays"):
         matcher.take_scan(200_000_000, np.ones(90, dtype=np.float32))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.drivers.expert import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
 from serd_sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
@@ -153,13 +153,13 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
 
 
 def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():
-    with pytest.raises(SerdError, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
+    with pytest.raises(USER_ERRORS, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
         ScanPerception(HALLWAY).take(HALLWAY_SEEN, np.ones(180, dtype=np.float32))
 
 
 def test_a_source_of_people_that_is_none_is_refused():
     with (
         HallwayWorld(HALLWAY, seed=1) as world,
-        pytest.raises(SerdError, match="one of given, scan, got 'scans'; did you mean 'scan'"),
+        pytest.raises(USER_ERRORS, match="one of given, scan, got 'scans'; did you mean 'scan'"),
     ):
         planner_in_world("dwa", world, "scans")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.pictures.camera import Camera, chase_camera
 from serd_sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
 from serd_sim.pictures.scene_view import SceneView
@@ -135,9 +135,9 @@ def test_a_caption_adds_a_strip_with_dark_text():
 
 
 def test_a_movie_of_nothing_is_refused(tmp_path):
-    with pytest.raises(SerdError, match="record an episode first"):
+    with pytest.raises(USER_ERRORS, match="record an episode first"):
         save_gif([], tmp_path / "none.gif")
-    with pytest.raises(SerdError, match="nothing was recorded"):
+    with pytest.raises(USER_ERRORS, match="nothing was recorded"):
         _ = TrajectoryRecorder().trajectory
 
 
@@ -162,5 +162,5 @@ def test_a_scene_view_draws_a_trajectory_like_the_world_itself(trajectory):
 
 
 def test_a_camera_without_distance_is_refused():
-    with pytest.raises(SerdError, match="step back"):
+    with pytest.raises(USER_ERRORS, match="step back"):
         Camera(target_m=(0.0, 0.0, 0.0), distance_m=0.0)

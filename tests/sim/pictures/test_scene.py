@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.pictures.camera import Camera
 from serd_sim.pictures.scene import Scene
 from serd_sim.robot.bullet import pybullet
@@ -92,6 +92,6 @@ def test_a_urdf_that_pybullet_rejects_is_an_error(tmp_path):
                                 '<mesh filename="none.obj"/>'))  # fmt: skip
     clients = range(50)
     before = [pybullet.getConnectionInfo(each) for each in clients]
-    with pytest.raises(SerdError, match="must load in PyBullet"):
+    with pytest.raises(USER_ERRORS, match="must load in PyBullet"):
         Scene(physical(urdf=str(path)))
     assert [pybullet.getConnectionInfo(each) for each in clients] == before

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
+from serd_files.errors import USER_ERRORS
 from serd_sim.planning.catalogue import make_planner, planner_names
 from serd_sim.planning.local_planner import PlannerStatus
 from serd_sim.robot.unicycle import chord_velocity, limited_velocity
@@ -145,5 +145,5 @@ def test_planning_among_24_people_takes_a_few_milliseconds_at_most(planner):
 
 
 def test_a_wrong_planner_name_is_refused_with_the_nearest_right_one():
-    with pytest.raises(SerdError, match="did you mean 'dwa'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'dwa'"):
         make_planner("dwb", HALLWAY)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.waypoint import Waypoint
@@ -138,7 +138,7 @@ def test_alone_there_is_nobody_to_be_near():
 
 
 def test_a_decay_of_zero_is_refused_with_the_fix():
-    with pytest.raises(SerdError, match="wall_decay_m must be above 0, got 0; raise it"):
+    with pytest.raises(USER_ERRORS, match="wall_decay_m must be above 0, got 0; raise it"):
         CostSettings(wall_decay_m=0)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import model_yaml
 from serd_sim.crowd import social_force
 from serd_sim.crowd.social_force import CircularAnisotropic
@@ -224,7 +224,7 @@ def test_a_robot_at_rest_within_a_wide_tolerance_is_not_stuck():
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_by_name(tmp_path, parameters, sentence):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         load_scenario(written(tmp_path, **parameters))
 
 
@@ -239,7 +239,7 @@ def test_a_parameter_that_cannot_be_is_refused_by_name(tmp_path, parameters, sen
 def test_a_planner_that_sees_less_far_than_the_robot_takes_to_stop_is_refused(
     name, parameters, sentence
 ):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         make_planner(name, with_parameters(**parameters))
 
 

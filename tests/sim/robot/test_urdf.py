@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.robot.quaternion import rotated
 from serd_sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
 from serd_sim.world.command import Command
@@ -91,7 +91,7 @@ def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
 )  # fmt: skip
 def test_a_urdf_that_cannot_drive_is_refused_in_one_sentence(tmp_path, old, new, message):
     path = urdf_with(tmp_path, (old, new))
-    with pytest.raises(SerdError, match=message):
+    with pytest.raises(USER_ERRORS, match=message):
         read_differential_drive(path)
     with pytest.raises(ValueError, match=message):
         physical(urdf=str(path))
@@ -102,12 +102,12 @@ def test_a_wheel_without_inertia_is_refused(tmp_path):
     start = text.index("<inertial>", text.index('<link name="left_wheel">'))
     path = tmp_path / "light.urdf"
     path.write_text(text[:start] + text[text.index("</inertial>", start) + 11 :])
-    with pytest.raises(SerdError, match="'left_wheel' must have <inertial>"):
+    with pytest.raises(USER_ERRORS, match="'left_wheel' must have <inertial>"):
         read_differential_drive(path)
 
 
 def test_a_urdf_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(SerdError, match="name an existing file"):
+    with pytest.raises(USER_ERRORS, match="name an existing file"):
         read_differential_drive(tmp_path / "none.urdf")
 
 
@@ -126,14 +126,14 @@ def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
 def test_a_robot_that_is_wider_than_its_radius_is_refused(tmp_path):
     path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
                                 '<cylinder radius="0.31" length="0.17"/>'))  # fmt: skip
-    with pytest.raises(SerdError, match=r"radius_m must cover the robot .* extends 0\.31"):
+    with pytest.raises(USER_ERRORS, match=r"radius_m must cover the robot .* extends 0\.31"):
         HallwayWorld(physical(urdf=str(path)), seed=1)
 
 
 def test_a_mesh_that_is_missing_is_refused(tmp_path):
     path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
                                 '<mesh filename="none.stl"/>'))  # fmt: skip
-    with pytest.raises(SerdError, match=r"must load in PyBullet, .* no none\.stl; add it"):
+    with pytest.raises(USER_ERRORS, match=r"must load in PyBullet, .* no none\.stl; add it"):
         HallwayWorld(physical(urdf=str(path)), seed=1)
 
 
@@ -198,7 +198,7 @@ def test_the_root_link_is_at_the_base_where_no_link_is_called_so(tmp_path):
 )  # fmt: skip
 def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, new, message):
     path = urdf_with(tmp_path, (old, new))
-    with pytest.raises(SerdError, match=message):
+    with pytest.raises(USER_ERRORS, match=message):
         link_transforms(path, "base_link")
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import yaml_model
 from serd_sim.safety.guard import Guard
 from serd_sim.safety.reasons import Fault, GuardAction, Source
@@ -477,5 +477,5 @@ def test_an_override_does_not_pass_a_command_that_is_not_finite():
     ],
 )
 def test_settings_that_contradict_each_other_are_rejected(text, sentence):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         yaml_model(text, GuardSettings, name="guard")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
+from serd_files.errors import USER_ERRORS
 from serd_sim.scenario.grid import (
     flow_of,
     goal_states_of,
@@ -63,7 +63,7 @@ def test_goal_and_starts_are_where_the_scenario_puts_them():
 
 
 def test_a_wrong_start_area_is_refused_with_the_nearest_right_one():
-    with pytest.raises(SerdError, match="did you mean 'transfer'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'transfer'"):
         start_states_of(HALLWAY, GRID, "transfers")
 
 

@@ -10,6 +10,7 @@ import yaml
 import serd_sim.scenario.scenario
 from serd_app.navigation.strategy import start_distribution
 from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 from serd_sim.world.world import HallwayWorld
@@ -52,18 +53,18 @@ def test_the_hallway_is_6_by_24_metres_with_24_people():
 
 def test_an_unknown_key_is_refused_with_the_nearest_right_one(tmp_path):
     path = changed(tmp_path, robot__radius=0.3)
-    with pytest.raises(SerdError, match=r"robot\.radius.*did you mean 'radius_m'"):
+    with pytest.raises(USER_ERRORS, match=r"robot\.radius.*did you mean 'radius_m'"):
         load_scenario(path)
 
 
 def test_a_wrong_scenario_name_is_refused_with_the_nearest_right_one():
-    with pytest.raises(SerdError, match="did you mean 'hallway'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'hallway'"):
         load_scenario("halway")
 
 
 def test_a_wrong_pedestrian_model_is_refused_with_the_nearest_right_one(tmp_path):
     path = changed(tmp_path, pedestrians__model="helbing_molnar")
-    with pytest.raises(SerdError, match="did you mean 'helbing_molnar_1995'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'helbing_molnar_1995'"):
         load_scenario(path)
 
 
@@ -85,19 +86,19 @@ def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
 )
 def test_an_area_without_a_walkable_cell_is_refused(tmp_path, key, area):
     name = key.replace("__", ".")
-    with pytest.raises(SerdError, match=f"{name} must hold the centre of at least one walkable"):
+    with pytest.raises(USER_ERRORS, match=f"{name} must hold the centre of at least one walkable"):
         load_scenario(changed(tmp_path, **{key: area}))
 
 
 def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path):
     path = changed(tmp_path, walkable_area_m=[[0, 0], [6, 24], [6, 0], [0, 24]])
-    with pytest.raises(SerdError, match="must not cross itself"):
+    with pytest.raises(USER_ERRORS, match="must not cross itself"):
         load_scenario(path)
 
 
 def test_a_decision_period_that_is_no_multiple_of_the_control_period_is_refused(tmp_path):
     path = changed(tmp_path, decision_period_s=0.12)
-    with pytest.raises(SerdError, match="whole number of control_period_s"):
+    with pytest.raises(USER_ERRORS, match="whole number of control_period_s"):
         load_scenario(path)
 
 
@@ -118,7 +119,9 @@ def test_a_robot_that_cannot_reach_the_next_cell_in_a_period_gets_a_remark(slow)
 
 def test_a_robot_that_brakes_worse_than_planners_plan_is_refused(tmp_path):
     path = changed(tmp_path, robot={"acc_lim_x_mps2": 8.0})
-    with pytest.raises(SerdError, match=r"decel_lim_x_mps2 must be at least .* \(8\), .* raise it"):
+    with pytest.raises(
+        USER_ERRORS, match=r"decel_lim_x_mps2 must be at least .* \(8\), .* raise it"
+    ):
         load_scenario(path)
 
 
@@ -295,7 +298,7 @@ def test_the_longest_control_period_is_allowed(tmp_path):
     ],
 )
 def test_a_place_where_nobody_could_walk_or_drive_is_refused_by_key(tmp_path, values, sentence):
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         load_scenario(room(tmp_path, **values))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.scenario import scenario as scenario_module
 from serd_sim.scenario.scenario import load_scenario, scenario_suite, suite_names
 
@@ -29,5 +29,5 @@ def test_a_suite_is_frozen(suite):
 
 
 def test_a_mistyped_name_in_a_suite_gets_the_nearest():
-    with pytest.raises(SerdError, match="did you mean 'social_v1/narrow_doorway'"):
+    with pytest.raises(USER_ERRORS, match="did you mean 'social_v1/narrow_doorway'"):
         load_scenario("social_v1/narow_doorway")

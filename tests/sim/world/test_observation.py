@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from support.observations import observation_at
 
 
@@ -31,5 +31,5 @@ def test_yaw_by_quaternion_and_people_by_float32_come_back_unchanged(yaw, seed):
 
 
 def test_people_columns_of_different_length_are_refused():
-    with pytest.raises(SerdError, match="one row per person"):
+    with pytest.raises(USER_ERRORS, match="one row per person"):
         observed(0.0, np.zeros((2, 2)), np.zeros((3, 2)))

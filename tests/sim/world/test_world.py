@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.robot.robot import standing_at
 from serd_sim.scenario.occupancy import occupancy_raster
 from serd_sim.scenario.scenario import load_scenario
@@ -153,7 +153,7 @@ def test_the_map_is_free_inside_occupied_at_the_walls_and_unknown_beyond():
 def test_stepping_before_a_reset_is_refused_with_the_fix():
     with (
         HallwayWorld(EMPTY, seed=1) as world,
-        pytest.raises(SerdError, match=r"call reset\(episode\) first"),
+        pytest.raises(USER_ERRORS, match=r"call reset\(episode\) first"),
     ):
         world.step(STOP)
 
@@ -180,14 +180,16 @@ def test_a_restored_snapshot_repeats_what_followed_bit_for_bit_even_at_a_wall(pl
 def test_a_snapshot_of_another_seed_is_refused_with_the_fix():
     with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(EMPTY, seed=2) as other:
         world.reset(0)
-        with pytest.raises(SerdError, match="make the world with seed=1"):
+        with pytest.raises(USER_ERRORS, match="make the world with seed=1"):
             other.restore(world.snapshot())
 
 
 def test_a_snapshot_of_another_scenario_is_refused_with_the_fix():
     with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(HALLWAY, seed=1) as other:
         world.reset(0)
-        with pytest.raises(SerdError, match="must be of this world's scenario 'hallway' as it is"):
+        with pytest.raises(
+            USER_ERRORS, match="must be of this world's scenario 'hallway' as it is"
+        ):
             other.restore(world.snapshot())
 
 
@@ -220,5 +222,5 @@ def test_the_true_yaw_repeats_to_the_last_bit_after_a_restore():
 
 def test_a_window_without_a_display_is_refused_with_the_fix(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
-    with pytest.raises(SerdError, match="run with gui:=false or under xvfb-run"):
+    with pytest.raises(USER_ERRORS, match="run with gui:=false or under xvfb-run"):
         HallwayWorld(EMPTY, seed=1, gui=True)

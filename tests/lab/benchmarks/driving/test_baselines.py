@@ -12,7 +12,7 @@ from lab.benchmarks.driving.baselines import (
     BaselineTask,
     run_baseline,
 )
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.batch import run_batch
 from serd_sim.episodes.execution import Execution
 from serd_sim.scenario.scenario import load_scenario
@@ -39,7 +39,7 @@ def test_it_drives_round_a_person_into_whom_a_robot_drives_that_ignores_people(n
 
 def test_without_the_library_the_error_names_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "navground", None)
-    with pytest.raises(SerdError, match="pip install navground"):
+    with pytest.raises(USER_ERRORS, match="pip install navground"):
         BaselinePlanner("orca", load_scenario("hallway"))
 
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 import pytest
 
 from lab.benchmarks.driving.closed_loop import ClosedLoopPlan
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.batch_summary import summarise
 from serd_sim.episodes.metrics import EpisodeMetrics
 
@@ -62,7 +62,7 @@ def test_a_condition_without_arrivals_has_no_time_of_arrival():
 
 
 def test_a_plan_without_seeds_is_refused():
-    with pytest.raises(SerdError, match="n_seeds must be at least 1, got 0; use 20"):
+    with pytest.raises(USER_ERRORS, match="n_seeds must be at least 1, got 0; use 20"):
         ClosedLoopPlan(n_seeds=0)
 
 

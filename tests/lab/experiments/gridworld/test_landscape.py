@@ -13,7 +13,7 @@ from lab.experiments.gridworld.landscape import (
     otsu_threshold,
     stretched,
 )
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 AERIAL = Path(__file__).parents[5] / "shared" / "data" / "aerial"
 PHOTOGRAPH = AERIAL / "2019_YELL_2_541000_4977000_image_crop.png"
@@ -73,13 +73,13 @@ def test_what_is_no_image_is_refused(tmp_path):
     (tmp_path / "note.png").write_text("not a picture")
     (tmp_path / "note.tif").write_text("not a tile")
     for name in ("note.png", "note.tif"):
-        with pytest.raises(SerdError, match="cannot be read"):
+        with pytest.raises(USER_ERRORS, match="cannot be read"):
             image_brightness(tmp_path / name)
-    with pytest.raises(SerdError, match="which is not there"):
+    with pytest.raises(USER_ERRORS, match="which is not there"):
         image_brightness(tmp_path / "missing.png")
-    with pytest.raises(SerdError, match="at least 20 pixels a side"):
+    with pytest.raises(USER_ERRORS, match="at least 20 pixels a side"):
         landscape_of_image(np.ones((5, 50)), 20)
-    with pytest.raises(SerdError, match="must not be of one brightness"):
+    with pytest.raises(USER_ERRORS, match="must not be of one brightness"):
         stretched(np.ones((2, 2)))
 
 

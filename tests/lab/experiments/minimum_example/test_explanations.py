@@ -10,7 +10,7 @@ from lab.experiments.minimum_example.explanations import (
     minimum_example,
 )
 from lab.experiments.running.experiment import Session
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
@@ -63,7 +63,7 @@ def test_an_interrupted_run_goes_on_without_repeating_anything(tmp_path, rows):
     first, again = all_estimates(CONFIG, session), all_estimates(CONFIG, session)
     assert first.to_dict("records") == again.to_dict("records") == rows
     assert seen == [(0, 1), (1, 1), (1, 1)]
-    with pytest.raises(SerdError, match="holds results of another configuration"):
+    with pytest.raises(USER_ERRORS, match="holds results of another configuration"):
         all_estimates(MinimumExampleConfig(), session)
 
 

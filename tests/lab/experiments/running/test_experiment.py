@@ -4,7 +4,7 @@ import pytest
 
 from lab.catalogue import EXPERIMENTS, experiment_named
 from lab.experiments.running.experiment import settings_of_file
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_files.settings import settings_of
 
 MINIMUM = experiment_named("minimum-example")
@@ -26,12 +26,12 @@ def test_a_file_changes_what_it_names_and_options_change_it_again(tmp_path):
 
 
 def test_an_unknown_setting_gets_the_nearest_right_one():
-    with pytest.raises(SerdError, match="n_setts is not a known key; did you mean 'n_sets'"):
+    with pytest.raises(USER_ERRORS, match="n_setts is not a known key; did you mean 'n_sets'"):
         MINIMUM.make_config({"n_setts": 7})
 
 
 def test_a_file_without_names_is_rejected(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("- 7\n")
-    with pytest.raises(SerdError, match="must hold settings as 'name: value', got \\[7\\]"):
+    with pytest.raises(USER_ERRORS, match="must hold settings as 'name: value', got \\[7\\]"):
         settings_of_file(path)

@@ -13,7 +13,7 @@ from lab.experiments.running.provenance import (
     other_commits,
     recorded,
 )
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 COMMANDS = "python -m lab hallway --quick", "python -m lab hallway"
 
@@ -82,7 +82,10 @@ def test_a_folder_of_other_work_is_refused(tmp_path):
     with recorded(tmp_path, COMMANDS[0], None):
         pass
     other = recorded(tmp_path, "python -m lab people walkers.txt", None)
-    with pytest.raises(SerdError, match="holds results of 'python -m lab hallway --quick'"), other:
+    with (
+        pytest.raises(USER_ERRORS, match="holds results of 'python -m lab hallway --quick'"),
+        other,
+    ):
         raise AssertionError("tables would be overwritten")
 
 
@@ -92,7 +95,9 @@ def test_results_of_an_earlier_command_of_the_same_work_are_gone_on_with(tmp_pat
     with recorded(tmp_path, COMMANDS[1], None):
         pass
     assert len(runs_in(tmp_path)) == 2
-    with pytest.raises(SerdError, match="holds results of 'serd study hallway', which 'python -m"):
+    with pytest.raises(
+        USER_ERRORS, match="holds results of 'serd study hallway', which 'python -m"
+    ):
         provenance.require_same_work(tmp_path, "python -m lab people walkers.txt")
 
 
@@ -101,5 +106,5 @@ def test_results_of_an_earlier_command_of_the_same_work_are_gone_on_with(tmp_pat
 )
 def test_a_damaged_list_of_runs_is_named(tmp_path, damaged):
     (tmp_path / FILE_NAME).write_bytes(damaged)
-    with pytest.raises(SerdError, match=FILE_NAME):
+    with pytest.raises(USER_ERRORS, match=FILE_NAME):
         other_commits(tmp_path)

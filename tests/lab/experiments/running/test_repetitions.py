@@ -5,6 +5,7 @@ import pytest
 from lab.experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
 from lab.experiments.running.repetitions import run_repetitions
 from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 
 
@@ -55,7 +56,7 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path):
 
 def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
     run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
-    with pytest.raises(SerdError, match="holds results of another configuration"):
+    with pytest.raises(USER_ERRORS, match="holds results of another configuration"):
         run_repetitions(square, 1, tmp_path, "cubes", Execution(n_jobs=1), quiet)
 
 
@@ -63,7 +64,7 @@ def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
 def test_a_damaged_result_is_named_with_what_to_do(tmp_path, damaged):
     run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)
     (tmp_path / "repetition_00001.json").write_bytes(damaged)
-    with pytest.raises(SerdError, match=r"repetition_00001.json must hold .* delete it and run"):
+    with pytest.raises(USER_ERRORS, match=r"repetition_00001.json must hold .* delete it and run"):
         run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)
     (tmp_path / "repetition_00001.json").unlink()
     assert len(run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)) == 2
@@ -77,7 +78,7 @@ def test_a_changed_result_is_named_and_one_of_an_earlier_version_is_read(tmp_pat
     file = tmp_path / "repetition_00001.json"
     whole = file.read_text()
     file.write_text(whole.replace('"square": 1', '"square": 7'))
-    with pytest.raises(SerdError, match=r"repetition_00001.json must hold .* but is damaged"):
+    with pytest.raises(USER_ERRORS, match=r"repetition_00001.json must hold .* but is damaged"):
         run()
     file.write_text(whole.partition("\n")[0])
     assert run()[1] == {"number": 1, "square": 1}
@@ -86,7 +87,7 @@ def test_a_changed_result_is_named_and_one_of_an_earlier_version_is_read(tmp_pat
 def test_a_damaged_note_of_the_configuration_is_one_of_other_settings(tmp_path):
     run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
     (tmp_path / "configuration.txt").write_bytes(b"\xff\xfe")
-    with pytest.raises(SerdError, match="holds results of another configuration"):
+    with pytest.raises(USER_ERRORS, match="holds results of another configuration"):
         run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
 
 
@@ -94,7 +95,7 @@ def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path)
     def fails(number):
         raise SerdError(f"image must be a file, in repetition {number}")
 
-    with pytest.raises(SerdError, match="image must be a file"):
+    with pytest.raises(USER_ERRORS, match="image must be a file"):
         run_repetitions(fails, 1, tmp_path, "misspelt", Execution(n_jobs=1), quiet)
     rows = run_repetitions(square, 2, tmp_path, "right", Execution(n_jobs=1), quiet)
     assert len(rows) == 2

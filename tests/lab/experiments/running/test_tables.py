@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lab.experiments.running.tables import plain_rows, quantile, quartiles, read_table, write_table
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 
 @pytest.mark.parametrize("n_values", [1, 2, 5, 12, 50])
@@ -39,7 +39,7 @@ def test_tables_are_csv_with_the_columns_of_the_first_row(tmp_path):
             {"number": "2", "square": "4"},
             {"number": "3", "square": "9"},
         ]
-    with pytest.raises(SerdError, match="must not be empty"):
+    with pytest.raises(USER_ERRORS, match="must not be empty"):
         write_table(tmp_path / "empty.csv", pd.DataFrame())
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from lab.experiments.study.products import Stage, Task, load_recorded, make_products, save_recorded
 from serd_core.demonstrations.decisions import decisions_from_episodes
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 
 ALONE = Execution(n_jobs=1)
@@ -53,7 +53,7 @@ def test_a_damaged_recording_is_to_be_made_anew(tmp_path, changed):
     assert len(load_recorded(file)) == 1
     is_cell = changed.startswith(",")
     file.write_text(file.read_text().replace(",1,", changed) if is_cell else changed)
-    with pytest.raises(SerdError, match=TO_BE_MADE_ANEW):
+    with pytest.raises(USER_ERRORS, match=TO_BE_MADE_ANEW):
         load_recorded(file)
     save_recorded(file, RECORDED)
     assert len(load_recorded(file)) == 1
@@ -63,7 +63,7 @@ def test_a_damaged_digest_is_that_of_its_table_and_an_earlier_version_wrote_none
     file = tmp_path / "people_00_training.csv"
     save_recorded(file, RECORDED)
     file.with_suffix(".json").write_text("{}")
-    with pytest.raises(SerdError, match=TO_BE_MADE_ANEW):
+    with pytest.raises(USER_ERRORS, match=TO_BE_MADE_ANEW):
         load_recorded(file)
     file.with_suffix(".json").unlink()
     assert len(load_recorded(file)) == 1
@@ -72,7 +72,7 @@ def test_a_damaged_digest_is_that_of_its_table_and_an_earlier_version_wrote_none
 def test_products_of_other_settings_are_refused(tmp_path):
     make_products([stage(tmp_path, partial(write, "mine"))], ALONE, quiet)
     other = stage(tmp_path, partial(write, "theirs"), description="other settings")
-    with pytest.raises(SerdError, match="holds results of another configuration"):
+    with pytest.raises(USER_ERRORS, match="holds results of another configuration"):
         make_products([other], ALONE, quiet)
 
 

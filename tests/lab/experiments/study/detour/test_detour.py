@@ -9,8 +9,8 @@ from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD, 
 from lab.experiments.study.detour.run import run_detour, stages_of
 from lab.experiments.study.detour.settings import DetourStudy, detour_settings
 from lab.experiments.study.detour.tables import decoy_summary, headline, summary_of
-from serd_core.errors import SerdError
 from serd_core.grid.navigation import AGAINST_FLOW
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 from serd_sim.scenario.grid import flow_of, grid_of
 from serd_sim.scenario.scenario import load_scenario
@@ -113,5 +113,5 @@ def test_decoys_are_grouped_by_moves_seen():
 def test_sizes_beyond_what_is_recorded_are_rejected(tmp_path):
     config = tmp_path / "large.yaml"
     config.write_text("learning: {sizes: [2, 40]}")
-    with pytest.raises(SerdError, match=r"at most demonstrations.training \(10\), got \[2, 40\]"):
+    with pytest.raises(USER_ERRORS, match=r"at most demonstrations.training \(10\), got \[2, 40\]"):
         detour_settings(config=config)

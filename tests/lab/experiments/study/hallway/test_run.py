@@ -14,7 +14,7 @@ from lab.experiments.study.recordings.demonstrations import check_bags, load_set
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 from lab.experiments.study.settings import study_settings
 from lab.experiments.study.study import Study
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 from support.changed_scenario import changed_scenario
 
@@ -129,7 +129,7 @@ def test_bags_that_do_not_do_are_refused_before_a_folder_is_claimed(
     bags, refusal, bags_folder, tmp_path
 ):
     settings = study_settings(bags=[bags_folder / bag for bag in bags])
-    with pytest.raises(SerdError, match=refusal):
+    with pytest.raises(USER_ERRORS, match=refusal):
         run_study(settings, tmp_path / "study", Execution(n_jobs=1), lambda *_: None)
     assert not (tmp_path / "study").exists()
 
@@ -139,10 +139,10 @@ def test_bags_of_another_place_are_refused(bags_folder, tmp_path):
     config.write_text("scenario: corridor\n")
     settings = study_settings(quick=True, config=config, bags=[bags_folder / "training"])
     sentence = r"must be recorded in the scenario 'corridor', but 443 of 599 decisions lie outside"
-    with pytest.raises(SerdError, match=sentence):
+    with pytest.raises(USER_ERRORS, match=sentence):
         check_bags(Study(settings, tmp_path))
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path):
-    with pytest.raises(SerdError, match=r"must hold a finished study, but has no settings\.yaml"):
+    with pytest.raises(USER_ERRORS, match=r"must hold a finished study, but has no settings\.yaml"):
         redraw(["5.9"], tmp_path)

@@ -36,6 +36,7 @@ from serd_core.arrival.law import ArrivalLaw, point_law
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import checked_policy
+from serd_files.errors import USER_ERRORS
 from serd_files.trajectories.columns import TableColumns
 from serd_sim.episodes.execution import Execution
 
@@ -132,7 +133,7 @@ def test_people_of_one_way_are_predicted_by_what_both_ways_showed(corridor, tmp_
     like = replace(each[0], covariates=covariates_in(each[0]))
     assert like.covariates == COVARIATES
     new = replace(each[1], covariates=COVARIATES)
-    with pytest.raises(SerdError, match="covariates must have linearly independent columns"):
+    with pytest.raises(USER_ERRORS, match="covariates must have linearly independent columns"):
         new.problem.mdp  # noqa: B018
     known = replace(new, learned_rows=np.unique(like.crowding, axis=0))
     models = known.problem.mdp.transitions
@@ -272,9 +273,9 @@ def test_forecasts_without_a_median_are_counted():
 
 def test_units_that_cannot_be_are_named_with_the_speed(corridor, tmp_path):
     files = [corridor()]
-    with pytest.raises(SerdError, match=r"corridor\.txt: agents must move at less than 40 m/s"):
+    with pytest.raises(USER_ERRORS, match=r"corridor\.txt: agents must move at less than 40 m/s"):
         People.read(settings_of(files, tmp_path, mapping=TableColumns(unit="m")))
-    with pytest.raises(SerdError, match=r"corridor\.txt: people must walk at 0\.05 to 4 m/s"):
+    with pytest.raises(USER_ERRORS, match=r"corridor\.txt: people must walk at 0\.05 to 4 m/s"):
         People.read(settings_of(files, tmp_path, mapping=TableColumns(fps=200)))
 
 
@@ -325,7 +326,9 @@ def test_ids_of_two_people_are_refused_with_the_row(corridor, tmp_path):
     rows = [line.split() for line in lines[2:]]
     later = [f"{i} {int(f) + 9000} {x} {y} {z}" for i, f, x, y, z in rows]
     path.write_text("\n".join([*lines, *later]) + "\n")
-    with pytest.raises(SerdError, match=r"or a gap, as agent 1 from row 1; give each person an id"):
+    with pytest.raises(
+        USER_ERRORS, match=r"or a gap, as agent 1 from row 1; give each person an id"
+    ):
         People.read(settings_of([path], tmp_path))
     path.write_text("\n".join([*lines, *later[:50]]) + "\n")
     run = People.read(settings_of([path], tmp_path)).runs[0]
@@ -346,13 +349,13 @@ def test_two_files_of_one_name_are_rejected(corridor, tmp_path):
     other.mkdir()
     second = other / first.name
     second.write_text(first.read_text())
-    with pytest.raises(SerdError, match="files must have different names, got corridor twice"):
+    with pytest.raises(USER_ERRORS, match="files must have different names, got corridor twice"):
         People.read(settings_of([first, second], tmp_path))
 
 
 def test_too_few_people_for_the_blocks_are_rejected(corridor, tmp_path):
     settings = settings_of([corridor(n_people=12)], tmp_path, "folds: {number: 40}\n")
-    with pytest.raises(SerdError, match="each of 40 time blocks must hold people and leave 10"):
+    with pytest.raises(USER_ERRORS, match="each of 40 time blocks must hold people and leave 10"):
         folds_of(People.read(settings).runs, settings.folds)
 
 

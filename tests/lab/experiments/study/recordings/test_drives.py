@@ -8,8 +8,8 @@ from lab.experiments.study.recordings.demonstrations import sets_from_bags
 from lab.experiments.study.recordings.reference import ExploringDriver
 from lab.experiments.study.study import Study
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
+from serd_files.errors import USER_ERRORS
 from support.observations import observation_at
 
 
@@ -67,10 +67,12 @@ class TestSetsFromBags:
     def test_a_bag_given_twice_is_refused(self, with_bags):
         bags = with_bags.demonstrations.bags
         twice = with_bags.demonstrations.model_copy(update={"bags": (*bags, bags[0])})
-        with pytest.raises(SerdError, match="599 of an episode that was there before"):
+        with pytest.raises(USER_ERRORS, match="599 of an episode that was there before"):
             sets_from_bags(Study(with_bags.model_copy(update={"demonstrations": twice}), Path()), 0)
 
     def test_too_few_episodes_are_refused(self, with_bags):
         short = with_bags.demonstrations.model_copy(update={"training": 21})
-        with pytest.raises(SerdError, match="must hold 31 episodes for training and test, got 30"):
+        with pytest.raises(
+            USER_ERRORS, match="must hold 31 episodes for training and test, got 30"
+        ):
             sets_from_bags(Study(with_bags.model_copy(update={"demonstrations": short}), Path()), 0)

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from lab.experiments.study.hallway.tables.page import PAGE, filled
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 
 def test_the_learners_on_the_page_are_those_of_the_kept_table(root, tmp_path):
@@ -18,5 +18,5 @@ def test_the_learners_on_the_page_are_those_of_the_kept_table(root, tmp_path):
 
 
 def test_an_unknown_table_is_refused(tmp_path):
-    with pytest.raises(SerdError, match="table must be one of recordings, reference"):
+    with pytest.raises(USER_ERRORS, match="table must be one of recordings, reference"):
         filled("<!-- table nothing -->\n<!-- end -->", tmp_path)
