@@ -24,7 +24,10 @@ _SLOW = "import time\nprint('importing', flush=True)\nwhile True:\n    time.slee
 )
 def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
     (tmp_path / f"{library}.py").write_text(_SLOW)
-    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{root}"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.getenv('PYTHONPATH', root)}",
+    }
     with subprocess.Popen(
         [sys.executable, "-m", *words],
         env=environment,

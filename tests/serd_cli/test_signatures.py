@@ -59,7 +59,12 @@ def calls_of(monkeypatch, *, grouped):
         "a --period-s 2.5 --output other -s 1",
     ],
 )
-def test_the_function_gets_the_values_that_it_gets_from_its_own_app(monkeypatch, grouped, line):
+def test_the_function_gets_the_values_that_it_gets_from_its_own_app(
+    monkeypatch, tmp_path, grouped, line
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.bag", "a", "b"):
+        Path(name).touch()
     app, own, calls = calls_of(monkeypatch, grouped=grouped)
     words = ["record-all"] * (2 if grouped else 1) + line.split()
     for each in (app, own):

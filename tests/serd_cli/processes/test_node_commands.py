@@ -2,9 +2,9 @@
 
 import pytest
 
+from serd_bag.errors import FileError
 from serd_cli.errors import UsageError
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
-from serd_core.errors import SerdError
 from serd_ros.graph.graph import find_stack
 
 
@@ -27,7 +27,7 @@ def test_an_assignment_gives_the_name_and_the_value(text, value):
     "text", ["seed:=!!float ''", "seed:=[1", "seed:=!!timestamp x", "seed:=*a", "seed:='"]
 )
 def test_what_is_no_yaml_is_refused_with_the_name(text):
-    with pytest.raises(SerdError, match=r"parameter 'seed'.* not valid YAML"):
+    with pytest.raises(FileError, match=r"parameter 'seed'.* not valid YAML"):
         parse_assignment(text)
 
 

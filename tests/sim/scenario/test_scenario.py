@@ -9,7 +9,6 @@ import yaml
 
 import serd_sim.scenario.scenario
 from serd_app.navigation.strategy import start_distribution
-from serd_core.errors import SerdError
 from serd_files.errors import USER_ERRORS
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
@@ -72,7 +71,7 @@ def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
     loop = {"name": "astray", "waypoints_m": [[1, 1], [9, 1], [1, 9]]}
     path = changed(tmp_path, pedestrians__loops=[loop])
     with pytest.raises(
-        SerdError, match=r"loops\[0\]\.waypoints_m must be in the walkable area, got \[9\.0, 1\.0"
+        USER_ERRORS, match=r"loops\[0\]\.waypoints_m must be in the walkable area, got \[9\.0, 1\.0"
     ):
         load_scenario(path)
 

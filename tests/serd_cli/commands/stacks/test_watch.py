@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from aiohttp import ClientSession
@@ -197,7 +198,9 @@ def test_odometry_of_prefixed_frames_is_shown_where_the_prefix_is_given(drive_ba
         (["bag", "--model", "nowhere.yaml"], "nowhere.yaml"),
     ],
 )
-def test_what_cannot_be_watched_is_refused(serd, arguments, sentence):
+def test_what_cannot_be_watched_is_refused(serd, arguments, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("bag").mkdir()
     ended = serd("watch", *arguments)
     assert ended.code == 2
     assert sentence in ended.err
