@@ -32,6 +32,7 @@ from lab.experiments.study.people.problem import COVARIATES, Layers
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import PERIODS, headline, summary_of
+from serd_bag.errors import FileError
 from serd_core.arrival.law import ArrivalLaw, point_law
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.errors import SerdError
@@ -272,7 +273,7 @@ def test_forecasts_without_a_median_are_counted():
 
 def test_units_that_cannot_be_are_named_with_the_speed(corridor, tmp_path):
     files = [corridor()]
-    with pytest.raises(SerdError, match=r"corridor\.txt: agents must move at less than 40 m/s"):
+    with pytest.raises(FileError, match=r"corridor\.txt: agents must move at less than 40 m/s"):
         People.read(settings_of(files, tmp_path, mapping=TableColumns(unit="m")))
     with pytest.raises(SerdError, match=r"corridor\.txt: people must walk at 0\.05 to 4 m/s"):
         People.read(settings_of(files, tmp_path, mapping=TableColumns(fps=200)))
