@@ -118,7 +118,8 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
     assumed, tracks = found.assumed, found.tracks
     if mapping.people:
         file = _people_file(path, mapping.people)
-        people = read_trajectories(file, TableColumns(fps=mapping.fps, unit=mapping.unit))
+        stated = mapping.model_dump(include={"fps", "time_unit", "unit"})
+        people = read_trajectories(file, TableColumns(**stated))
         experts, choice = _experts(path, tracks, mapping.experts or ("*",))
         assumed = (*assumed, *(f"{file.name}: {each}" for each in people.assumed))
         others = tuple(track for track in people.tracks if not _is_robot(track))

@@ -77,6 +77,7 @@ def _pedestrians(name: str) -> Callable[[Path], Path]:
 
 _MCAP, _SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
 _ROOM, _METRE = (("--cell-size-m", size_m, "--period-s", "1") for size_m in ("0.5", "1"))
+_UO = "fps: 16\n"
 _TF = "pose_topic: tf\naction_from: motion\n"
 _NAMED, _ETH = written.write_named, written.write_eth
 SOURCES = (
@@ -88,8 +89,8 @@ SOURCES = (
     Source("/tf and Twist, MCAP", "ROS 2", False, _ros2("tf", _MCAP), _HALL),
     Source("odometry and Twist, bz2", "ROS 1", False, _ros1("twist"), _HALL),
     Source("corridor in two directions, PeTrack", "people", True, _fixed(_CORRIDOR), _METRE),
-    Source("corridor, moderate, PeTrack", "people", True, _pedestrians("uo-100-180-180"), _METRE),
-    Source("corridor, dense, PeTrack", "people", True, _pedestrians("uo-180-180-120"), _METRE),
+    Source("corridor, moderate", "people", True, _pedestrians("uo-100-180-180"), _METRE, _UO),
+    Source("corridor, dense", "people", True, _pedestrians("uo-180-180-120"), _METRE, _UO),
     Source("corridor as ETH/UCY text", "people", False, _people(_ETH, "crowd.txt"), _METRE),
     Source("corridor as CSV", "people", False, _people(_NAMED, "tracks.csv"), _METRE),
     Source("corridor as Parquet", "people", False, _people(_NAMED, "tracks.parquet"), _METRE),
@@ -154,8 +155,8 @@ def _measured(source: Source, folder: Path) -> Row:
 
 
 def _mapping(source: Source, path: Path, folder: Path) -> Iterator[str | Path]:
-    """Options of 'serd demos' for bags of others: a mapping given, or suggested."""
-    if source.kind not in ("ROS 1", "ROS 2"):
+    """Options of 'serd demos': a mapping given, or for bags of others one suggested."""
+    if not source.mapping and source.kind not in ("ROS 1", "ROS 2"):
         return
     mapping = folder / "mapping.yaml"
     if source.mapping:

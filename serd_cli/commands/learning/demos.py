@@ -123,8 +123,8 @@ def demos(
     a press of a button, at a stop or where it turns; the way back from the
     goal is left out.
 
-    A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
-    has a time, x and y, and where there are several agents their ids: each
+    A table (CSV or Parquet with named columns, text of TUM, KITTI, ETH/UCY
+    and PeTrack) has time, x and y, and for several agents their id: each
     is a demonstration, and all of them are the people; actions are hidden.
     Where one of them is named robot, it alone demonstrates. The key experts of
     a mapping names others; experts: people takes the people of a bag.

@@ -20,6 +20,9 @@ def _quick(monkeypatch):
     monkeypatch.setattr(corridor_measures.measure_simulation, "__kwdefaults__", quick)
 
 
+HEADER = "framerate: 25\nid frame x/cm y/cm z/cm"
+
+
 @pytest.fixture
 def recording(tmp_path):
     """Eight people in a corridor of 4 m, four each way: half a person per square metre."""
@@ -30,7 +33,7 @@ def recording(tmp_path):
         way, y_cm = (1, -150 + 40 * person) if person % 2 else (-1, -150 + 40 * person)
         rows += [[person, f, 100 * way * x, y_cm, 170] for f, x in zip(frames, along, strict=True)]
     path = tmp_path / "people.txt"
-    np.savetxt(path, rows)
+    np.savetxt(path, rows, header=HEADER)
     return path
 
 
@@ -66,7 +69,7 @@ def test_recordings_of_one_file_name_are_different_places(lab, recording, tmp_pa
 def test_a_recording_along_y_with_other_frames_is_the_same(lab, recording, tmp_path):
     rows = np.loadtxt(recording)[:, [0, 1, 3, 2, 4]]
     turned = tmp_path / "turned.txt"
-    np.savetxt(turned, rows)
+    np.savetxt(turned, rows, header=HEADER)
     words = ("--fps", 16, "--width", 3, "--json", "--output", tmp_path / "crowd.png")
     ended = lab("crowd", "--recording", turned, *words)
     people = json.loads(ended.out)["rows"][1]
@@ -77,7 +80,7 @@ def test_a_recording_along_y_with_other_frames_is_the_same(lab, recording, tmp_p
 def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(lab, recording, tmp_path):
     rows = np.loadtxt(recording)
     one, far = tmp_path / "one.txt", tmp_path / "far.txt"
-    np.savetxt(one, rows[rows[:, 0] == 0])
+    np.savetxt(one, rows[rows[:, 0] == 0], header=HEADER)
     np.savetxt(far, rows, header="framerate: 25\nid frame x/mm y/mm z/mm")
     for path, sentence in ((one, "at least 2, got 1"), (far, "check the unit")):
         words = ("--recording", recording, "--recording", path)
@@ -91,7 +94,7 @@ def test_people_elsewhere_do_not_widen_the_corridor(lab, recording, tmp_path):
     rows = np.loadtxt(recording)
     far = rows[rows[:, 0] == 0] + [9, 0, 0, 4000, 0]
     path = tmp_path / "far.txt"
-    np.savetxt(path, np.concatenate([rows, far]))
+    np.savetxt(path, np.concatenate([rows, far]), header=HEADER)
     ended = lab("crowd", "--recording", path, "--output", tmp_path / "crowd.png")
     said = " ".join(ended.err.split())
     assert "far.txt: agent 9, from row 1201, is more than 2 m away" in said

@@ -215,7 +215,7 @@ def test_measures_of_a_recording_made_by_hand(tmp_path):
     rows = [[1, f, 100 * x, 40, 176] for f, x in zip(frames, along, strict=True)]
     rows += [[2, f, -100 * x, -40, 176] for f, x in zip(frames, along, strict=True)]
     path = tmp_path / "two.txt"
-    np.savetxt(path, rows, header="PeTrack")
+    np.savetxt(path, rows, header="framerate: 25\nid frame x/cm y/cm z/cm")
     tracks = read_trajectories(path).tracks
     assert corridor_of(tracks).flow == "two ways"
     measures = measure_recording(tracks, corridor_of(tracks, width_m=4.0))

@@ -30,7 +30,7 @@ def table(tmp_path, frame):
     return path
 
 
-@pytest.mark.parametrize("name", ["run", "Episode", "trial_id", "scene", "recording"])
+@pytest.mark.parametrize("name", ["run", "Episode", "trial_id", "scene"])
 @pytest.mark.parametrize("prefix", ["", "r"])
 def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, prefix):
     named = RUNS.assign(run=prefix + RUNS.run.astype(str)).rename(columns={"run": name})
@@ -80,14 +80,9 @@ def test_columns_of_each_agent_have_episodes_too(tmp_path, has_runs):
     assert len(drives.crowd.people) == 3
 
 
-@pytest.mark.parametrize("values", ["corridor", range(243 + 3)])
-def test_a_column_with_one_value_or_one_of_each_row_is_none_of_episodes(tmp_path, values):
-    one = RUNS[RUNS.run == 0]
-    named = one.assign(sequence=values if isinstance(values, str) else np.arange(len(one)))
-    assert [each.agent for each in read_trajectories(table(tmp_path, named)).tracks] == [
-        "ped",
-        "robot",
-    ]
+def test_an_id_of_one_episode_alone_keeps_its_name(tmp_path):
+    found = read_trajectories(table(tmp_path, RUNS[RUNS.run == 0]))
+    assert [each.agent for each in found.tracks] == ["ped", "robot"]
 
 
 def test_a_mapping_names_the_column_of_episodes(tmp_path):
