@@ -1,9 +1,8 @@
 FROM python:3.11-slim-bookworm
 
-# Chromium and its driver are for the tests of the web page.
 # hadolint ignore=DL3008
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends make git chromium chromium-driver \
+    && apt-get install -y --no-install-recommends make git \
     && rm -rf /var/lib/apt/lists/*
 
 WORKDIR /serd

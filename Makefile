@@ -103,4 +103,4 @@ dist: $(VENV)/.docs
 	@$(BIN)/twine check --strict dist/*
 
 clean:
-	rm -rf $(VENV) ros_ws/build ros_ws/install ros_ws/log .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build serd_core/build bags/build ros_ws/build ros_ws/install ros_ws/log .mypy_cache .ruff_cache .pytest_cache .hypothesis

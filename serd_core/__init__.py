@@ -14,6 +14,21 @@ from typing import Any
 
 __version__ = "0.3.0"
 
+_LAB = "the authors' lab has it"
+#: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
+_LEFT = {
+    "GradientAscent": _LAB,
+    "counterfactual_policy": "use soft_policy(problem, weights, belief)",
+    "fit_routes": _LAB,
+    "load": "unpickle what you pickled",
+    "multi_start": _LAB,
+    "sample_posterior": _LAB,
+    "save": "pickle the record",
+    "score_test": "use likelihood_ratio_test of two fits",
+    "two_step_standard_errors": "use bootstrap with both steps in the estimate",
+    "vuong_test": "use likelihood_ratio_test of two fits",
+}
+
 
 @functools.cache
 def _homes() -> dict[str, str]:
@@ -26,7 +41,8 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        raise AttributeError(f"module 'serd_core' has no attribute {name!r}")
+        went = f"; {_LEFT[name]}" if name in _LEFT else ""
+        raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found
     return found

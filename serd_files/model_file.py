@@ -180,7 +180,7 @@ class ModelFile(StrictModel):
             if model.name not in MODEL_NAMES:
                 raise ValueError(
                     f"outcome_models must be among {', '.join(MODEL_NAMES)}, got {model.name!r};"
-                    " learn the model again"
+                    " learn the model again (models whose outcomes depend on density have left)"
                 )
         return self
 

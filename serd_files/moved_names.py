@@ -11,13 +11,13 @@ _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
 _TYPES = "types of experts are a library now: serd_core.choose_expert_types (docs/mixed_experts.md)"
 _ROBOTS = (
-    "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/runtime.md)"
+    "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
 )
 _WALL = "every obstacle is a wall now; delete the key"
 
 _LEFT: dict[tuple[Kind, str], str] = {
-    ("command", "experiment"): f"{_LAB} NAME",
-    ("command", "study"): f"{_LAB} NAME",
+    ("command", "experiment"): f"{_LAB} lists what there is",
+    ("command", "study"): f"{_LAB} lists what there is",
     ("command", "faults"): f"{_LAB} faults",
     ("command", "crowd"): f"{_LAB} crowd",
     ("option", "--density"): _NO_GAIN,
@@ -31,14 +31,23 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
     ("key", "density"): f"{_NO_GAIN}; delete the key",
+    ("key", "expert"): f"{_TYPES}; delete the key",
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",
+    ("key", "imu"): "no node read it, and it has left; delete the key",
     ("key", "mass_kg"): _WALL,
     ("key", "hinge_m"): _WALL,
 }
 
+_IMU = {
+    "gyroscope_noise_density": 1.7e-4,
+    "gyroscope_bias_walk": 1.9e-5,
+    "accelerometer_noise_density": 2.0e-3,
+    "accelerometer_bias_walk": 3.0e-3,
+}
 #: Keys that 0.2.0 wrote beside each model and that had no effect, with the values that said so.
 _WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
-    "imu": lambda _: True,
+    "density": lambda value: value is False,
+    "imu": lambda value: value == _IMU,
     "mass_kg": lambda value: value is None,
     "hinge_m": lambda value: value is None,
 }

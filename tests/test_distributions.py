@@ -21,7 +21,7 @@ PROJECTS = {
 }
 #: Refuses every import but those of some packages, then imports all modules and runs a statement.
 ALONE = """
-import importlib, importlib.abc, pkgutil, sys
+import importlib, importlib.abc, importlib.util, pkgutil, sys
 folder, package, allowed, statement = sys.argv[1:]
 allowed = {package, *allowed.split(","), *sys.stdlib_module_names}
 
@@ -31,6 +31,8 @@ class Allowed(importlib.abc.MetaPathFinder):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Allowed())
+really = importlib.util.find_spec  # by which optional libraries are looked for
+importlib.util.find_spec = lambda name: really(name) if name.partition(".")[0] in allowed else None
 sys.path.insert(0, folder)
 root = importlib.import_module(package)
 assert root.__file__.startswith(folder), root.__file__
@@ -46,7 +48,7 @@ def wheels(root, tmp_path_factory):
     """File of each wheel, built in a copy: a build leaves its modules beside the source."""
     folder = tmp_path_factory.mktemp("wheels")
     tree = folder / "tree"
-    ignored = shutil.ignore_patterns("build", "data", "results", "__pycache__", "*.egg-info")
+    ignored = shutil.ignore_patterns("build", "__pycache__", "*.egg-info")
     names = {"serd_core", "bags", "sim", "serd_files", "serd_app", "serd_ros", "serd_cli"}
     for name in names:
         shutil.copytree(root / name, tree / name, ignore=ignored)
@@ -74,8 +76,14 @@ def metadata_of(wheel):
     return file.read_text()
 
 
-def modules_in(folder):
-    return {path.relative_to(folder) for path in folder.rglob("*.py")}
+def files_in(folder):
+    """Files of a package that a wheel must have, relative to the folder of the package."""
+    left_out = {"__pycache__", "build"}
+    return {
+        path.relative_to(folder.parent)
+        for path in folder.rglob("*")
+        if path.is_file() and not left_out & set(path.parts) and path.suffix != ".egg-info"
+    }
 
 
 def with_dependencies(names):
@@ -107,17 +115,15 @@ def required_by(wheel):
     return {name: rest for name, rest in lines if "extra ==" not in rest}
 
 
-def test_each_has_every_module_of_its_packages_and_no_recordings(unpacked, root):
+def test_each_has_every_file_of_its_packages_and_no_recordings(unpacked, root):
+    of_project = {Path("serd_core", each) for each in ("pyproject.toml", "README.md", "LICENSE")}
     for name, (_, packages) in PROJECTS.items():
-        ours = {
-            Path(path).parent.joinpath(module).relative_to(Path(path).parent)
-            for path in packages
-            for module in modules_in((root / path).parent)
-            if module.parts[0] == Path(path).name
-        }
-        theirs = modules_in(unpacked[name])
-        assert ours <= theirs, name
+        for package in packages:
+            ours = files_in(root / package) - of_project
+            theirs = files_in(unpacked[name] / Path(package).name)
+            assert ours <= theirs, sorted(map(str, ours - theirs))
         assert not list(unpacked[name].rglob("*.mcap"))
+        assert list(unpacked[name].glob("*.dist-info/licenses/LICENSE"))
 
 
 def test_no_file_belongs_to_two_and_every_name_begins_with_serd(unpacked):
@@ -171,6 +177,8 @@ def test_whichever_is_removed_the_others_keep_their_files(wheels, tmp_path):
         subprocess.run(
             [*pip, "install", "--no-deps", "--ignore-installed", *wheels.values()], check=True
         )
+        whole = "import serd_cli.app, serd_ros.errors, serd_sim, serd_files.errors"
+        subprocess.run([python, "-E", "-c", whole], check=True, cwd=tmp_path)
         subprocess.run([*pip, "uninstall", "-y", removed], check=True)
         for name in PROJECTS.keys() - {removed}:
             (record,) = packages.glob(f"{name.replace('-', '_')}-[0-9]*.dist-info/RECORD")

@@ -62,7 +62,7 @@ def test_ci_runs_its_script_on_each_supported_python(root):
 def test_the_container_for_development_is_set_up_as_ci_is(root):
     container = json.loads((root / ".devcontainer/devcontainer.json").read_text())
     command = container["postCreateCommand"]
-    assert command.endswith("make setup")
+    assert command.endswith("make build")
     for package in ("chromium", "chromium-driver"):
         assert package in command
         assert package in (root / ".ci/run").read_text()
@@ -96,7 +96,8 @@ def test_the_ros_package_depends_on_what_nodes_launch_files_and_topics_use(root)
     nodes, launch_files = root.glob("serd_ros/**/*.py"), folder.glob("launch/*.py")
     texts = [path.read_text(encoding="utf-8") for path in (*nodes, *launch_files)]
     used = {name for text in texts for name in imported_packages(text)}
-    used -= {*sys.stdlib_module_names, *(path.name for path in root.iterdir())}
+    ours = (path.name for each in (".", "sim", "bags") for path in (root / each).iterdir())
+    used -= {*sys.stdlib_module_names, *ours}
     used |= {name for text in texts for name in re.findall(r'ros_type\("(\w+)\.', text)}
     kinds = [topic_type(topic, stamped_cmd_vel=False) for topic in TYPES]
     used |= {kind.name.partition("/")[0] for kind in kinds}

@@ -18,8 +18,7 @@ from serd_cli.app import make_app
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
-#: Packages that are used as libraries.
-#: Folders in which the libraries are packages.
+#: Packages that are used as libraries, and the folders that they lie in.
 LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
 _PAGES = (".md", ".ipynb")
 _LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
@@ -76,7 +75,8 @@ def module_pages() -> dict[str, str]:
     """By path: a page of modules for each folder of the libraries, and the list of pages."""
     pages, index = {}, ["# Python modules", ""]
     for library, beside in LIBRARIES.items():
-        folders = [beside / library, *sorted((beside / library).rglob("*"))]
+        found = [beside / library, *sorted((beside / library).rglob("*"))]
+        folders = [path for path in found if not {"build", "dist"} & set(path.parts)]
         for folder in (path for path in folders if (path / "__init__.py").exists()):
             dotted = ".".join(folder.relative_to(beside).parts)
             modules = sorted(f"{dotted}.{path.stem}" for path in folder.glob("[!_]*.py"))

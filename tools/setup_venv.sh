@@ -49,11 +49,13 @@ if [ -z "$uv" ]; then
   "${pip[@]}" install -q --disable-pip-version-check -c constraints.txt uv >/dev/null 2>&1 || true
   uv=$(command -v "$VENV/bin/uv" || true)
 fi
-if [ -z "$uv" ] || ! VIRTUAL_ENV="$VENV" "$uv" pip install $verbose -c constraints.txt "${projects[@]}"; then
+if [ -z "$uv" ] || ! "$uv" pip install --python "$VENV/bin/python" $verbose -c constraints.txt "${projects[@]}"; then
   echo "setup: uv, which takes ten seconds, could not install; pip takes two to three minutes ..."
   [ "$verbose" = -q ] || export PIP_PROGRESS_BAR=on
   "${pip[@]}" install $verbose --disable-pip-version-check -c constraints.txt "${projects[@]}" \
     2> >(grep -v '^WARNING: Location' >&2)
 fi
-touch "$VENV/.${1:-run}"
+# What was installed for more is there for less.
+case "${1:-run}" in docs) stamps="docs all run" ;; all) stamps="all run" ;; *) stamps=run ;; esac
+for stamp in $stamps; do touch "$VENV/.$stamp"; done
 echo "setup: done."

@@ -192,14 +192,10 @@ def save_demonstrations(
         ),
         motion=MotionRecord.model_validate(advice, from_attributes=True) if advice else None,
     )
-    for name in ("resolution", "resolution picture"):  # those of other recordings
-        delete_file(files[name])
     if advice is not None:
         write_rows(files["resolution"], ResolutionRow, advice.rows)
-    if flow is None:  # that of other recordings must not stay beside this table
-        delete_file(files["flow"])
-        return
-    save_flow(files["flow"], place.grid, flow)
+    if flow is not None:
+        save_flow(files["flow"], place.grid, flow)
 
 
 def save_learnable(
@@ -226,6 +222,8 @@ def save_learnable(
         motion=motion,
     )
     save_yaml_model(files["record"], record)
+    for name in ("flow", "crossings", "resolution", "resolution picture"):  # of other recordings
+        delete_file(files[name])
 
 
 def files_beside(table: Path) -> dict[str, Path]:

@@ -20,7 +20,7 @@ from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_bag.files import delete_file
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import table_of
+from serd_cli.output.terminal import can_draw, table_of
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
@@ -185,6 +185,8 @@ def save_pictures(
     advice: ResolutionAdvice | None,
 ) -> None:
     """Draw the tracks, the flow of people where there is one, and the advice, beside the table."""
+    if not can_draw():
+        return
     from serd_app.report.figures.map_axes import layout_of
     from serd_app.report.figures.maps import draw_flow_map, draw_visitation
     from serd_app.report.figures.resolution import draw_resolution

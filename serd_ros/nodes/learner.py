@@ -12,11 +12,11 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.recorded import Place, save_learnable
+from serd_app.demonstrations.recorded import Place, files_beside, save_learnable
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.methods import require_learnable
-from serd_app.learning.outcome import FitOutcome, save_outcome
+from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
@@ -54,6 +54,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             grid_of(self._scenario), self._scenario.decision_period_s, self._scenario
         )
         require_file_place(Path(self.config.output))
+        if self.config.decisions:
+            self._require_place_of_decisions(Path(self.config.decisions))
         require_replaceable(Path(self.config.output), self._task.scenario_yaml)
         self._again = self._begin_anew = False
         self._begun_s = 0.0
@@ -64,6 +66,17 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         self._refusal = "no episode has ended"
         self._memory = None if self.config.bag else self._earlier_memory()
         self._checkpoint_due_s = 0.0
+
+    def _require_place_of_decisions(self, table: Path) -> None:
+        require_file_place(table)
+        written = {each.resolve() for each in outcome_files(Path(self.config.output)).values()}
+        for file in files_beside(table).values():
+            if file.resolve() in written:
+                raise NodeError(
+                    f"decisions must not be written over the model's files, got {table}, beside"
+                    f" which {file} is written; name another file"
+                )
+        require_replaceable(table, self._task.scenario_yaml)
 
     def activate(self) -> None:
         """Take demonstrations and learn."""

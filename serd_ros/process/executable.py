@@ -15,6 +15,7 @@ from types import FrameType
 from typing import Any, NoReturn, TextIO
 
 from serd_files.errors import missing_extra
+from serd_files.moved_names import where_or_near
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
@@ -83,6 +84,10 @@ def run(executable: str) -> NoReturn:
             sys.stdout = _nowhere(1)
         from serd_ros.process.run_node import run_node
 
+        if executable not in NODES:  # of a workspace that an earlier version built
+            near = where_or_near("executable", executable, NODES)
+            print(f"there is no node {executable!r}; {near}", file=sys.stderr)
+            sys.exit(2)
         try:
             node = node_maker(executable)
         except ModuleNotFoundError as error:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -65,3 +66,14 @@ def test_the_simulators_node_says_which_extra_it_needs(ros_env):
     )
     assert ended.returncode == 1
     assert "hallway_sim: pybullet is not installed; run: pip install 'serd[sim]'" in ended.stderr
+
+
+def test_a_table_is_written_where_no_picture_can_be_drawn(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{agent},{t / 2:.1f},{t / 2:.2f},1.0" for agent in range(3) for t in range(12)]
+    Path("walk.csv").write_text("\n".join(["agent,time,x,y", *rows]) + "\n")
+    ended = run("from serd_cli.main import main; sys.exit(main())", "demos", "walk.csv")
+    assert ended.returncode == 0, ended.stderr
+    assert "no picture is drawn: matplotlib is not installed" in ended.stderr.replace("\n", " ")
+    assert Path("decisions.csv").exists()
+    assert not Path("decisions.png").exists()

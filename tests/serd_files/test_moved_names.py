@@ -18,7 +18,11 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
     ("words", "went"),
     [
         (["faults", "--seeds", "3"], "python -m lab faults"),
-        (["study", "hallway"], "python -m lab NAME"),
+        (["study", "hallway"], "python -m lab lists"),
+        (["experiment", "gridworld"], "python -m lab lists"),
+        (["crowd", "compare"], "python -m lab crowd"),
+        (["learn", "decisions.csv", "--experts", "2"], "serd_core.choose_expert_types"),
+        (["demos", "bag", "--lerobot", "folder"], "python -m lab lerobot"),
         (["learn", "decisions.csv", "--density"], "it improved no forecast"),
         (["navigate", "model.yaml", "--expert=2"], "serd_core.choose_expert_types"),
         (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
@@ -47,10 +51,15 @@ def with_pillar(**more):
 def test_a_key_says_where_it_went():
     with pytest.raises(FileError, match="every obstacle is a wall now"):
         yaml_model(with_pillar(mass_kg=3.0), Scenario, name="place.yaml")
+    with pytest.raises(FileError, match="no node read it"):
+        yaml_model(with_pillar() + "imu: {gyroscope_bias_walk: 1.0}\n", Scenario, name="a.yaml")
 
 
 def test_a_scenario_that_the_version_before_wrote_is_read():
-    older = with_pillar(mass_kg=None, hinge_m=None) + "imu: {gyroscope_noise_radps: 0.01}\n"
+    older = with_pillar(mass_kg=None, hinge_m=None) + (
+        "imu: {gyroscope_noise_density: 1.7e-4, gyroscope_bias_walk: 1.9e-5,"
+        " accelerometer_noise_density: 2.0e-3, accelerometer_bias_walk: 3.0e-3}\n"
+    )
     now = yaml_model(with_pillar(), Scenario, name="place.yaml")
     assert yaml_model(older, Scenario, name="place.yaml") == now
 

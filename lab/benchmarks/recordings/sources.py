@@ -21,7 +21,7 @@ from lab.benchmarks.recordings import written_drives as written
 from lab.benchmarks.recordings.held_out import held_out
 from lab.benchmarks.report import markdown_row, write_rows
 from serd_bag.files import atomic_write_text
-from serd_core.errors import SerdError
+from serd_files.errors import USER_ERRORS
 
 _ROOT = Path(__file__).absolute().parents[3]
 _DOCUMENT = _ROOT / "docs" / "sources.md"
@@ -148,7 +148,7 @@ def _measured(source: Source, folder: Path) -> Row:
     counts = tuple(found[name] for name in ("n_decisions", "n_episodes", "n_moving_waits"))
     try:
         measured = held_out(table)
-    except SerdError as error:
+    except USER_ERRORS as error:
         return Row(source, *counts, error=str(error))
     against = f"{measured.learned:.3f} against {measured.uniform:.3f} ({measured.n})"
     return Row(source, *counts, likelihood=against)

@@ -25,7 +25,7 @@ from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.fit import learned_values, print_learned
 from serd_cli.output.paths import require_apart, require_suffix
-from serd_cli.output.terminal import WorkProgress, console, print_json
+from serd_cli.output.terminal import WorkProgress, can_draw, console, print_json
 from serd_sim.scenario.goal import point_of
 
 
@@ -116,7 +116,7 @@ def learn(
     model = outcome.model.model_copy(update={"crossing_times": measured})
     outcome = replace(outcome, model=model)
     save_outcome(output, outcome, problem.grid)
-    if outcome.knowledge is not None:
+    if outcome.knowledge is not None and can_draw():
         from serd_app.report.figures.maps import draw_gain
         from serd_app.report.style import save_figure
 
