@@ -147,6 +147,12 @@ def test_serd_requires_the_other_two_in_its_own_version(unpacked):
     assert {needed["serd-core"], needed["serd-bag"]} == {f"=={versions['serd']}"}
 
 
+def test_the_libraries_need_little(unpacked):
+    assert required_by(unpacked["serd-core"]).keys() == {"numpy", "scipy"}
+    recordings = {"mcap", "rosbags", "lz4", "zstandard", "numpy", "PyYAML"}
+    assert required_by(unpacked["serd-bag"]).keys() == recordings
+
+
 @pytest.mark.parametrize(
     ("name", "package", "statement"),
     [
