@@ -119,6 +119,7 @@ class Frames:
         up, down = self._ancestry(self.own(frame)), self._ancestry(self.own(target))
         shared = next((each for each in up if each in down), None)
         if shared is None:
+            self._require_one_parent([*up, *down])  # the other parent may join them
             raise MessageError(
                 f"{field} must be {target!r} or joined with it by /tf",
                 f"{frame!r}; frames of /tf: {', '.join(self.names) or 'none'}",

@@ -88,14 +88,18 @@ def test_a_frame_with_two_parents_is_refused_until_it_has_had_one_for_a_while(fr
     other = transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(0.1))
     frames.take(other, static=is_static)
     odom(0.2)
+    frames.take(transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(0.25)), static=False)
+    with pytest.raises(MessageError, match="must have one parent"):
+        frames.place("base_link", "map")  # which the newest parent does not join
+    odom(0.3)
     sentence = "must have one parent, got 'base_footprint' in 'visual_odom' and in 'odom'; end what"
     with pytest.raises(MessageError, match=sentence):
         frames.place("base_link", "map")
-    odom(3.1)
+    odom(3.2)
     with pytest.raises(MessageError, match="must have one parent"):
         frames.place("base_link", "map")
-    odom(3.3)
-    assert frames.place("base_link", "map").stamp_ns == at(3.3)["stamp_ns"]
+    odom(3.4)
+    assert frames.place("base_link", "map").stamp_ns == at(3.4)["stamp_ns"]
 
 
 def test_a_frame_may_move_to_another_parent_after_the_first_has_stopped(frames):
