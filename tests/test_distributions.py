@@ -78,11 +78,11 @@ def metadata_of(wheel):
 
 def files_in(folder):
     """Files of a package that a wheel must have, relative to the folder of the package."""
-    left_out = {"__pycache__", "build"}
+    left_out = {"__pycache__", "build", "serd_core.egg-info"}
     return {
         path.relative_to(folder.parent)
         for path in folder.rglob("*")
-        if path.is_file() and not left_out & set(path.parts) and path.suffix != ".egg-info"
+        if path.is_file() and not left_out & set(path.parts)
     }
 
 
