@@ -4,6 +4,8 @@ import errno
 import os
 import stat
 import tempfile
+from collections.abc import Iterable
+from os.path import realpath
 from pathlib import Path
 
 from serd_bag.errors import FileError, disk_errors
@@ -84,6 +86,12 @@ def require_beside(owner: Path, *needed: Path) -> None:
                 f"{owner}: {path.name}, which is written with it, must be beside it; move it there,"
                 " or make both again"
             )
+
+
+def shared_file(written: Iterable[Path], others: Iterable[str | Path]) -> Path | None:
+    """The first of the files that is one of the others, by whatever links; None where none is."""
+    known = {realpath(each) for each in others}  # which takes links that go round
+    return next((path for path in written if realpath(path) in known), None)
 
 
 def delete_file(path: Path) -> None:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable
 from itertools import count
-from os.path import lexists, realpath
+from os.path import lexists
 from pathlib import Path
 
 from serd_bag.errors import disk_errors
+from serd_bag.files import shared_file
 from serd_cli.errors import UsageError
 
 
@@ -33,10 +34,8 @@ def free_folder(output: Path, name: str) -> Path:
 
 def require_apart(output: Path, written: Iterable[Path], read: Iterable[str | Path]) -> None:
     """UsageError where a file that --output makes the command write is one that it reads."""
-    inputs = {realpath(each) for each in read}  # which takes links that go round
-    for path in written:
-        if realpath(path) in inputs:
-            raise UsageError(
-                f"--output must not overwrite what is read, {output} would overwrite {path};"
-                " name another file"
-            )
+    if (path := shared_file(written, read)) is not None:
+        raise UsageError(
+            f"--output must not overwrite what is read, {output} would overwrite {path};"
+            " name another file"
+        )

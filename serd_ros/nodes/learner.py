@@ -21,7 +21,7 @@ from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
-from serd_bag.files import require_file_place
+from serd_bag.files import require_file_place, shared_file
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
@@ -69,13 +69,12 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _require_place_of_decisions(self, table: Path) -> None:
         require_file_place(table)
-        written = {each.resolve() for each in outcome_files(Path(self.config.output)).values()}
-        for file in files_beside(table).values():
-            if file.resolve() in written:
-                raise NodeError(
-                    f"decisions must not be written over the model's files, got {table}, beside"
-                    f" which {file} is written; name another file"
-                )
+        of_model = outcome_files(Path(self.config.output)).values()
+        if (file := shared_file(files_beside(table).values(), of_model)) is not None:
+            raise NodeError(
+                f"decisions must not be written over the model's files, got {table}, beside which"
+                f" {file} is written; name another file"
+            )
         require_replaceable(table, self._task.scenario_yaml)
 
     def activate(self) -> None:

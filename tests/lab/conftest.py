@@ -1,35 +1,20 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from lab.__main__ import main
 from lab.experiments.study.products import SETTINGS_YAML
 from lab.experiments.study.settings import study_settings
-from serd_cli.output import terminal
 from serd_files.yaml_config import model_yaml
-
-
-class Ended(NamedTuple):
-    """How a command ended and what it printed."""
-
-    code: int
-    out: str
-    err: str
+from support.commands import Ended, work_in_empty_folder
 
 
 @pytest.fixture
 def lab(monkeypatch, capsys, tmp_path) -> Callable[..., Ended]:
     """Runs `python -m lab` with some words in an empty folder."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "160")
-    # A console that was made before keeps the width of its terminal.
-    for console in (terminal.console, terminal.progress_console):
-        monkeypatch.setattr(console, "_width", 160)
+    work_in_empty_folder(monkeypatch, tmp_path)
 
     def run(*words: str | Path) -> Ended:
         return Ended(main([*map(str, words)]), *capsys.readouterr())

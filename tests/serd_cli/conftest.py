@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_cli.main import main
-from serd_cli.output import terminal
+from support.commands import Ended, work_in_empty_folder
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
@@ -23,24 +23,10 @@ _START_S = 100.0
 _STEP_S = 0.1
 
 
-class Ended(NamedTuple):
-    """How a command ended and what it printed."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
 def serd(monkeypatch, capsys, tmp_path) -> Callable[..., Ended]:
     """Runs `serd` with some words in an empty folder."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "160")
-    # A console that was made before keeps the width of its terminal.
-    for console in (terminal.console, terminal.progress_console):
-        monkeypatch.setattr(console, "_width", 160)
+    work_in_empty_folder(monkeypatch, tmp_path)
 
     def run(*words: str | Path) -> Ended:
         monkeypatch.setattr(sys, "argv", ["serd", *map(str, words)])

@@ -1,4 +1,5 @@
 from support.small_problems import (  # noqa: F401
+    counted,
     gridworld,
     make_gridworld,
     minimum_example,

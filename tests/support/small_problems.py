@@ -120,3 +120,15 @@ def random_problem() -> Callable[..., tuple[TabularProblem, np.ndarray]]:
         return problem, rng.dirichlet(np.ones(n_outcomes), size=n_models)
 
     return make
+
+
+@pytest.fixture
+def counted():
+    """One action, whose two outcomes were seen 9 and 3 times: a beta posterior, and no choices."""
+    successors = np.zeros((2, 1, 2), int)
+    successors[0, 0], successors[1, 0] = [0, 1], 1
+    models = OutcomeModels(successors, np.zeros((2, 1), int), np.ones((2, 1), bool), 1)
+    problem = TabularProblem(Mdp(models, 0.5), np.ones((2, 1, 1)), ("constant",))
+    zeros = np.zeros(12, int)
+    following = np.repeat([0, 1], [9, 3])
+    return problem, Decisions(np.arange(12), zeros * 1.0, zeros, zeros, following)

@@ -10,25 +10,7 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_files.errors import USER_ERRORS
-
-CURVATURE = np.diag([1.0, 10.0])
-TOP = np.array([3.0, -2.0])
-
-
-def quadratic(vector):
-    away = vector - TOP
-    return 5.0 - 0.5 * away @ CURVATURE @ away, -CURVATURE @ away
-
-
-def valley(vector):
-    """Rosenbrock's, upside down."""
-    x, y = vector
-    value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
-    return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
-
-
-def never(_):
-    return False
+from support.objectives import TOP, never, quadratic, valley
 
 
 def test_the_top_of_a_quadratic_is_found():

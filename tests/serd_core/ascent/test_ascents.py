@@ -6,19 +6,7 @@ from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion, quadratic_step
 from serd_core.errors import SerdError
-
-CURVATURE = np.diag([1.0, 10.0])
-TOP = np.array([3.0, -2.0])
-
-
-def quadratic(vector):
-    away = vector - TOP
-    return 5.0 - 0.5 * away @ CURVATURE @ away, -CURVATURE @ away
-
-
-def never(_):
-    return False
-
+from support.objectives import TOP, never, quadratic, valley
 
 ASCENTS = [Lbfgs(), TrustRegion(initial_radius=0.5)]
 EACH_ASCENT = pytest.mark.parametrize("ascent", ASCENTS, ids=lambda ascent: type(ascent).__name__)
@@ -48,13 +36,6 @@ def test_the_callback_sees_every_step_and_can_stop(ascent):
     assert not found.converged
     assert found.message == "stopped by the callback"
     np.testing.assert_array_equal(found.vector, seen[-1].vector)
-
-
-def valley(vector):
-    """Rosenbrock's, upside down."""
-    x, y = vector
-    value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
-    return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
 
 
 @pytest.mark.parametrize("kind", [Lbfgs, TrustRegion, KinkedAscent])

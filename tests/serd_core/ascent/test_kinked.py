@@ -13,12 +13,9 @@ from serd_core.ascent.kinked import (
     updated_metric,
 )
 from serd_core.ascent.trust_region import TrustRegion
+from support.objectives import never
 
 BETWEEN = np.array([[1.0, 1.0], [1.0, -3.0]])
-
-
-def never(_):
-    return False
 
 
 def rosenbrock_with_a_kink(vector):

@@ -6,11 +6,8 @@ from serd_core.bayes.laplace import laplace
 from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem
 
 GIVEN = PriorByEvidence(deviation=3.0, pseudo_count=1.0)
 
@@ -20,18 +17,6 @@ def always_a():
     """Thirty decisions for a, two thirds of which led on."""
     zeros = np.zeros(30, int)
     return Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
-
-
-@pytest.fixture
-def counted():
-    """One action, whose two outcomes were seen 9 and 3 times: a beta posterior, and no choices."""
-    successors = np.zeros((2, 1, 2), int)
-    successors[0, 0], successors[1, 0] = [0, 1], 1
-    models = OutcomeModels(successors, np.zeros((2, 1), int), np.ones((2, 1), bool), 1)
-    problem = TabularProblem(Mdp(models, 0.5), np.ones((2, 1, 1)), ("constant",))
-    zeros = np.zeros(12, int)
-    following = np.repeat([0, 1], [9, 3])
-    return problem, Decisions(np.arange(12), zeros * 1.0, zeros, zeros, following)
 
 
 def test_both_explanations_of_the_minimum_example_have_their_weight(minimum_example, always_a):

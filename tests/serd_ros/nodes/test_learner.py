@@ -12,6 +12,7 @@ from serd_app.learning.checkpoint import LearnerMemory
 from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import Decisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
+from serd_ros.errors import NodeError
 from serd_ros.process.serd_node import SerdNode
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
@@ -40,6 +41,17 @@ def test_an_output_that_cannot_be_written_is_rejected_at_the_start(tmp_path):
     with (
         pytest.raises(FileError, match="it is a folder; name a file"),
         node_in_process("learner", output=str(tmp_path)),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("table", ["m.csv", "m.grid.csv", "link/m.csv"])
+def test_decisions_over_the_files_of_the_model_are_rejected_at_the_start(tmp_path, table):
+    (tmp_path / "link").symlink_to(tmp_path)
+    given = {"output": str(tmp_path / "m.yaml"), "decisions": str(tmp_path / table)}
+    with (
+        pytest.raises(NodeError, match="must not be written over the model's files"),
+        node_in_process("learner", **given),
     ):
         pass
 

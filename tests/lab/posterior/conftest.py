@@ -1,0 +1,1 @@
+from support.small_problems import counted  # noqa: F401
