@@ -22,11 +22,11 @@ from serd_files.settings import Setting, settings_of
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import NodeEndpoints, load_graph
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario.obstacle import Obstacle
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import (
     LidarSettings,
     Loop,
+    Obstacle,
     OdometrySettings,
     PedestrianSettings,
     RobotSettings,

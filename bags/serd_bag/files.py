@@ -1,11 +1,9 @@
-"""Reading files, writing them whole or not at all, and watching them for changes."""
+"""Reading files, and writing them whole or not at all."""
 
 import errno
 import os
 import stat
 import tempfile
-from collections.abc import Iterable
-from os.path import realpath
 from pathlib import Path
 
 from serd_bag.errors import FileError, disk_errors
@@ -78,22 +76,6 @@ def require_file_place(path: Path) -> None:
             raise OSError(errno.EISDIR, "")
 
 
-def require_beside(owner: Path, *needed: Path) -> None:
-    """FileError where a file is not there that is written together with another."""
-    for path in needed:
-        if not path.exists():
-            raise FileError(
-                f"{owner}: {path.name}, which is written with it, must be beside it; move it there,"
-                " or make both again"
-            )
-
-
-def shared_file(written: Iterable[Path], others: Iterable[str | Path]) -> Path | None:
-    """The first of the files that is one of the others, by whatever links; None where none is."""
-    known = {realpath(each) for each in others}  # which takes links that go round
-    return next((path for path in written if realpath(path) in known), None)
-
-
 def delete_file(path: Path) -> None:
     """Delete the file where there is one; FileError where that is not possible."""
     if os.path.lexists(path):  # read-only file systems refuse to delete what is not there, too
@@ -132,29 +114,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-Mark = tuple[int, int, int]
-
-
-class FileWatch:
-    """Compares inode, size and time of writing; a missing file counts as unchanged."""
-
-    def __init__(self, path: str | Path) -> None:
-        self._path = Path(path)
-        self._mark = self._look()
-
-    def changed(self) -> bool:
-        """Whether it is another file than at the last call, or than at the beginning."""
-        mark = self._look()
-        if mark is None or mark == self._mark:
-            return False
-        self._mark = mark
-        return True
-
-    def _look(self) -> Mark | None:
-        try:
-            status = self._path.stat()
-        except OSError:
-            return None
-        return status.st_ino, status.st_size, status.st_mtime_ns

@@ -23,11 +23,11 @@ from serd_app.learning.recipe import LearningTask
 from serd_app.places.kept_scenario import own_scenario_yaml, scenario_beside
 from serd_app.places.map_scenario import grid_scenario
 from serd_bag.errors import FileError
-from serd_bag.files import require_beside
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
+from serd_files.files import require_beside
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from serd_sim.scenario.scenario import Scenario, load_scenario

@@ -6,8 +6,8 @@ from os.path import lexists
 from pathlib import Path
 
 from serd_bag.errors import disk_errors
-from serd_bag.files import shared_file
 from serd_cli.errors import UsageError
+from serd_files.files import shared_file
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:

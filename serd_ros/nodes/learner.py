@@ -21,8 +21,9 @@ from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
-from serd_bag.files import require_file_place, shared_file
+from serd_bag.files import require_file_place
 from serd_files.errors import USER_ERRORS
+from serd_files.files import shared_file
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics

@@ -15,10 +15,10 @@ from std_msgs.msg import String
 from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
-from serd_bag.files import FileWatch
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.errors import USER_ERRORS
+from serd_files.files import FileWatch
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import UNCOUNTED

@@ -1,6 +1,7 @@
 """A file is noticed once for every time it was written."""
 
-from serd_bag.files import FileWatch, atomic_write_text
+from serd_bag.files import atomic_write_text
+from serd_files.files import FileWatch
 
 
 def test_every_writing_is_noticed_once(tmp_path):

@@ -28,13 +28,13 @@ from serd_app.learning.learning_files import FlowSource, LearningFiles, read_lea
 from serd_app.learning.outcome import outcome_files
 from serd_app.navigation.strategy import outcome_probabilities_of, require_same_scale
 from serd_app.places.kept_scenario import scenario_beside
-from serd_bag.files import require_beside
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from serd_files.files import require_beside
 from serd_files.model_file import ModelFile, load_model
 from serd_sim.scenario.model_problem import model_in_flow
 from serd_sim.scenario.scenario import load_scenario

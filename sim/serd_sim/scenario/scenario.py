@@ -21,11 +21,11 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
-from serd_sim.scenario.obstacle import Obstacle
 from serd_sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from serd_sim.scenario.settings import (
     LidarSettings,
     Loop,
+    Obstacle,
     OdometrySettings,
     Outline,
     PedestrianSettings,

@@ -166,6 +166,13 @@ class OdometrySettings(StrictModel):
         return scales + self.distance_noise_m + self.turn_noise_rad > 0.0
 
 
+class Obstacle(StrictModel):
+    """A solid inside the walkable area."""
+
+    name: str = setting(..., "name of the obstacle")
+    outline_m: Outline = setting(..., "corners of a simple polygon, in order", unit="m")
+
+
 class Loop(StrictModel):
     """A closed line that people walk around, listed as right-hand traffic walks it."""
 

@@ -12,8 +12,8 @@ from serd_sim.planning.catalogue import make_planner, planner_names
 from serd_sim.planning.local_planner import PlannerStatus
 from serd_sim.robot.unicycle import chord_velocity, limited_velocity
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.obstacle import Obstacle
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import Obstacle
 from serd_sim.world.command import STOP
 from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 from support.observations import observation_at

@@ -1,0 +1,49 @@
+"""Files that belong together, and files that change."""
+
+from collections.abc import Iterable
+from os.path import realpath
+from pathlib import Path
+
+from serd_bag.errors import FileError
+
+
+def require_beside(owner: Path, *needed: Path) -> None:
+    """FileError where a file is not there that is written together with another."""
+    for path in needed:
+        if not path.exists():
+            raise FileError(
+                f"{owner}: {path.name}, which is written with it, must be beside it; move it there,"
+                " or make both again"
+            )
+
+
+def shared_file(written: Iterable[Path], others: Iterable[str | Path]) -> Path | None:
+    """The first of the files that is one of the others, by whatever links; None where none is."""
+    known = {realpath(each) for each in others}  # which takes links that go round
+    return next((path for path in written if realpath(path) in known), None)
+
+
+Mark = tuple[int, int, int]
+
+
+class FileWatch:
+    """Compares inode, size and time of writing; a missing file counts as unchanged."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self._mark = self._look()
+
+    def changed(self) -> bool:
+        """Whether it is another file than at the last call, or than at the beginning."""
+        mark = self._look()
+        if mark is None or mark == self._mark:
+            return False
+        self._mark = mark
+        return True
+
+    def _look(self) -> Mark | None:
+        try:
+            status = self._path.stat()
+        except OSError:
+            return None
+        return status.st_ino, status.st_size, status.st_mtime_ns
