@@ -55,6 +55,11 @@ if [ -z "$uv" ] || ! "$uv" pip install --python "$VENV/bin/python" $verbose -c c
   "${pip[@]}" install $verbose --disable-pip-version-check -c constraints.txt "${projects[@]}" \
     2> >(grep -v '^WARNING: Location' >&2)
 fi
+if [ "${1:-run}" != run ]; then
+  # Only its file axe.min.js is used, not the driver of browsers that the package requires.
+  "${pip[@]}" install -q --disable-pip-version-check --no-deps -c constraints.txt \
+    axe-playwright-python 2> >(grep -v '^WARNING: Location' >&2)
+fi
 # What was installed for more is there for less.
 case "${1:-run}" in docs) stamps="docs all run" ;; all) stamps="all run" ;; *) stamps=run ;; esac
 for stamp in $stamps; do touch "$VENV/.$stamp"; done

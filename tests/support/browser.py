@@ -1,6 +1,7 @@
 """Chromium without a window; where a machine makes it slow, no limit of its driver ends a test."""
 
 import shutil
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,6 @@ from selenium import webdriver
 
 from support.waiting import PATIENCE_S
 
-_AXE = Path(__file__).parents[1] / "reference" / "axe" / "axe.min.js"
 #: Width and height in pixels of a desk and a phone.
 DEVICES = ((1280, 900), (400, 860))
 SCHEMES = ("light", "dark")
@@ -49,9 +49,10 @@ def view(browser: webdriver.Chrome, *, width: int, height: int, scheme: str) -> 
 
 
 def violations(browser: webdriver.Chrome) -> list[tuple[str, list[str]]]:
-    """What axe-core (tests/reference/axe) finds on the page, with the elements."""
+    """What axe-core (in the package axe-playwright-python) finds on the page, with the elements."""
     if not browser.execute_script("return 'axe' in window"):
-        browser.execute_script(_AXE.read_text(encoding="utf-8"))
+        axe = files("axe_playwright_python") / "axe.min.js"
+        browser.execute_script(axe.read_text(encoding="utf-8"))
     return browser.execute_async_script(
         "const done = arguments[0]; axe.run().then((found) => done(found.violations.map("
         "(each) => [each.id, each.nodes.map((node) => node.html + node.failureSummary)])))"

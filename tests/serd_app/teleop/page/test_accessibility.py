@@ -1,6 +1,6 @@
 """The page by keyboard and screen reader, in light and dark, on a desk and on a phone.
 
-Rules are those of axe-core (tests/reference/axe, Mozilla Public License 2.0).
+Rules are those of axe-core (Mozilla Public License 2.0, in the package axe-playwright-python).
 """
 
 import os
