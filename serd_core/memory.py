@@ -10,7 +10,6 @@ import sys
 if sys.platform != "win32":
     import resource
 
-from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 
 #: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
@@ -23,12 +22,11 @@ LISTED_BYTES_PER_ENTRY = 200
 BYTES_PER_PAIR = 25
 
 
-def bytes_of_transitions(n_states: int, n_entries: int, *, listed: bool) -> float:
+def bytes_of_transitions(n_entries: int, *, listed: bool, compiled: bool) -> float:
     """Bytes that transitions need at the peak of a gradient; listed: given entry by entry."""
     if listed:
         return LISTED_BYTES_PER_ENTRY * float(n_entries)
-    each = COMPILED_BYTES_PER_ENTRY if is_compiled(n_states) else BYTES_PER_ENTRY
-    return each * float(n_entries)
+    return (COMPILED_BYTES_PER_ENTRY if compiled else BYTES_PER_ENTRY) * float(n_entries)
 
 
 def memory_limit() -> int:

@@ -99,14 +99,13 @@ def _of_choices(
 ) -> FloatArray:
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
     mdp, policy = problem.mdp, solution.policy
-    data = believed.system_data(mdp.policy_pattern, policy, mdp.discount)
     by_q = sensitivities(
         problem.features,
         mdp.discount,
         believed,
         solution,
         mdp.transitions.local_jacobian(at.belief),
-        Automatic().prepare(mdp.policy_pattern, data),
+        mdp.engine.system(believed, policy, mdp.discount, Automatic()),
     ).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)

@@ -189,9 +189,8 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
-    data = believed.system_data(mdp.policy_pattern, solution.policy, mdp.discount)
     by_local = np.eye(believed.local_probabilities.size)
-    system = Automatic().prepare(mdp.policy_pattern, data)
+    system = mdp.engine.system(believed, solution.policy, mdp.discount, Automatic())
     derivatives = sensitivities(
         without.features, mdp.discount, believed, solution, by_local, system
     )

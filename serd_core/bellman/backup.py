@@ -1,21 +1,16 @@
 """One application of a Bellman operator: T V and what comes with it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, unrepeated
+from serd_core.bellman.engine import Engine
 from serd_core.bellman.equations import BellmanEquation
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-
-if TYPE_CHECKING:
-    from serd_core.dynamics.compiled_rows import CompiledRows
 
 #: Values beyond overflow in sums and differences.
 LARGEST_VALUE = 1e300
@@ -56,17 +51,16 @@ class BellmanProblem:
 
     def q(self, value: FloatArray) -> FloatArray:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
-        return self.transitions.backed_up(self.rewards, self.discount, value)
+        return self.engine.q(self.transitions, self.rewards, self.discount, value)
+
+    def settled(self, value: FloatArray, smallest: float) -> FloatArray:
+        """(S,) the value after sweeps of the soft equation, until states move by less."""
+        return self.engine.settled(self.transitions, self.rewards, self.discount, value, smallest)
 
     @property
-    def fused(self) -> CompiledRows | None:
-        """What computes T V without a table of Q; None where nothing does."""
-        return self.transitions.model.compiled_rows if self.equation.curved else None
-
-    @property
-    def given(self) -> tuple[FloatArray, FloatArray, float]:
-        """Probabilities of P, rewards and discount, as `fused` takes them."""
-        return self.transitions.flat, self.rewards, self.discount
+    def engine(self) -> Engine:
+        """Who applies T."""
+        return self.mdp.engine
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +94,9 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    if problem.fused is not None:
-        q, target = None, problem.fused.soft_maximum(problem.given, value)
-    else:
-        q = problem.q(value)
-        target = problem.equation.maximum(q)
+    target, q = problem.engine.backup(
+        problem.equation, problem.transitions, problem.rewards, problem.discount, value
+    )
     gap = target - value
     residual = max(float(gap.max()), -float(gap.min()))
     return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)

@@ -18,7 +18,6 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array, is_number, shown
 from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.compiled import SMALLEST_COMPILED
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -43,15 +42,9 @@ class BellmanSolution:
     error_bound: float
     converged: bool
 
-    @property
-    def policy(self) -> FloatArray:
-        """(S, A) derivative of the maximum; a new table each time where problems are large."""
-        if len(self.q) >= SMALLEST_COMPILED:
-            return self.equation.policy(self.q)
-        return self._kept_policy
-
     @cached_property
-    def _kept_policy(self) -> FloatArray:
+    def policy(self) -> FloatArray:
+        """(S, A) derivative of the maximum."""
         policy = self.equation.policy(self.q)
         policy.flags.writeable = False
         return policy

@@ -18,7 +18,6 @@ from typing import ClassVar
 import numpy as np
 
 from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
-from serd_core.compiled import is_compiled
 
 
 class BellmanEquation(ABC):
@@ -51,11 +50,6 @@ class SoftBellman(BellmanEquation):
 
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) log sum_a exp Q(s, a) (3.29)."""
-        if is_compiled(len(q)):
-            from serd_core.dynamics.compiled_rows import largest_and_sums
-
-            largest, sums = largest_and_sums(q, 1.0)
-            return np.asarray(largest + np.log(sums))
         highest = largest_per_row(q)
         shifted = np.exp(q - highest[:, None])
         return np.asarray(highest + np.log(sum_per_row(shifted)))
@@ -72,10 +66,6 @@ class SoftBellman(BellmanEquation):
 
 def boltzmann(q: FloatArray, temperature: float) -> FloatArray:
     """(S, A) probabilities proportional to exp(Q(s, a) / temperature) (4.62)."""
-    if is_compiled(len(q)):
-        from serd_core.dynamics.compiled_rows import boltzmann_rows
-
-        return boltzmann_rows(q, temperature)
     shifted = np.exp((q - largest_per_row(q)[:, None]) / temperature)
     return np.asarray(shifted / sum_per_row(shifted)[:, None])
 

@@ -9,7 +9,7 @@ shrink the residual well, the policy hardly changes, and the next step keeps the
 
 A step moves the states in which the policy is still wrong by a few transitions only, as it takes
 the policy of the values before it: around each goal of a large grid 20 steps are needed where a
-few states are left. In large problems with compiled code, nonlinear Gauss-Seidel sweeps follow the
+few states are left. Where the engine has them, nonlinear Gauss-Seidel sweeps follow the
 steps from the first that shrinks the residual too little, soon over these states alone.
 """
 
@@ -29,7 +29,6 @@ from serd_core.bellman.bellman_solver import (
 )
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
-from serd_core.dynamics.transition_model import Sweeps
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
 #: third fewer products with the matrix than with 1e-3 at 100,000 states.
@@ -40,14 +39,11 @@ FALL = 1e-2
 KEEP = 0.03
 #: A step that shrinks the residual to this share needs no sweeps after it.
 WELL = 0.1
-#: Most sweeps after a step, of which all but one skip states that are settled: where nothing near
-#: moved by more than SETTLED of the residual before the step.
-MOST_SWEEPS, SETTLED = 30, 1e-2
-#: States from which sweeps pay: on grids of 1,000,000 they save a third of the time; at 30,000
-#: they can double it.
-SWEPT_FROM = 500_000
-#: FORCING and KEEP there: with 1e-2 single states can be so far off that a step is rejected, and a
-#: matrix costs a third of a solution.
+#: Sweeps leave alone what is settled: where nothing near moved by more than this share of the
+#: residual before the step.
+SETTLED = 1e-2
+#: FORCING and KEEP with sweeps: with 1e-2 single states can be so far off that a step is rejected,
+#: and a matrix costs a third of a solution.
 SWEPT_FORCING, SWEPT_KEEP = 3e-3, 1e-2
 #: Residual below which steps converge quadratically and are not swept; the temperature is 1.
 QUADRATIC = 0.1
@@ -77,8 +73,7 @@ class Newton(BellmanSolver):
         latest = backup(problem, starting_value(problem.mdp, initial_value))
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
-        fused, unsettled = problem.fused, False
-        swept = fused is not None and problem.mdp.n_states >= SWEPT_FROM
+        swept, unsettled = problem.engine.sweeps and problem.equation.curved, False
         forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
         solver = self.linear_solver.for_systems(relative_residual=forcing)
@@ -91,9 +86,8 @@ class Newton(BellmanSolver):
             system = system or _prepared(solver, problem, latest)
             value = latest.value + system.solve(latest.gap, relative_residual=forcing)
             solver = system.solver_of_next(solver)
-            if fused is not None and unsettled:
-                sweeps = Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual)
-                value = fused.settle(problem.given, value, sweeps)
+            if unsettled:
+                value = problem.settled(value, SETTLED * latest.residual)
             proposed = backup(problem, value)
             good = proposed.residual <= WELL * latest.residual
             kept = proposed.residual <= keep * latest.residual and not unsettled
@@ -110,13 +104,8 @@ class Newton(BellmanSolver):
 
 
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
-    pattern = problem.mdp.policy_pattern
-    if problem.fused is not None:
-        data = problem.fused.soft_system_data(pattern, problem.given, latest.value)
-    else:
-        policy = problem.equation.policy_at(latest.q, latest.target)
-        data = problem.transitions.system_data(pattern, policy, problem.discount)
-    return solver.prepare(pattern, data)
+    policy = problem.equation.policy_at(latest.q, latest.target)
+    return problem.engine.system(problem.transitions, policy, problem.discount, solver)
 
 
 def _acceptable(proposed: Backup, latest: Backup) -> bool:

@@ -72,7 +72,7 @@ def _draw(probabilities: FloatArray, rng: np.random.Generator) -> IntArray:
 def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generator) -> IntArray:
     model = transitions.model
     entries, pair = model.row_entries(row), np.divmod(row, model.n_actions)
-    last = np.cumsum(model.blocks.length[pair], dtype=np.int64)
+    last = np.cumsum(model.row_length[pair], dtype=np.int64)
     first = np.concatenate([[0], last[:-1]])
     probabilities = np.ravel(transitions.local_probabilities)[entries.local_index]
     cumulative = np.concatenate([[0.0], np.cumsum(probabilities)])

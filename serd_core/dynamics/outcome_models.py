@@ -17,10 +17,8 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     bool_array,
-    index_type,
     int_array,
     is_number,
-    once_per_state,
     require_each,
     require_index,
     require_positive,
@@ -28,14 +26,15 @@ from serd_core.arrays import (
     unrepeated,
     weighted_counts,
 )
-from serd_core.compiled import SMALLEST_COMPILED
-from serd_core.dynamics.transition_model import RowBlocks, TransitionModel
+from serd_core.dynamics.transition_model import RowEntries, TransitionModel
 from serd_core.errors import SerdError
 
 #: How far the sum of a row may be from 1: rounding, no more.
 SUM_TOLERANCE = 1e-9
 #: Scaled energy, below that of a certain outcome, at which exp() is exactly 0: it is from 746 on.
 IMPOSSIBLE = 1000.0
+#: States from which indices have four bytes, which halves the memory of large problems.
+SMALL_INDICES_FROM = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,27 +95,21 @@ class OutcomeModels(TransitionModel):
         return self.n_models * self.n_outcomes
 
     @cached_property
-    def blocks(self) -> RowBlocks:
-        """K outcomes per available row, of a model and of a pair, or of a state for all actions."""
-        table, size = once_per_state(self.successors), self.n_outcomes
-        first = np.arange(0, table.size, size, dtype=index_type(table.size))
-        length = unrepeated(self.available).astype(index_type(size + 1))
-        place = unrepeated(self.model_of).astype(index_type(self.n_models * size))
-        shape = self.available.shape
-        return RowBlocks(
-            successor=table.reshape(-1),
-            first=np.broadcast_to(first.reshape(table.shape[:2]), shape),
-            place=np.broadcast_to(place * place.dtype.type(size), shape),
-            length=np.broadcast_to(length * length.dtype.type(size), shape),
+    def row_length(self) -> IntArray:
+        """(S, A) K for available pairs, else 0."""
+        length = unrepeated(self.available) * np.int64(self.n_outcomes)
+        return np.broadcast_to(length, self.available.shape)
+
+    def row_entries(self, row: IntArray) -> RowEntries:
+        """Entries of the given rows, one after the other, without a list of all."""
+        row = row[self.available.ravel()[row]]
+        pair, outcomes = np.divmod(row, self.n_actions), np.arange(self.n_outcomes)
+        first = self.model_of[pair].astype(np.int64) * self.n_outcomes
+        return RowEntries(
+            row=np.repeat(row, self.n_outcomes),
+            successor=self.successors[pair].astype(np.int64).ravel(),
+            local_index=np.asarray((first[:, None] + outcomes).ravel()),
         )
-
-    def flat(self, local_probabilities: FloatArray) -> FloatArray:
-        """(M*K,) table, row by row."""
-        return np.ravel(local_probabilities)
-
-    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
-        """(M, K) gradient."""
-        return flat_gradient.reshape(self.n_models, self.n_outcomes)
 
     @cached_property
     def absorbing(self) -> BoolArray:
@@ -277,6 +270,6 @@ class OutcomeModels(TransitionModel):
 
 
 def _stored(indices: IntArray) -> IntArray:
-    """Indices of four bytes for many states: half the memory."""
-    kind = np.int32 if SMALLEST_COMPILED <= len(indices) <= 2**31 else np.int64
+    """Indices of four bytes for many states, of eight for few."""
+    kind = np.int32 if SMALL_INDICES_FROM <= len(indices) <= 2**31 else np.int64
     return np.broadcast_to(unrepeated(indices).astype(kind, copy=False), indices.shape)

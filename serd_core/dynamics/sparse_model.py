@@ -6,7 +6,7 @@ parameters, `learned_transitions` the log odds of a distribution of its own for 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,7 @@ from serd_core.arrays import (
     require_count,
     require_index,
 )
-from serd_core.dynamics.transition_model import RowBlocks, RowEntries, TransitionModel
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.memory import BYTES_PER_PAIR, require_memory
 
@@ -85,17 +85,10 @@ class SparseModel(TransitionModel):
         return np.argsort(self.state * self.n_pairs[1] + self.action, kind="stable")
 
     @cached_property
-    def blocks(self) -> RowBlocks:
-        """Entries row by row."""
+    def row_length(self) -> IntArray:
+        """(S, A) number of entries of each row."""
         row = self.state * self.n_pairs[1] + self.action
-        length = np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1])
-        first = (np.cumsum(length) - length).reshape(self.n_pairs)
-        return RowBlocks(self.successor, first, first, length.reshape(self.n_pairs))
-
-    def row_entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, one after the other."""
-        found = self.blocks.entries(row)
-        return replace(found, local_index=self.local_index[found.local_index])
+        return np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1]).reshape(self.n_pairs)
 
     @cached_property
     def successor(self) -> IntArray:

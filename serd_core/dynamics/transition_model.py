@@ -15,7 +15,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy  # loads sparse at its first use
@@ -30,12 +29,8 @@ from serd_core.arrays import (
     number_array,
     weighted_counts,
 )
-from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
-from serd_core.compiled import is_compiled
+from serd_core.bellman.linear.policy_pattern import with_numbers
 from serd_core.errors import SerdError
-
-if TYPE_CHECKING:
-    from serd_core.dynamics.compiled_rows import CompiledRows
 
 #: By which a probability or a sum of them may be off.
 _ROUNDING = 1e-9
@@ -82,30 +77,6 @@ class RowEntries:
     local_index: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class RowBlocks:
-    """Where the entries of each row are: entry k < length[s, a] of row (s, a) has the successor
-    successor[first[s, a] + k] and the probability number place[s, a] + k of a flat list.
-
-    successor: states have places of their own in it; first, place, length: (S, A). Rows of a state
-    may share successors, and arrays repeat along axes on which they do not depend.
-    """
-
-    successor: IntArray
-    first: IntArray
-    place: IntArray
-    length: IntArray
-
-    def entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, `local_index` in the flat list."""
-        state, action = np.divmod(np.asarray(row, dtype=np.int64), self.first.shape[1])
-        length = self.length[state, action].astype(np.int64)
-        owner = np.repeat(np.arange(len(length)), length)
-        k = np.arange(len(owner)) - np.repeat(np.cumsum(length) - length, length)
-        first, place = (each[state, action][owner] + k for each in (self.first, self.place))
-        return RowEntries(row[owner], self.successor[first].astype(np.int64), place)
-
-
 class TransitionModel(ABC):
     """Sparse P(s' | s, a) as a smooth function of a parameter vector.
 
@@ -116,25 +87,20 @@ class TransitionModel(ABC):
 
     @property
     @abstractmethod
-    def blocks(self) -> RowBlocks:
-        """Where the entries of each row are."""
+    def row_length(self) -> IntArray:
+        """(S, A) number of entries of each row."""
 
     @cached_property
     def row_start(self) -> IntArray:
         """(S*A + 1,) first entry of each row."""
-        return np.concatenate([[0], np.cumsum(self.blocks.length, dtype=np.int64)])
+        return np.concatenate([[0], np.cumsum(self.row_length, dtype=np.int64)])
 
     def row_entries(self, row: IntArray) -> RowEntries:
         """Entries of the given rows, one after the other."""
-        return self.blocks.entries(row)
-
-    def flat(self, local_probabilities: FloatArray) -> FloatArray:
-        """The list of probabilities that `blocks` refers to: the entries unless overridden."""
-        return self.entries(local_probabilities)
-
-    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
-        """Gradient by the local probabilities for one by that list."""
-        return self.gather(flat_gradient)
+        first, length = self.row_start[row], self.row_length.ravel()[row]
+        start = np.repeat(first - (np.cumsum(length) - length), length)
+        entry = start + np.arange(len(start))
+        return RowEntries(np.repeat(row, length), self.successor[entry], self.local_index[entry])
 
     @property
     @abstractmethod
@@ -223,7 +189,7 @@ class TransitionModel(ABC):
     @cached_property
     def longest_row(self) -> int:
         """Most entries of a row."""
-        return int(self.blocks.length.max())
+        return int(self.row_length.max())
 
     @cached_property
     def groups(self) -> TransitionGroups:
@@ -241,29 +207,12 @@ class TransitionModel(ABC):
         return ~leaves
 
     @cached_property
-    def compiled_rows(self) -> CompiledRows | None:
-        """Compiled sums over the entries; None for small problems, and without numba."""
-        if not is_compiled(self.n_states):
-            return None
-        from serd_core.dynamics.compiled_rows import CompiledRows
-
-        return CompiledRows(self.blocks)
-
-    @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
         shape = (self.n_states * self.n_actions, self.n_states)
         kind = matrix_index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
         return scipy.sparse.csr_array((ones, *places), shape=shape)
-
-    @cached_property
-    def _transposed_structure(self) -> scipy.sparse.csc_array:
-        return self._structure.T
-
-    def transposed_matrix(self, entries: FloatArray) -> scipy.sparse.csc_array:
-        """(S, S*A) transpose of `matrix`."""
-        return with_numbers(self._transposed_structure, entries)
 
     def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
@@ -287,18 +236,6 @@ class TransitionModel(ABC):
         )
 
 
-class Sweeps(NamedTuple):
-    """Gauss-Seidel sweeps of the soft Bellman equation, by turns in and against the states' order.
-
-    whole: sweeps of all states; most: bound of all sweeps, of which the others visit a state only
-    after its value or that of a state that leads to it moved by more than `smallest`.
-    """
-
-    whole: int
-    most: int
-    smallest: float
-
-
 @dataclass(frozen=True, eq=False)
 class Transitions:
     """A transition model with its local probabilities."""
@@ -320,48 +257,6 @@ class Transitions:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""
         expected: FloatArray = self.matrix @ values
         return expected.reshape(self.model.available.shape)
-
-    def backed_up(self, rewards: FloatArray, discount: float, values: FloatArray) -> FloatArray:
-        """(S, A) R + discount * P V."""
-        rows = self.model.compiled_rows
-        if rows is None:
-            q = self.expected(values)
-            q *= discount
-            q += rewards
-            return q
-        return rows.backed_up((self.flat, rewards, discount), values)
-
-    def system_data(
-        self, pattern: PolicyPattern, policy: FloatArray, discount: float
-    ) -> FloatArray:
-        """(nnz,) numbers of I - discount * P_pi for an (S, A) policy."""
-        is_plain = self.model.compiled_rows is None
-        return pattern.system_data(policy, self.entries if is_plain else self.flat, discount)
-
-    def local_gradient(
-        self, weights: FloatArray, values: FloatArray, discount: float
-    ) -> FloatArray:
-        """Gradient of sum discount weights(s, a) P(s' | s, a) V(s') by the local probabilities."""
-        model = self.model
-        if model.compiled_rows is None:
-            by_entry = np.take(weights.ravel(), model.row)
-            by_entry *= np.take(values, model.successor)
-            return discount * model.gather(by_entry)
-        sums = model.compiled_rows.local_gradient(len(self.flat), weights, values)
-        return discount * model.of_flat(sums)
-
-    @cached_property
-    def flat(self) -> FloatArray:
-        """The list of probabilities that `RowBlocks` refers to."""
-        return self.model.flat(self.local_probabilities)
-
-    def flow(self, weights: FloatArray) -> FloatArray:
-        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
-        rows = self.model.compiled_rows
-        if rows is not None:
-            return rows.flow(self.flat, weights, self.model.n_states)
-        flow: FloatArray = self.model.transposed_matrix(self.entries) @ weights.ravel()
-        return flow
 
 
 def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transitions:

@@ -126,8 +126,7 @@ def state_action_occupancy(
     """(S, A) expected discounted visits of an (S, A) policy, linear in its (S,) starts."""
     choice = checked_policy("policy", policy, mdp)
     begin = float_array("starts", starts, (mdp.n_states,))
-    data = transitions.system_data(mdp.policy_pattern, choice, mdp.discount)
-    system = Automatic().prepare(mdp.policy_pattern, data)
+    system = mdp.engine.system(transitions, choice, mdp.discount, Automatic())
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)
 
 

@@ -19,7 +19,7 @@ from serd_core.arrays import (
     require_each,
     shown,
 )
-from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
+from serd_core.bellman.engine import Engine, engine_for, is_large
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -46,9 +46,9 @@ class Mdp:
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
             bytes_of_transitions(
-                self.n_states,
                 self.transitions.n_entries,
                 listed=isinstance(self.transitions, SparseModel),
+                compiled=is_large(self.n_states),
             ),
             "use fewer states, or fewer outcomes of each action",
         )
@@ -57,7 +57,7 @@ class Mdp:
                 f"state {stuck[0]} must have at least one available action, got none"
                 "; give an absorbing state one action that stays"
             )
-        wrong = first_index((self.transitions.blocks.length == 0) & self.available)
+        wrong = first_index((self.transitions.row_length == 0) & self.available)
         if wrong is not None:
             raise SerdError(
                 f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
@@ -93,12 +93,9 @@ class Mdp:
         return np.asarray(self.absorbing & (self.available.sum(axis=1) == 1))
 
     @cached_property
-    def policy_pattern(self) -> PolicyPattern:
-        """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
-        model = self.transitions
-        if model.compiled_rows is not None:
-            return model.compiled_rows.policy_pattern()
-        return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)
+    def engine(self) -> Engine:
+        """Who does sums over the transitions and linear systems, chosen once."""
+        return engine_for(self.transitions)
 
 
 #: How far a sum may be from 1; tables read from files are rounded.

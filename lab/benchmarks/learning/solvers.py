@@ -162,7 +162,7 @@ class Case:
 def measure(graph: str, size: int, discount: float) -> dict[str, Any]:
     """The fastest solver by hand on one case, its times, and the ratios of the automatic choice."""
     case = case_of(GRAPHS[graph](size), discount)
-    pattern = case.problem.mdp.policy_pattern
+    pattern = case.problem.mdp.engine.pattern
     times = {}
     for solver_name, solver in BY_HAND.items():
         too_wide = max(pattern.band.below, pattern.band.above) > WIDEST_BAND

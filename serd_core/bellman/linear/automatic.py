@@ -33,8 +33,6 @@ _LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 10.0, 6.0, 6.0
 #: Share of those by horizon that fewer digits take at least, up to a horizon; over longer ones the
 #: first digits take nearly as many iterations as all of them, or fail.
 _FEW_DIGITS, _LONGEST_FOR_FEW = 0.5, 300.0
-#: Time of BiCGSTAB with compiled sweeps, as a share of that without: fewer, longer iterations.
-_SWEPT_SHARE = 0.5
 #: A graph in which all states are this near (times log2 of their number) and have more than two
 #: neighbours has no small separator, so even ordering it for LU is expensive.
 _NEAR, _FEW_NEIGHBOURS = 1.5, 2.2
@@ -74,17 +72,19 @@ class Automatic(LinearSolver):
         by_horizon = share * _PER_ROOT_HORIZON * math.sqrt(horizon)
         growth = min(by_horizon, _PER_DEPTH * pattern.depth)
         krylov_s = self.right_sides * (_LEAST + growth) * _iteration_s(pattern)
-        if Krylov().sweeps(n_states):
-            krylov_s *= _SWEPT_SHARE
         band_s = n_states * (_PER_BAND_STATE_S + _PER_BAND_PRODUCT_S * pattern.band.width**2)
         if self._is_narrow(pattern) and band_s <= krylov_s:
             return BAND
         return LU if self._lu_is_faster_than(krylov_s, pattern) else Krylov()
 
+    def chosen(self, pattern: PolicyPattern, data: FloatArray) -> LinearSolver:
+        """The solver for a matrix."""
+        is_small = pattern.n_states <= self.small_states  # the horizon then does not count
+        return self.choose(pattern, 0.0 if is_small else _horizon(pattern, data))
+
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare with the chosen solver; LU is the fallback where it fits."""
-        is_small = pattern.n_states <= self.small_states  # the horizon then does not count
-        chosen = self.choose(pattern, 0.0 if is_small else _horizon(pattern, data))
+        chosen = self.chosen(pattern, data)
         system = chosen.prepare(pattern, data)
         if isinstance(chosen, Krylov) and pattern.n_states <= self.largest_lu_states:
             return WithFallback(system, LU, pattern, data)

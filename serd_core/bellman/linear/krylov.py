@@ -2,15 +2,11 @@
 
 BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
 by rounding. An incomplete LU factor may precondition; discounts near one and grids with long ways
-need it, others do without. Where numba is installed, large systems without such a factor are
-preconditioned by Gauss-Seidel sweeps (`serd_core.bellman.linear.swept_bicgstab`), and from
-QUICK_FROM states on by a factor without fill in single precision, which halves the iterations on
-large grids. It fails where policies drift to and fro over long horizons, and sweeps follow then,
-as they do from the start on graphs that are not local.
+need it, others do without.
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from inspect import signature
 from typing import Any
@@ -19,16 +15,12 @@ import numpy as np
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem, WithFallback
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
-from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 
 #: What one run of BiCGSTAB is asked to gain before it is restarted.
 GAIN_PER_RUN = 1e-6
-#: States from which single precision and the fill are tried first: the share of the fill, and most
-#: iterations of a run. On graphs without distances that takes three times the iterations.
-QUICK_FROM, LUMPED, QUICK_ITERATIONS = 500_000, 0.95, 300
 #: Name of the bound on the relative residual, another one before SciPy 1.12.
 _BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters else "tol"
 
@@ -50,17 +42,8 @@ class Krylov(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
-        if not self.sweeps(pattern.n_states):
-            matrix = pattern.matrix(data)
-            return PlainSystem(self, matrix, self._incomplete(matrix))
-        if pattern.n_states < QUICK_FROM or not pattern.is_local:
-            return Swept(self).prepare(pattern, data)
-        quick = Swept(replace(self, max_iterations=QUICK_ITERATIONS), LUMPED, np.float32)
-        return WithFallback(quick.prepare(pattern, data), Swept(self), pattern, data)
-
-    def sweeps(self, n_states: int) -> bool:
-        """Whether systems of this size are preconditioned by compiled sweeps."""
-        return is_compiled(n_states) and self.fill <= 0
+        matrix = pattern.matrix(data)
+        return PlainSystem(self, matrix, self._incomplete(matrix))
 
     def _incomplete(self, matrix: Any) -> Any:
         if self.fill <= 0:
@@ -68,21 +51,6 @@ class Krylov(LinearSolver):
         return scipy.sparse.linalg.spilu(
             matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
         )
-
-
-@dataclass(frozen=True)
-class Swept(LinearSolver):
-    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptMatrix`."""
-
-    settings: Krylov
-    lumped: float = 0.0
-    kind: Any = np.float64
-
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Scale the rows of the matrix."""
-        from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
-
-        return SweptSystem(self.settings, SweptMatrix(pattern, data, self.lumped, self.kind))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,22 +138,3 @@ class PlainSystem(KrylovSystem):
             matvec=lambda vector: factor.solve(vector, trans=trans),
             dtype=np.float64,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class SweptSystem(KrylovSystem):
-    """Preconditioned by compiled sweeps."""
-
-    swept: Any
-
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        product: FloatArray = self.swept.product(vector, transposed)
-        return product
-
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        found: FloatArray = self.swept.solve(
-            right_side, transposed, relative_residual, self.settings.max_iterations
-        )
-        return found

@@ -56,7 +56,9 @@ class WithFallback(LinearSystem):
 
     def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
         """The fallback from the first failure on."""
-        return self.fallback if "_other" in vars(self) else solver
+        if "_other" in vars(self):
+            return self._other.solver_of_next(self.fallback)
+        return solver
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0

@@ -9,7 +9,6 @@ computed once per MDP and each matrix costs one weighted count over the entries.
 from __future__ import annotations
 
 import copy
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,20 +16,15 @@ import numpy as np
 import scipy  # loads sparse at its first use
 
 from serd_core.arrays import FloatArray, IntArray, matrix_index_type
-from serd_core.compiled import halves
 
 #: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
 _MOST_FILL = 80
 #: Neighbours per root of the number of states, from which a state is a hub.
 _MANY_NEIGHBOURS = 10.0
-#: Share of the entries between the halves of the states up to which a graph is local.
-_MOST_CROSSING = 0.01
-#: Share of the states in a seam that one thread may work on alone.
-_WIDEST_SEAM = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class PolicyPattern(ABC):
+class PolicyPattern:
     """Places of the non-zeros of I - gamma P_pi.
 
     diagonal: (S,) places of the diagonal; row_start (S + 1,), column (nnz,): CSR structure.
@@ -39,12 +33,6 @@ class PolicyPattern(ABC):
     diagonal: IntArray
     row_start: IntArray
     column: IntArray
-
-    @abstractmethod
-    def system_data(
-        self, policy: FloatArray, probabilities: FloatArray, discount: float
-    ) -> FloatArray:
-        """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and the probabilities of P."""
 
     @property
     def n_states(self) -> int:
@@ -60,36 +48,6 @@ class PolicyPattern(ABC):
         shape = (self.n_states,) * 2
         ones = np.ones(len(self.column), dtype=np.int8)
         return scipy.sparse.csr_array((ones, self.column, self.row_start), shape=shape)
-
-    @cached_property
-    def _between_halves(self) -> tuple[IntArray, IntArray]:
-        """(C,) rows and columns of the entries from one half of the states to the other."""
-        middle = self.n_states // 2
-        start = int(self.row_start[middle])
-        there = np.flatnonzero(self.column[:start] >= middle)
-        back = np.flatnonzero(self.column[start:] < middle) + start
-        place = np.concatenate([there, back])
-        row = np.searchsorted(self.row_start, place, side="right") - 1
-        return row, self.column[place]
-
-    @property
-    def is_local(self) -> bool:
-        """Whether few entries lead from one half of the states to the other, as on grids."""
-        return len(self._between_halves[0]) <= _MOST_CROSSING * len(self.column)
-
-    @cached_property
-    def seam(self) -> Seam:
-        """The states between two parts of a large problem that are worked on side by side."""
-        n_states = self.n_states
-        if len(halves(n_states)) > 1 and self.is_local:
-            ends: IntArray = np.concatenate(self._between_halves)
-            middle = n_states // 2
-            seam = Seam(
-                int(ends.min(initial=middle)), middle, int(ends.max(initial=middle)) + 1, n_states
-            )
-            if seam.end - seam.first <= _WIDEST_SEAM * n_states:
-                return seam
-        return Seam(n_states, n_states, n_states, n_states)
 
     @cached_property
     def band(self) -> Band:
@@ -152,30 +110,6 @@ class PolicyPattern(ABC):
             end = 1 + int(np.searchsorted(rank_of_parent, end))
             levels += 1
         return levels
-
-
-@dataclass(frozen=True)
-class Seam:
-    """Where the halves of the states meet: entries between them lead to and from first to end - 1.
-
-    middle: first state of the second half; the states from it on are worked on after both sides.
-    """
-
-    first: int
-    middle: int
-    end: int
-    n_states: int
-
-    @property
-    def part(self) -> tuple[int, int, int]:
-        """Its first state and end, and the middle."""
-        return self.middle, self.end, self.middle
-
-    @property
-    def sides(self) -> tuple[tuple[int, int, int], ...]:
-        """The same of both sides, of which no entry leads to the other; of one without a seam."""
-        sides = (0, self.middle, self.middle), (self.end, self.n_states, self.middle)
-        return sides if self.end < self.n_states else sides[:1]
 
 
 @dataclass(frozen=True, eq=False)

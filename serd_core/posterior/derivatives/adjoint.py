@@ -12,8 +12,6 @@ the number of parameters.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSolver
@@ -38,19 +36,16 @@ def adjoint(
     linear_solver: LinearSolver,
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
-    pattern = mdp.policy_pattern
-    system = linear_solver.prepare(
-        pattern, transitions.system_data(pattern, solution.policy, mdp.discount)
-    )
-    state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
+    engine, policy = mdp.engine, solution.policy
+    system = engine.system(transitions, policy, mdp.discount, linear_solver)
+    flow = engine.flow(transitions, q_gradient)
+    state_gradient = system.solve(mdp.discount * flow, transposed=True)
     del system
-    policy = solution.policy
-    # A table that is not kept has room for the product.
-    room = policy if policy.flags.writeable else None
-    reward_gradient = np.multiply(policy, state_gradient[:, None], out=room)
+    reward_gradient = policy * state_gradient[:, None]
     reward_gradient += q_gradient
+    by_local = engine.local_gradient(transitions, reward_gradient, solution.value)
     return Adjoint(
         reward_gradient=reward_gradient,
-        local_gradient=transitions.local_gradient(reward_gradient, solution.value, mdp.discount),
+        local_gradient=mdp.discount * by_local,
         state_gradient=state_gradient,
     )

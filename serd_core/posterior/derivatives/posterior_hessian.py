@@ -216,14 +216,13 @@ def sensitivities_at(
     """What both the Hessian and the scores need, by dynamics only where these are learned."""
     mdp = posterior.problem.mdp
     believed = transitions_at(mdp.transitions, parameters.belief)
-    data = believed.system_data(mdp.policy_pattern, at.solution.policy, mdp.discount)
     if learns_dynamics:
         local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
     else:
         local_jacobian = np.zeros((believed.local_probabilities.size, 0))
     n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
     solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
-    system = solver.prepare(mdp.policy_pattern, data)
+    system = mdp.engine.system(believed, at.solution.policy, mdp.discount, solver)
     return sensitivities(
         posterior.features, mdp.discount, believed, at.solution, local_jacobian, system
     )

@@ -28,7 +28,8 @@ def random_system(random_problem, seed):
     entries = mdp.transitions.entries(table)
     chosen = mdp.transitions.matrix(entries).toarray().reshape(*mdp.available.shape, -1)
     dense = np.eye(mdp.n_states) - 0.95 * np.einsum("sa,sat->st", policy, chosen)
-    return mdp.policy_pattern, mdp.policy_pattern.system_data(policy, entries, 0.95), dense
+    pattern = mdp.engine.pattern
+    return pattern, pattern.system_data(policy, entries, 0.95), dense
 
 
 @settings(deadline=None, max_examples=30)
@@ -109,7 +110,7 @@ GRAPHS = [
 
 
 def pattern_of(graph, n_states):
-    return solvers.case_of(solvers.GRAPHS[graph](n_states), 0.9).problem.mdp.policy_pattern
+    return solvers.case_of(solvers.GRAPHS[graph](n_states), 0.9).problem.mdp.engine.pattern
 
 
 @pytest.mark.parametrize(("graph", "n_states", "horizon", "chosen"), GRAPHS)
@@ -175,7 +176,7 @@ def test_the_depth_is_the_length_of_the_graph(graph, depth):
 
 
 def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld):
-    pattern = make_gridworld(side=12, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    pattern = make_gridworld(side=12, n_episodes=1, n_steps=1).problem.mdp.engine.pattern
     data = np.zeros(len(pattern.column))
     data[pattern.diagonal] = 1.0
     assert max(pattern.band.below, pattern.band.above) < 16
@@ -184,7 +185,7 @@ def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld
 
 
 def test_a_singular_band_is_refused(make_gridworld):
-    pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.engine.pattern
     with pytest.raises(SerdError, match="must be invertible, but pivot 1 of its band is 0"):
         BandedLu().prepare(pattern, np.zeros(len(pattern.column)))
 
@@ -193,7 +194,7 @@ def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
     case = make_gridworld(side=12, discount=0.9999, n_episodes=1, n_steps=1)
     mdp = case.problem.mdp
     entries = mdp.transitions.entries(case.probabilities)
-    pattern = mdp.policy_pattern
+    pattern = mdp.engine.pattern
     data = pattern.system_data(mdp.available / 5.0, entries, 0.9999)
     right_side = np.random.default_rng(0).normal(size=144)
     weak = Krylov(max_iterations=2, max_runs=1).prepare(pattern, data)

@@ -1,0 +1,1 @@
+"""Bellman backups and linear systems of many states, compiled by numba (the extra `fast`)."""

@@ -1,0 +1,187 @@
+"""Work on the transitions of an MDP: Bellman backups, their transposes and linear systems.
+
+`engine_for` chooses once per MDP who does it: NumPy and SciPy, or from COMPILED_FROM states on code
+that numba compiles, where the extra `fast` is installed. Compiled code goes without a list of the
+entries of P, which takes a fifth of the time and of the memory at a million states; below the limit
+it saves less than it takes to load. The results of both are equal up to rounding.
+"""
+
+import warnings
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.util import find_spec
+from typing import ClassVar
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bellman.equations import BellmanEquation
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.policy_pattern import EntryPattern, PolicyPattern, policy_pattern
+from serd_core.dynamics.transition_model import TransitionModel, Transitions
+
+#: States from which compiled code saves more than loading it costs.
+COMPILED_FROM = 200_000
+
+
+class Engine(ABC):
+    """What solvers and gradients need of the transitions of one model.
+
+    sweeps: whether `settled` improves values of the soft Bellman equation.
+    """
+
+    sweeps: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
+
+    @abstractmethod
+    def q(
+        self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
+    ) -> FloatArray:
+        """(S, A) R + discount * P V."""
+
+    @abstractmethod
+    def backup(
+        self,
+        equation: BellmanEquation,
+        transitions: Transitions,
+        rewards: FloatArray,
+        discount: float,
+        value: FloatArray,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """(S,) T V, and its (S, A) Q where it was computed as a table."""
+
+    def settled(
+        self,
+        transitions: Transitions,
+        rewards: FloatArray,
+        discount: float,
+        value: FloatArray,
+        smallest: float,
+    ) -> FloatArray:
+        """(S,) value after Gauss-Seidel sweeps of the soft equation, by turns in and against the
+        states' order; here the value itself.
+
+        smallest: after the first sweep, states are visited only where their value or that of a
+        state that leads to them moved by more.
+        """
+        del transitions, rewards, discount, smallest
+        return value
+
+    @abstractmethod
+    def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:
+        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
+
+    @abstractmethod
+    def local_gradient(
+        self, transitions: Transitions, weights: FloatArray, values: FloatArray
+    ) -> FloatArray:
+        """Gradient of sum weights(s, a) P(s' | s, a) values(s') by the local probabilities."""
+
+    @abstractmethod
+    def system(
+        self,
+        transitions: Transitions,
+        policy: FloatArray,
+        discount: float,
+        solver: LinearSolver,
+    ) -> LinearSystem:
+        """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
+
+
+@dataclass(frozen=True, eq=False)
+class SciPyEngine(Engine):
+    """Sparse matrices of SciPy and tables of NumPy."""
+
+    model: TransitionModel
+
+    @cached_property
+    def pattern(self) -> EntryPattern:
+        """Places of the non-zeros, and of each entry of P among them."""
+        model = self.model
+        return policy_pattern(model.row, model.successor, model.n_states, model.n_actions)
+
+    def q(
+        self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
+    ) -> FloatArray:
+        """(S, A) R + discount * P V."""
+        q = transitions.expected(value)
+        q *= discount
+        q += rewards
+        return q
+
+    def backup(
+        self,
+        equation: BellmanEquation,
+        transitions: Transitions,
+        rewards: FloatArray,
+        discount: float,
+        value: FloatArray,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """(S,) T V, and its (S, A) Q."""
+        q = self.q(transitions, rewards, discount, value)
+        return equation.maximum(q), q
+
+    def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:
+        """(S,) transposed product."""
+        return np.asarray(transitions.matrix.T @ weights.ravel())
+
+    def local_gradient(
+        self, transitions: Transitions, weights: FloatArray, values: FloatArray
+    ) -> FloatArray:
+        """Gradient by the local probabilities, gathered from that by the entries."""
+        model = transitions.model
+        by_entry = np.take(weights.ravel(), model.row)
+        by_entry *= np.take(values, model.successor)
+        return model.gather(by_entry)
+
+    def system(
+        self,
+        transitions: Transitions,
+        policy: FloatArray,
+        discount: float,
+        solver: LinearSolver,
+    ) -> LinearSystem:
+        """The matrix, prepared by the solver."""
+        data = self.pattern.system_data(policy, transitions.entries, discount)
+        return solver.prepare(self.pattern, data)
+
+
+def engine_for(model: TransitionModel, compiled_from: int = COMPILED_FROM) -> Engine:
+    """The engine of a model: compiled from a number of states on, if compiled code works here."""
+    if is_large(model.n_states, compiled_from) and _compiled_code_works():
+        from serd_core.bellman.compiled.compiled_engine import CompiledEngine
+
+        return CompiledEngine(model)
+    return SciPyEngine(model)
+
+
+def is_large(n_states: int, compiled_from: int = COMPILED_FROM) -> bool:
+    """Whether compiled code pays for this number of states, and numba is installed."""
+    return compiled_from <= n_states < 2**31 and find_spec("numba") is not None
+
+
+@cache
+def _compiled_code_works() -> bool:
+    """Whether compiled code solves a small problem; a warning gives the reason where it does not.
+
+    That compiles or loads everything, so that what fails does so here: numba itself, a compilation,
+    or its cache, which needs a folder that can be written to.
+    """
+    try:
+        from serd_core.bellman.compiled.compiled_engine import rehearse
+
+        rehearse()
+    except Exception as error:  # whatever the reason: SciPy gives the same results
+        warnings.warn(
+            f"compiled code is not used, large problems take longer: {type(error).__name__}:"
+            f" {str(error).splitlines()[0] if str(error) else 'no reason given'}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return False
+    return True
