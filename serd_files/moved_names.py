@@ -13,6 +13,7 @@ _TYPES = "types of experts are a library now: serd_core.choose_expert_types (doc
 _ROBOTS = (
     "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
 )
+_PROCESSES = "each node has a process of its own, and a lock-step stack takes twice the time"
 _WALL = "every obstacle is a wall now; delete the key"
 
 _LEFT: dict[tuple[Kind, str], str] = {
@@ -25,9 +26,11 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--same-expert"): _TYPES,
     ("option", "--expert"): _TYPES,
     ("option", "--lerobot"): f"{_LAB} lerobot",
+    ("executable", "composed"): _PROCESSES,
     ("executable", "foxglove_server"): (
         "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
     ),
+    ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
     ("key", "density"): f"{_NO_GAIN}; delete the key",

@@ -28,7 +28,7 @@ def demonstrate(
             "demo_recorder.output": str(folder.bag),
         }
         total = settings.demonstrations
-        run_stack("demonstrate", given, environment, total=total, logs=folder.logs, composed=True)
+        run_stack("demonstrate", given, environment, total=total, logs=folder.logs)
         _require(folder.demonstrated(settings), "demonstrate")
     # Installed by pip alone there is no workspace with a layout.
     if layout := shared_file(PACKAGE, "foxglove/serd.json", environment):
@@ -69,7 +69,7 @@ def navigate(
             "strategy.output": str(folder.navigation),
         }
         total = settings.episodes
-        run_stack("navigate", given, environment, total=total, logs=folder.logs, composed=True)
+        run_stack("navigate", given, environment, total=total, logs=folder.logs)
         _require(folder.navigated(settings), "navigate")
     return _driven("navigate", folder.episodes(folder.navigation))
 

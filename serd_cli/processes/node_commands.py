@@ -6,7 +6,7 @@ are run by this Python, which is the same.
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +17,7 @@ from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
 from serd_files.moved_names import where_or_near
 from serd_files.yaml_text import read_yaml
-from serd_ros.graph.graph import (
-    COMPOSABLE,
-    COMPOSED,
-    PACKAGE,
-    PlacedNode,
-    Stack,
-    load_graph,
-    placed_nodes,
-)
+from serd_ros.graph.graph import PACKAGE, PlacedNode, Stack, load_graph, placed_nodes
 
 _MARKERS = "share/ament_index/resource_index/packages"
 
@@ -65,7 +57,7 @@ def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
 
 def _own() -> list[str]:
     """The executables of this project."""
-    return sorted([*load_graph().nodes, COMPOSED])
+    return sorted(load_graph().nodes)
 
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:
@@ -104,39 +96,12 @@ def stack_processes(
     given: Mapping[str, Any],
     environment: Mapping[str, str],
     namespace: str = "",
-    *,
-    composed: bool = False,
 ) -> list[Process]:
-    """The processes of a stack, with their parameters; namespace: in full.
-
-    composed: COMPOSABLE nodes run in one process.
-    """
-    placed = placed_nodes(stack, given, namespace)
-    together = [each for each in placed if composed and each.node in COMPOSABLE]
-    in_lockstep = all(each.parameters.get("lockstep") for each in together)
-    if composed and (namespace or len(together) < 2 or not in_lockstep):
-        raise UsageError(
-            f"composed needs a lock-step stack with two of {', '.join(COMPOSABLE)}, without a"
-            " namespace; leave it out"
-        )
-    processes = [
+    """The processes of a stack, with their parameters; namespace: in full."""
+    return [
         Process(each.node, node_command(each.node, each.parameters, _remappings(each), environment))
-        for each in placed
-        if each not in together
+        for each in placed_nodes(stack, given, namespace)
     ]
-    if together:
-        processes.insert(0, Process(COMPOSED, _composed_command(together, environment)))
-    return processes
-
-
-def _composed_command(nodes: Sequence[PlacedNode], environment: Mapping[str, str]) -> list[str]:
-    """One process with several nodes, whose arguments have the node's name before them."""
-    arguments = []
-    for each in nodes:
-        own = _arguments(each.parameters, _remappings(each))[1:]
-        arguments += [word if word in ("-p", "-r") else f"{each.node}:{word}" for word in own]
-    names = [each.node for each in nodes]
-    return [*find_command(PACKAGE, COMPOSED, environment), *names, "--ros-args", *arguments]
 
 
 def _remappings(placed: PlacedNode) -> dict[str, str]:

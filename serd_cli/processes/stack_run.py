@@ -57,15 +57,13 @@ def run_stack(
     *,
     total: int,
     logs: Path,
-    composed: bool = False,
 ) -> None:
     """Run a stack until one of its nodes ends; total: how many parts its progress has.
 
-    composed: as `stack_processes` takes it.
     What the nodes print goes to `NAME.log` in the folder of logs.
     """
     require_free_domain(find_stack(name), environment)
-    processes = stack_processes(find_stack(name), parameters, environment, composed=composed)
+    processes = stack_processes(find_stack(name), parameters, environment)
     bar = WorkProgress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=20),

@@ -20,8 +20,6 @@ from serd_ros.graph.configs import CONFIGS
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
-#: The executable of several nodes in one process, and the nodes of lock-step that can be in it.
-COMPOSED, COMPOSABLE = "composed", ("hallway_sim", "local_planner", "guard")
 _NAMESPACE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 Parameters = dict[str, Any]
 

@@ -19,10 +19,9 @@ from serd_files.moved_names import where_or_near
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
-#: Module in serd_ros.nodes and class of the node, or function that makes it, by executable.
+#: Module in serd_ros.nodes and class of the node, by executable.
 NODES = {
     "bag_replay": "bags.bag_replay:BagReplayNode",
-    "composed": "composed:nodes_of_arguments",
     "demo_recorder": "bags.demo_recorder:DemoRecorderNode",
     "guard": "guard:GuardNode",
     "hallway_sim": "hallway_sim:HallwaySim",

@@ -5,7 +5,8 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -56,32 +57,27 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
 
 
 def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
-    """Release what the node holds, then destroy it with its companions."""
-    nodes = () if node is None else (*node.companions, node)
+    """Release what the node holds, then destroy it."""
     try:
-        with ExitStack() as closing:
-            for each in nodes:
-                closing.callback(each.close)
-        for each in nodes:
+        if node is not None:
+            node.close()
             if rclpy.ok():
-                each.confirm(each.publishers)
+                node.confirm(node.publishers)
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()
         with process_ends_within(exit_code):
-            for each in nodes:
-                each.destroy_node()
+            if node is not None:
+                node.destroy_node()
             rclpy.try_shutdown()
 
 
 def _internal_errors(node: SerdNode[Any]) -> int:
     """Exit code 1 after internal errors, which were logged when they occurred."""
-    exit_code = 0
-    for each in (node, *node.companions):
-        if n_errors := each.callbacks.n_internal_errors:
-            print(f"{each.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
-            exit_code = INTERNAL_ERROR
-    return exit_code
+    n_errors = node.callbacks.n_internal_errors
+    if n_errors:
+        print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
+    return INTERNAL_ERROR if n_errors else 0
 
 
 def _refusal(error: RuntimeError) -> str:
@@ -120,33 +116,20 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     Its `spin` keeps a core busy in these wheels; waiting for a future, turn by turn, does not.
     """
     executor = EventsExecutor()
-    nodes = (node, *node.companions)
-    for each in nodes:
-        executor.add_node(each)
-
-    def deliver() -> None:
-        if node.composition is not None:
-            node.composition.deliver(node.finished.done)
+    executor.add_node(node)
 
     def end_if_due(after_s: float) -> None:
         if time.monotonic() - stop.received_s >= after_s:
             node.finish()
 
-    def after_each() -> None:
-        end_if_due(_BACKLOG_S)
-        deliver()
-
-    for each in nodes:
-        each.callbacks.after_each = after_each
+    node.callbacks.after_each = partial(end_if_due, _BACKLOG_S)
     end_if_due(0.0)
     try:
         while rclpy.ok() and not node.finished.done():
             # It returns when no message is left; what is under way arrives in a turn.
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            deliver()
             end_if_due(_TURN_S)
     finally:
-        for each in nodes:
-            executor.remove_node(each)
+        executor.remove_node(node)
         executor.shutdown()
     return int(node.finished.result()) if node.finished.done() else 0

@@ -31,7 +31,6 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import NodeConfig
 from serd_ros.graph.parameters import given_parameters, read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
-from serd_ros.process.composition import Composition, LocalSubscription
 
 Config = TypeVar("Config", bound=NodeConfig)
 INTERNAL_ERROR, BAD_INPUT = 1, 2
@@ -44,10 +43,8 @@ _CONFIRMED_WITHIN_S = 0.5
 class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback.
 
-    kind: of CONFIGS. composition: of all nodes of this process, where it has several kinds.
+    kind: of CONFIGS.
     """
-
-    composition: Composition | None = None
 
     def __init__(self, kind: str) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
@@ -64,8 +61,6 @@ class SerdNode(Node, Generic[Config]):
         self.config: Config = read_config(self, kind, self.given)
         self.frames = Frames(getattr(self.config, "frame_prefix", ""))
         self.finished = Future()
-        #: Other nodes of this process, which end with it.
-        self.companions: list[SerdNode[Any]] = []
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)
         self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input)
@@ -83,22 +78,7 @@ class SerdNode(Node, Generic[Config]):
 
         if self.frames.prefix:
             publisher.publish = with_prefix
-        elif self.composition is not None:
-            self._publish_locally(publisher, self.composition)
         return publisher
-
-    def _publish_locally(self, publisher: Publisher, composition: Composition) -> None:
-        """Let the publisher reach subscriptions of this process too, and count them."""
-        topic, publish = publisher.topic_name, publisher.publish
-        count = publisher.get_subscription_count
-        composition.add_publisher(topic, self.get_fully_qualified_name())
-
-        def to_all(message: Any) -> None:
-            publish(message)
-            composition.publish(topic, message)
-
-        publisher.publish = to_all
-        publisher.get_subscription_count = lambda: count() + composition.n_subscriptions(topic)
 
     def create_subscription(
         self,
@@ -107,7 +87,7 @@ class SerdNode(Node, Generic[Config]):
         callback: Callable[..., None],
         profile: QoSProfile | int,
         **options: Any,
-    ) -> Subscription | LocalSubscription:
+    ) -> Subscription:
         """As rclpy's, with a guarded callback; that of /clock gets sound stamps only.
 
         Where a publisher offers less than `profile`, the subscription requests what it offers.
@@ -117,9 +97,6 @@ class SerdNode(Node, Generic[Config]):
         if self.frames.prefix and not options.get("raw"):
             callback = self._without_prefix(callback)
         guarded = self.callbacks.of_messages(topic, callback)
-        composition = None if self.frames.prefix or options.get("raw") else self.composition
-        if composition is not None and composition.has(self, topic, profile):
-            return composition.subscribe(self.resolve_topic_name(topic), guarded)
         # An event that waits while its subscription is destroyed would end EventsExecutor.
         options.setdefault("event_callbacks", _NO_EVENTS)
         make = super().create_subscription
@@ -138,19 +115,10 @@ class SerdNode(Node, Generic[Config]):
 
         return renamed
 
-    def destroy_subscription(self, subscription: Subscription | LocalSubscription) -> bool:
+    def destroy_subscription(self, subscription: Subscription) -> bool:
         """As rclpy's, which destroys that of /clock itself when `use_sim_time` becomes false."""
-        if isinstance(subscription, LocalSubscription):
-            return self.composition is not None and self.composition.unsubscribe(subscription)
         self._subscribed.pop(subscription, None)
         return super().destroy_subscription(subscription)
-
-    def count_subscribers(self, topic_name: str) -> int:
-        """As rclpy's, with the subscriptions of this process."""
-        n_local = 0
-        if self.composition is not None:
-            n_local = self.composition.n_subscriptions(self.resolve_topic_name(topic_name))
-        return int(super().count_subscribers(topic_name)) + n_local
 
     def create_service(
         self,
@@ -208,11 +176,6 @@ class SerdNode(Node, Generic[Config]):
         if not self.finished.done():
             print(f"{self.get_name()}: {sentence}", file=sys.stderr, flush=True)
             self.finish(BAD_INPUT)
-
-    def add_companion(self, node: "SerdNode[Any]") -> None:
-        """Have another node in this process; what ends one of them ends both."""
-        node.finished = self.finished
-        self.companions.append(node)
 
     def close(self) -> None:
         """Release what the node holds; called once before it is destroyed."""

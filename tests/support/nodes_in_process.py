@@ -109,7 +109,6 @@ def node_in_process(
                 yield NodeInProcess(node)
             finally:
                 node.close()
-                for each in (*node.companions, node):
-                    each.destroy_node()
+                node.destroy_node()
         finally:
             rclpy.try_shutdown()

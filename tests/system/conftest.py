@@ -59,9 +59,7 @@ class Nodes:
         """Start a node that has ended again, with the same command."""
         self.start(self._commands[name], name)
 
-    def start_stack(
-        self, stack: str, *, composed: bool = False, **given: object
-    ) -> dict[str, Process]:
+    def start_stack(self, stack: str, **given: object) -> dict[str, Process]:
         """Start every node of a stack; a parameter of one node is written node__parameter.
 
         A world in lock-step waits as long as a test for commands that a busy machine delays.
@@ -71,7 +69,7 @@ class Nodes:
         if "hallway_sim" in found.nodes:
             assignments.setdefault("lockstep_timeout_s", LOCKSTEP_TIMEOUT_S)
         environment = self._environment
-        processes = stack_processes(found, assignments, environment, composed=composed)
+        processes = stack_processes(found, assignments, environment)
         return {each.name: self.start(list(each.command), each.name) for each in processes}
 
     def log_of(self, name: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from serd_cli.processes.node_commands import executables_of, find_command
 from serd_cli.processes.workspace import PROJECT, ros_environment
-from serd_ros.graph.graph import COMPOSED, load_graph
+from serd_ros.graph.graph import load_graph
 from support.waiting import PATIENCE_S
 
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -97,7 +97,7 @@ def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, m
         assert {path.name for path in (prefix / "share/serd_ros" / folder).iterdir()} == names
     modules = [path for path in prefix.rglob("*.py") if "share" not in path.parts]
     assert not modules
-    assert executables_of(prefix, "serd_ros") == sorted([*load_graph().nodes, COMPOSED])
+    assert executables_of(prefix, "serd_ros") == sorted(load_graph().nodes)
     monkeypatch.setenv("SERD_WORKSPACE", str(workspace))
     assert find_command("serd_ros", "guard", ros_environment({}))[0].startswith(str(prefix))
     wrong = ("--ros-args", "-p", "lockstep:=7")

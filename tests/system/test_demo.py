@@ -115,7 +115,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert (summary["n_arrived"], summary["report"]) == (1, str(run / "report.html"))
 
 
-@pytest.mark.parametrize("name", ["composed", "scripted_expert"])
+@pytest.mark.parametrize("name", ["hallway_sim", "scripted_expert"])
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
     demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))

@@ -49,7 +49,6 @@ def test_decisions_from_live_topics_equal_those_of_the_recording(
 ):
     started = nodes.start_stack(
         "demonstrate_and_learn",
-        composed=True,
         scenario=quick_hallway,
         hallway_sim__people=6,
         seed=3,

@@ -43,12 +43,10 @@ def drive_in_process():
     return poses, records
 
 
-@pytest.mark.parametrize("composed", [False, True])
-def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_path, composed):
+def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_path):
     bag = tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
-        composed=composed,
         seed=SEED,
         episodes=EPISODES,
         timeout_s=TIMEOUT_S,
@@ -87,15 +85,12 @@ def noisy_hallway(folder, drive):
     return path
 
 
-@pytest.mark.parametrize(("drive", "composed"), [("kinematic", False), ("physical", True)])
-def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(
-    nodes, tmp_path, drive, composed
-):
+@pytest.mark.parametrize("drive", ["kinematic", "physical"])
+def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path, drive):
     """The planner node gets no people; /odom is the pose by the wheels alone."""
     path, bag = noisy_hallway(tmp_path, drive), tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
-        composed=composed,
         scenario=str(path),
         seed=SEED,
         episodes=1,

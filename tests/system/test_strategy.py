@@ -124,7 +124,6 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
     model = save_model_of()
     nodes.start_stack(
         "navigate",
-        composed=True,
         scenario=quick_hallway,
         hallway_sim__people=0,
         seed=4,
@@ -185,7 +184,7 @@ def test_the_predicted_arrival_is_latched_and_decreases_during_a_drive(
 ):
     model = str(save_model_of())
     given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "model": model}
-    nodes.start_stack("navigate", composed=True, **given, episodes=1000)
+    nodes.start_stack("navigate", **given, episodes=1000)
     watch.spin_until(lambda: watch.y_m > 6.0)
     watch.subscribe_late()
     watch.spin_until(lambda: len(watch.laws) > 15)
@@ -202,7 +201,6 @@ def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_o
     model = save_model_of(outcome_models=UNMOVED)
     stack = nodes.start_stack(
         "navigate",
-        composed=True,
         hallway_sim__people=0,
         seed=4,
         episodes=2,
@@ -230,7 +228,7 @@ def test_rows_of_arrivals_survive_a_kill_and_the_next_strategy_appends_to_them(
 ):
     given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "episodes": 1000}
     given["model"] = str(save_model_of())
-    stack = nodes.start_stack("navigate", composed=True, **given, strategy__output=str(tmp_path))
+    stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path))
     probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
     stack["strategy"].kill()
     stack["strategy"].wait()

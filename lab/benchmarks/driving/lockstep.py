@@ -33,10 +33,6 @@ def run() -> None:
     factors |= {
         "ROS lock-step": _through_ros(scenario, recorded=False),
         "ROS lock-step, all topics recorded": _through_ros(scenario, recorded=True),
-        "ROS lock-step, composed": _through_ros(scenario, recorded=False, composed=True),
-        "ROS lock-step, composed, all topics recorded": _through_ros(
-            scenario, recorded=True, composed=True
-        ),
     }
     rows: list[Row] = [
         {
@@ -47,7 +43,7 @@ def run() -> None:
         for way, factor in factors.items()
     ]
     save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
-    messages = factors["ROS lock-step, composed"] / factors["in process"]
+    messages = factors["ROS lock-step"] / factors["in process"]
     _save_profile(profiles, 1.0 - messages)
 
 
@@ -81,7 +77,7 @@ def _save_profile(profiles: dict[str, StepProfile], message_share: float) -> Non
     )
 
 
-def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) -> float:
+def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
     stack = find_stack("demonstrate")
     if not recorded:
         nodes = tuple(node for node in stack.nodes if node != "demo_recorder")
@@ -94,7 +90,7 @@ def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) 
         given |= {"demo_recorder.output": f"{folder}/bag"} if recorded else _WITHOUT_RECORDER
         running = [
             subprocess.Popen(each.command, env=environment, stderr=subprocess.DEVNULL)
-            for each in stack_processes(stack, given, environment, composed=composed)
+            for each in stack_processes(stack, given, environment)
         ]
         running[-1].wait()
         for process in running:

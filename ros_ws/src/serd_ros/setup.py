@@ -26,7 +26,6 @@ from setuptools import setup
 PACKAGE = 'serd_ros'
 NODES = (
     'bag_replay',
-    'composed',
     'demo_recorder',
     'guard',
     'hallway_sim',

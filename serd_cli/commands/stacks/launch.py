@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
@@ -21,10 +20,7 @@ def launch(
     stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
     assignments: Annotated[
         list[str] | None,
-        typer.Argument(
-            help="name:=value, node.name:=value, namespace:=name, or composed:=true for simulator,"
-            " planner and guard of a lock-step stack in one process, twice as fast"
-        ),
+        typer.Argument(help="name:=value, node.name:=value or namespace:=name"),
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
     as_json: AsJson = False,
@@ -42,16 +38,9 @@ def launch(
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
     namespace = full_namespace(str(given.pop("namespace", "")))
-    composed = _is_true("composed", given.pop("composed", False))
-    processes = stack_processes(find_stack(stack), given, environment, namespace, composed=composed)
+    processes = stack_processes(find_stack(stack), given, environment, namespace)
     require_free_domain(find_stack(stack), environment, namespace)
     run_together(processes, environment, _print_line)
-
-
-def _is_true(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise UsageError(f"{name} must be true or false, got {value!r}; write {name}:=true")
-    return value
 
 
 def _list_stacks(*, as_json: bool) -> None:

@@ -124,7 +124,7 @@ def _drive_through_ros(settings: DriveSettings, output: Path) -> list[EpisodeRes
     logs = output / "logs"
     with stack_environment(logs) as environment:
         total = settings.episodes
-        run_stack("navigate", given, environment, total=total, logs=logs, composed=True)
+        run_stack("navigate", given, environment, total=total, logs=logs)
     return list(load_episodes(output / "episodes.csv"))
 
 

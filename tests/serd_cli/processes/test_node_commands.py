@@ -4,8 +4,7 @@ import pytest
 
 from serd_bag.errors import FileError
 from serd_cli.errors import UsageError
-from serd_cli.processes.node_commands import parse_assignment, stack_processes
-from serd_ros.graph.graph import find_stack
+from serd_cli.processes.node_commands import parse_assignment
 
 
 @pytest.mark.parametrize(
@@ -44,33 +43,3 @@ def test_what_no_parameter_can_hold_is_refused(text):
 def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(UsageError, match="must be written name:=value"):
         parse_assignment(text)
-
-
-def test_a_composed_stack_has_one_process_with_the_arguments_of_each_node():
-    given = {"scenario": "it's: here.yaml", "guard.radius": 0.3, "people": 5}
-    processes = stack_processes(find_stack("demonstrate"), given, {}, composed=True)
-    assert [each.name for each in processes] == ["composed", "demo_recorder", "scripted_expert"]
-    command = processes[0].command
-    names = command.index("--ros-args")
-    assert command[names - 4 : names] == ["composed", "hallway_sim", "local_planner", "guard"]
-    assert {"-p"} == set(command[names + 1 :: 2])
-    values = command[names + 2 :: 2]
-    for node in ("hallway_sim", "local_planner", "guard"):
-        assert f"{node}:scenario:='it''s: here.yaml'" in values
-        assert f"{node}:lockstep:=true" in values
-    assert "guard:radius:=0.3" in values
-    assert "hallway_sim:people:=5" in values
-    assert len(values) == len(set(values))
-
-
-@pytest.mark.parametrize(
-    ("stack", "options"),
-    [
-        ("live", {}),
-        ("learn", {}),
-        ("demonstrate", {"namespace": "/floor1"}),
-    ],
-)
-def test_stacks_whose_nodes_need_a_process_each_are_refused(stack, options):
-    with pytest.raises(UsageError, match="composed needs a lock-step stack with two of"):
-        stack_processes(find_stack(stack), {}, {}, composed=True, **options)

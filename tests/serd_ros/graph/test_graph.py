@@ -9,7 +9,6 @@ from serd_ros.episodes.page_view import WatchView
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS, DemoRecorderConfig
 from serd_ros.graph.graph import (
-    COMPOSED,
     PACKAGE,
     find_stack,
     full_namespace,
@@ -31,12 +30,12 @@ def _path_of(node):
 def test_every_node_has_a_module_and_a_config():
     paths = (ROOT / PACKAGE / "nodes").rglob("*.py")
     modules = {path for path in paths if path.stem != "__init__"}
-    assert modules == set(map(_path_of, [*load_graph().nodes, COMPOSED]))
+    assert modules == set(map(_path_of, load_graph().nodes))
     assert set(load_graph().nodes) == set(CONFIGS)
 
 
 def test_every_executable_makes_the_node_of_its_name():
-    assert set(NODES) == {*load_graph().nodes, COMPOSED}
+    assert set(NODES) == {*load_graph().nodes}
     for node, place in NODES.items():
         tree = ast.parse(_path_of(node).read_text())
         names = {item.name for item in tree.body if hasattr(item, "name")}
