@@ -5,13 +5,17 @@ from typing import Any, Literal
 
 from serd_bag.nearest import hint
 
-Kind = Literal["command", "option", "parameter", "executable", "key"]
+Kind = Literal["command", "option", "argument", "parameter", "executable", "key"]
 
 _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
 _TYPES = "types of experts are a library now: serd_core.choose_expert_types (docs/mixed_experts.md)"
 _ROBOTS = (
     "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
+)
+_KEYBOARD = (
+    "the page of serd teleop has the keys, also from another machine (--address), and any publisher"
+    " of cmd_vel_teleop drives, as teleop_twist_keyboard (docs/how_to/drive_by_hand.md)"
 )
 _WALL = "every obstacle is a wall now; delete the key"
 
@@ -25,11 +29,22 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--same-expert"): _TYPES,
     ("option", "--expert"): _TYPES,
     ("option", "--lerobot"): f"{_LAB} lerobot",
+    ("option", "--keyboard"): _KEYBOARD,
+    ("option", "--no-page"): _KEYBOARD,
+    ("option", "--page"): "serd teleop always has its page; leave the option out",
+    ("argument", "watch BAG"): (
+        "open a recording in Foxglove, which has a time line, or play it with 'serd bag play'"
+        " beside 'serd watch'"
+    ),
+    ("executable", "teleop_keyboard"): _KEYBOARD,
     ("executable", "foxglove_server"): (
         "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
     ),
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
+    ("parameter", "keys"): (
+        "the services pause and step of bag_replay, and its parameter rate, steer a replay"
+    ),
     ("key", "density"): f"{_NO_GAIN}; delete the key",
     ("key", "expert"): f"{_TYPES}; delete the key",
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",
