@@ -15,7 +15,6 @@ from serd_bag.errors import FileError
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_files.yaml_config import yaml_model
-from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.command import (
     from_intent,
     from_twist,
@@ -32,6 +31,7 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
+    to_arrival_message,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
