@@ -24,7 +24,6 @@ from serd_ros.endpoints import qos
 from serd_ros.endpoints.qos import common_qos, less_demanding, recording_qos, requests_too_much
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
-from serd_ros.process.serd_node import SerdNode
 
 #: Messages of a latched publisher that are compared, which two subscriptions receive.
 _COMPARED = 100
@@ -175,7 +174,7 @@ _CLOCKS_AGREE_S = 0.2
 
 
 def follow_commands(
-    node: SerdNode[Any],
+    node: Node,
     kind: type[Twist | TwistStamped],
     topic: str,
     take: Callable[[Any, float], None],

@@ -52,7 +52,7 @@ class Session:
 
     def request(self, do):
         """Start, save or discard an episode, as the page's buttons do."""
-        (url,) = set(re.findall(r"drive at (\S+)", self.output))
+        (url,) = set(re.findall(r"http://[^\s\x1b]+", self.output))
 
         async def send():
             async with ClientSession() as session:

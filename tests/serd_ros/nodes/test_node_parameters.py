@@ -116,8 +116,3 @@ def test_a_goal_that_is_set_beside_a_wrong_model_changes_nothing(given):
         refused = node.set_parameters_atomically(wanted)
         assert refused.reason == "set goal and model one after the other"
         assert node._navigator.strategy.scenario.goal_area_m == before
-
-
-def test_the_strategy_plans_for_the_people_of_the_run(given):
-    with node_in_process("strategy", **given["strategy"], people=90) as running:
-        assert running.node.scenario.pedestrians.count == 90
