@@ -81,16 +81,6 @@ def test_people_in_scans_are_tracked_anew_in_a_new_session():
             assert tracker._time_s == time_s
 
 
-def test_the_planner_stands_while_the_clock_does_and_goes_on_with_it():
-    with node_in_process("local_planner", lockstep=False) as running:
-        feed(running, START, "waypoint")
-        assert speed(running) > 0.0
-        running.wait(10.0)
-        assert speed(running) == 0.0
-        feed(running, START + 0.05)
-        assert speed(running) > 0.0
-
-
 def episode(start_s):
     return EpisodeStart(episode=0, seed=0, start_area="train", start_s=start_s)
 
@@ -462,13 +452,6 @@ def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(late
         assert command_at(later_s + 0.05, *inputs[:3]) == 0.0
         assert command_at(later_s + 0.1, *inputs) == pytest.approx(0.4)
         running.assert_alive()
-
-
-def test_a_joystick_drives_whatever_the_stamps_of_its_messages():
-    with node_in_process("teleop_joy") as running:
-        for number, time_s in enumerate((START, START + 1e6, 0.0), start=1):
-            running.receive("joy", valid_message("joy", time_s))
-            assert running.published["cmd_vel_joy"] == number
 
 
 def test_the_learner_divides_messages_into_sessions_where_the_clock_falls_back(tmp_path):

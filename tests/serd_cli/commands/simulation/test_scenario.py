@@ -16,9 +16,6 @@ def test_every_built_in_scenario_is_listed(serd):
     for name in builtin_scenarios():
         assert name in ended.out
         assert load_scenario(name).description[:30] in ended.out
-
-
-def test_the_list_as_json_tells_size_and_cells(serd):
     values = {each["scenario"]: each for each in json.loads(serd("scenario", "list", "--json").out)}
     assert tuple(values) == builtin_scenarios()
     assert values["hallway"]["size_m"] == [14.0, 24.0]
