@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from serd_bag.nearest import hint
 
-Kind = Literal["command", "option", "parameter", "executable", "key"]
+Kind = Literal["command", "option", "argument", "parameter", "executable", "key"]
 
 _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
@@ -14,6 +14,10 @@ _ROBOTS = (
     "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
 )
 _PROCESSES = "each node has a process of its own, and a lock-step stack takes twice the time"
+_KEYBOARD = (
+    "the page of serd teleop has the keys, also from another machine (--address), and any publisher"
+    " of cmd_vel_teleop drives, as teleop_twist_keyboard (docs/how_to/drive_by_hand.md)"
+)
 _WALL = "every obstacle is a wall now; delete the key"
 
 _LEFT: dict[tuple[Kind, str], str] = {
@@ -27,12 +31,23 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--expert"): _TYPES,
     ("option", "--lerobot"): f"{_LAB} lerobot",
     ("executable", "composed"): _PROCESSES,
+    ("option", "--keyboard"): _KEYBOARD,
+    ("option", "--no-page"): _KEYBOARD,
+    ("option", "--page"): "serd teleop always has its page; leave the option out",
+    ("argument", "watch BAG"): (
+        "open a recording in Foxglove, which has a time line, or play it with 'serd bag play'"
+        " beside 'serd watch'"
+    ),
+    ("executable", "teleop_keyboard"): _KEYBOARD,
     ("executable", "foxglove_server"): (
         "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
     ),
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
+    ("parameter", "keys"): (
+        "the services pause and step of bag_replay, and its parameter rate, steer a replay"
+    ),
     ("key", "density"): f"{_NO_GAIN}; delete the key",
     ("key", "expert"): f"{_TYPES}; delete the key",
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",

@@ -179,13 +179,11 @@ def draw_teleop_page(path: Path, _kept: Path) -> None:
 
 
 def draw_watch_page(path: Path, kept: Path) -> None:
-    """The page of a recording, with the policy of the demo's model over it."""
+    """The page that watches, with the policy of the demo's model."""
     strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
-    line = {"duration_s": 60.0, "episodes": [[0.0, 53.0, "arrived"]]}
-    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY), line)
-    shown = {"replay": {"at_s": _SHOWN_S, "rate": 1.0, "playing": False}, "there": False}
+    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY))
     layers = overlay_message(overlay_of(strategy))
-    with _shown_page(scene, {**shown, "mode": ""}, layers) as browser:
+    with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
         browser.find_element("css selector", "[data-layer=policy]").click()
         _screenshot(browser).save(path)
 

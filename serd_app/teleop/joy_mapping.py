@@ -10,8 +10,9 @@ that has gone leaves, the command is a stop until both axes have returned to neu
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from serd_app.teleop.mux_settings import read_parameters
 from serd_files.yaml_config import StrictModel, yaml_model
@@ -24,28 +25,11 @@ _NO_BUTTON = -1
 _NEUTRAL = 0.1
 
 
-class LinearAxis(StrictModel):
-    """Index of the axis that drives."""
-
-    x: int = Field(ge=0)
-
-
-class AngularAxis(StrictModel):
-    """Index of the axis that turns."""
-
-    yaw: int = Field(ge=0)
-
-
-class LinearScale(StrictModel):
-    """m/s at full deflection."""
-
-    x: float
-
-
-class AngularScale(StrictModel):
-    """rad/s at full deflection."""
-
-    yaw: float
+#: By the names of teleop_twist_joy: index of an axis, and m/s or rad/s at full deflection.
+_LinearAxis = Annotated[dict[Literal["x"], NonNegativeInt], Field(min_length=1)]
+_AngularAxis = Annotated[dict[Literal["yaw"], NonNegativeInt], Field(min_length=1)]
+_LinearScale = Annotated[dict[Literal["x"], float], Field(min_length=1)]
+_AngularScale = Annotated[dict[Literal["yaw"], float], Field(min_length=1)]
 
 
 class JoyMapping(StrictModel):
@@ -54,12 +38,12 @@ class JoyMapping(StrictModel):
     guard_override_button is an extension.
     """
 
-    axis_linear: LinearAxis
-    scale_linear: LinearScale
-    scale_linear_turbo: LinearScale = LinearScale(x=1.0)
-    axis_angular: AngularAxis
-    scale_angular: AngularScale
-    scale_angular_turbo: AngularScale = AngularScale(yaw=1.0)
+    axis_linear: _LinearAxis
+    scale_linear: _LinearScale
+    scale_linear_turbo: _LinearScale = Field(default={"x": 1.0})
+    axis_angular: _AngularAxis
+    scale_angular: _AngularScale
+    scale_angular_turbo: _AngularScale = Field(default={"yaw": 1.0})
     require_enable_button: bool = True
     enable_button: int = Field(default=0, ge=0)
     enable_turbo_button: int = Field(default=_NO_BUTTON, ge=_NO_BUTTON)
@@ -95,7 +79,7 @@ class JoyDriver:
         return _held(buttons, self._mapping.guard_override_button)
 
     def _follow_axes(self, axes: Sequence[float]) -> None:
-        mapped = self._mapping.axis_linear.x, self._mapping.axis_angular.yaw
+        mapped = self._mapping.axis_linear["x"], self._mapping.axis_angular["yaw"]
         if max(mapped) >= len(axes):
             self._was_neutral = False
         elif all(abs(axes[index]) <= _NEUTRAL for index in mapped):
@@ -105,8 +89,8 @@ class JoyDriver:
         mapping = self._mapping
         linear = mapping.scale_linear_turbo if turbo else mapping.scale_linear
         angular = mapping.scale_angular_turbo if turbo else mapping.scale_angular
-        linear_mps = linear.x * _deflection(axes, mapping.axis_linear.x)
-        angular_radps = angular.yaw * _deflection(axes, mapping.axis_angular.yaw)
+        linear_mps = linear["x"] * _deflection(axes, mapping.axis_linear["x"])
+        angular_radps = angular["yaw"] * _deflection(axes, mapping.axis_angular["yaw"])
         if mapping.inverted_reverse and linear_mps < 0.0:
             angular_radps = -angular_radps
         return Command(linear_mps, angular_radps)

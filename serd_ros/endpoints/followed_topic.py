@@ -1,4 +1,7 @@
-"""A raw subscription with the quality of service that the publishers of its topic offer.
+"""Subscriptions with the times of each message, and with the quality of service of publishers.
+
+A node that was stopped finds the commands that waited for it. By the time of their arrival they
+would be new, so the time counts at which the middleware sent them, and only the newest one waits.
 
 A subscription matches a publisher when it requests no more than is offered: reliability, and
 messages from before it was made (transient local). So it requests what all publishers offer, and
@@ -12,12 +15,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
+from serd_ros.endpoints import qos
 from serd_ros.endpoints.qos import common_qos, less_demanding, recording_qos, requests_too_much
 from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.errors import MessageError
 
 #: Messages of a latched publisher that are compared, which two subscriptions receive.
 _COMPARED = 100
@@ -120,13 +126,7 @@ class FollowedTopic:
         return Received(self.name, data, received_ns, info["source_timestamp"], number)
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
-        def callback(*arguments: Any) -> None:
-            """EventsExecutor passes message and info as one tuple, other executors as two."""
-            data, info = arguments if len(arguments) == 2 else arguments[0]
-            self.take(self._received(data, info))
-
-        # rclpy delivers the info where the signature has two parameters.
-        callback.__signature__ = inspect.signature(self._received)  # type: ignore[attr-defined]
+        callback = _with_info(lambda data, info: self.take(self._received(data, info)))
         return self._node.create_subscription(
             self.kind.message, self.name, callback, profile, raw=True
         )
@@ -167,3 +167,45 @@ def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[
 
 def _is_latched(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+#: Clocks of machines may differ by this much.
+_CLOCKS_AGREE_S = 0.2
+
+
+def follow_commands(
+    node: Node,
+    kind: type[Twist | TwistStamped],
+    topic: str,
+    take: Callable[[Any, float], None],
+) -> None:
+    """Call back with each command and its age (s) by the clocks of its publisher and this machine.
+
+    The age is 0 where the middleware does not state when a message was sent. A command that was
+    sent in the future is dropped with a MessageError, since its age is unknown.
+    """
+
+    def take_sent(message: Any, info: Mapping[str, int]) -> None:
+        sent_ns = info["source_timestamp"]
+        age_s = (time.time_ns() - sent_ns) * 1e-9 if sent_ns > 0 else 0.0
+        if age_s < -_CLOCKS_AGREE_S:
+            raise MessageError(
+                f"commands must be sent at most {_CLOCKS_AGREE_S:g} s in the future",
+                f"{-age_s:.1f} s",
+                "set the clocks of the machines",
+            )
+        take(message, max(age_s, 0.0))
+
+    node.create_subscription(kind, topic, _with_info(take_sent), qos.NEWEST)
+
+
+def _with_info(take: Callable[[Any, Mapping[str, int]], None]) -> Callable[..., None]:
+    """A callback by which rclpy delivers message and info."""
+
+    def callback(*arguments: Any) -> None:
+        """EventsExecutor passes message and info as one tuple, other executors as two."""
+        take(*(arguments if len(arguments) == 2 else arguments[0]))
+
+    # rclpy delivers the info where the signature has two parameters.
+    callback.__signature__ = inspect.signature(take)  # type: ignore[attr-defined]
+    return callback

@@ -1,4 +1,4 @@
-"""People of a topic, of whichever known type its publishers have at run time.
+"""People of a topic in the map, of whichever known type its publishers have at run time.
 
 The middleware has one type per topic and process: until a publisher of another known type comes,
 the topic is received as `pedestrians`, a PointCloud2. Other types are received as bytes, so that
@@ -6,23 +6,81 @@ their packages need not be installed.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
+from zlib import crc32
 
+import numpy as np
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type
-from serd_bag.messages.people import CLOUD, people_in, require_people
+from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.topic import Topic
-from serd_ros.convert.people import PeopleInMap
+from serd_ros.convert.checks import require_finite
+from serd_ros.convert.frames import Frames, plain_name
 from serd_ros.convert.sensors import from_people_message
-from serd_ros.endpoints import qos
+from serd_ros.convert.stamp import require_time
+from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.perception.people_tracker import PeopleTracker
 from serd_sim.world.observation import People
+
+
+class PeopleInMap:
+    """Converts the people of one topic, message by message.
+
+    A type without velocities gets those of its ids, 0 for an id that is new; without ids too, its
+    people are tracked as those in scans are.
+    """
+
+    def __init__(self) -> None:
+        self._ids, self._tracker, self._last_ns = SightedIds(), PeopleTracker(), 0
+
+    def convert(self, seen: SeenPeople, frames: Frames) -> tuple[int, People]:
+        """(stamp_ns, people in the map); MessageError for stamps, frames and numbers that are
+        none."""
+        time_ns = require_time(seen.header.stamp_ns)
+        require_finite("positions", seen.position_m)
+        # The types that have no velocities give NaN in all three coordinates.
+        require_finite("velocities", seen.velocity_mps[~np.isnan(seen.velocity_mps).all(axis=1)])
+        placed = _in_map(seen, frames)
+        if time_ns < self._last_ns:
+            self._tracker.reset()
+        self._last_ns = time_ns
+        without_velocities = np.isnan(placed.velocity_mps).any()
+        # An empty message has no type of people by which to choose: tracks go on until they end.
+        goes_on = not len(placed.position_m) and len(self._tracker.identity)
+        if not any(placed.ids) and (without_velocities or goes_on):
+            return time_ns, self._tracked(placed, time_ns * 1e-9)
+        placed = self._ids.with_velocities(placed, time_ns * 1e-9)
+        numbers = [crc32(name.encode()) if name else row for row, name in enumerate(placed.ids)]
+        velocity_mps = np.nan_to_num(placed.velocity_mps[:, :2], nan=0.0)
+        identity = np.array(numbers, dtype=np.int64)
+        return time_ns, People(placed.position_m[:, :2], velocity_mps, identity)
+
+    def _tracked(self, placed: SeenPeople, time_s: float) -> People:
+        tracker = self._tracker
+        tracker.update(placed.position_m[:, :2], time_s)
+        return People(tracker.position_m, tracker.velocity_mps, tracker.identity)
+
+
+def _in_map(seen: SeenPeople, frames: Frames) -> SeenPeople:
+    if plain_name(seen.header.frame) == topics.MAP_FRAME:
+        return seen
+    # A camera's frame is not level; its people are placed in space.
+    matrix = frames.place(seen.header.frame, topics.MAP_FRAME, level=False).matrix
+    turn = matrix[:3, :3].T
+    return replace(
+        seen,
+        position_m=seen.position_m @ turn + matrix[:3, 3],
+        velocity_mps=seen.velocity_mps @ turn,
+    )
+
 
 _LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
 _HASH = "RIHS01_"

@@ -9,9 +9,9 @@ from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.strategy import Strategy
 from serd_core.grid.grid import Action
-from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.markers import (
+    to_arrival_message,
     to_policy_markers,
     to_text_marker,
     to_trap_markers,

@@ -1,4 +1,4 @@
-"""Base of teleop_keyboard and teleop_page: a person drives by directions or by velocities.
+"""Base of teleop_page: a person drives by directions or by velocities.
 
 By directions, the choice becomes an `intent` at each decision tick: in an episode of this driver
 from the first direction on, waits included, otherwise only when a direction is chosen. By
@@ -14,13 +14,12 @@ discarded and the planner locked: the robot stands until a key is pressed anew.
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
 from std_msgs.msg import Bool
 
-from serd_app.teleop.keyboard import DirectionChoice, Mode
+from serd_app.teleop.direction_choice import DirectionChoice, Mode
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_twist
 from serd_ros.convert.diagnostics import values_of
@@ -28,14 +27,13 @@ from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.episodes.person_episodes import PersonEpisodes
-from serd_ros.graph.configs import HandDriverConfig
+from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.serd_node import SerdNode
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import DecisionClock
 
-Config = TypeVar("Config", bound=HandDriverConfig)
 _BEAT_PERIOD_S = 0.05
 #: A longer pause (s) between two beats counts as absence: this process was stopped.
 _ABSENCE_S = 0.5
@@ -43,7 +41,7 @@ _ABSENCE_S = 0.5
 _SILENCE_S = 1.0
 
 
-class HandDriverNode(SerdNode[Config]):
+class HandDriverNode(SerdNode[TeleopPageConfig]):
     """A front end reads the input of its person in `attend`, called 20 times a second."""
 
     def __init__(self, kind: str) -> None:

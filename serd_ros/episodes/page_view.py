@@ -1,7 +1,8 @@
-"""The state that the page shows: world, intent, waypoint, episode, mux, recorder and learner."""
+"""What the page shows: world, intent, waypoint, episode, health, and the layers of a model."""
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any, ClassVar
 
@@ -9,16 +10,23 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
+from std_msgs.msg import String
 
 from serd_app.drives.episode_mark import START, EpisodeMark
-from serd_app.teleop.page.view import point, world_state
+from serd_app.navigation.overlay import ModelOverlay, overlay_of
+from serd_app.navigation.strategy import load_strategy
+from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.view import overlay_message, point, world_state
 from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Action, Grid
+from serd_files.errors import USER_ERRORS
+from serd_files.model_file import ModelFile
+from serd_files.yaml_config import yaml_model
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
 from serd_ros.convert.sensors import from_people_message, from_scan
-from serd_ros.endpoints import topics
+from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
@@ -32,7 +40,7 @@ _STALE_S = 1.0
 
 
 class PageView:
-    """Composes the state from the messages of topics, of ROS or decoded from a bag."""
+    """Composes the state from the messages of topics."""
 
     #: The topics that are shown.
     topics: ClassVar[tuple[str, ...]] = (
@@ -206,3 +214,44 @@ def episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
 
 def _counts(tally: EpisodeTally) -> dict[str, int]:
     return {"kept": tally.kept, "arrived": tally.arrived, "discarded": tally.discarded}
+
+
+_NAME = "model of the learner"
+
+
+class LearnedOverlay:
+    """The newest model of a learner as layers of the page, solved in a thread beside the node.
+
+    Models that come while one is solved wait; of these only the newest is solved.
+    """
+
+    def __init__(self, node: SerdNode[Any], scenario: Scenario, server: PageServer) -> None:
+        self._node, self._scenario, self._server = node, scenario, server
+        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="overlay")
+        self._newest: str | None = None
+        self._solved: Future[ModelOverlay] | None = None
+        node.create_subscription(String, topics.MODEL, self._take, qos.LATCHED)
+
+    def send(self) -> None:
+        """Send what has been solved to the pages and begin with the newest model; never waits."""
+        if self._solved is not None and self._solved.done():
+            solved, self._solved = self._solved, None
+            try:
+                self._server.show_overlay(overlay_message(solved.result()))
+            except USER_ERRORS as error:
+                self._node.get_logger().warning(f"no overlay: {error}")
+        if self._solved is None and self._newest is not None:
+            text, self._newest = self._newest, None
+            self._solved = self._pool.submit(_solve, text, self._scenario)
+
+    def close(self) -> None:
+        """Wait for the model that is being solved."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _take(self, message: String) -> None:
+        self._newest = message.data
+
+
+def _solve(text: str, scenario: Scenario) -> ModelOverlay:
+    file = yaml_model(text, ModelFile, name=_NAME)
+    return overlay_of(load_strategy(_NAME, scenario, "optimal", file=file))

@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import NavigationSettings
-from serd_app.teleop.keyboard import Mode
+from serd_app.teleop.direction_choice import Mode
 from serd_bag.recorder_settings import RecorderSettings
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel
@@ -326,6 +326,8 @@ SLOWEST_RATE, FASTEST_RATE = 1e-6, 1e6
 class BagReplayConfig(NodeConfig):
     """Parameters of bag_replay."""
 
+    changeable: ClassVar[tuple[str, ...]] = ("rate",)
+
     bag: str = setting("recording", "bag folder, or .mcap, .db3 or .bag file", min_length=1)
     topics: tuple[str, ...] = setting(_NONE, "topics to play; all when empty")
     rate: float = setting(1.0, "bag seconds per second", ge=SLOWEST_RATE, le=FASTEST_RATE)
@@ -344,7 +346,6 @@ class BagReplayConfig(NodeConfig):
     wait_s: float = setting(
         10.0, "longest wait for subscribers when no node is required", unit="s", ge=0
     )
-    keys: bool = setting(False, "space pauses, right steps, up and down change the rate")
     exit_when_done: bool = setting(
         True, "end the process after the last message; else its topics end and the node stays"
     )
@@ -430,34 +431,17 @@ class TeleopJoyConfig(NodeConfig):
     )
 
 
-class HandDriverConfig(FramesConfig):
-    """Parameters of the nodes through which a person drives."""
+class TeleopPageConfig(FramesConfig):
+    """Parameters of teleop_page."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
-    driver: str = setting("", "name of the driver in the episode marks", min_length=1)
+    driver: str = setting("teleop_page", "name of the driver in the episode marks", min_length=1)
     mode: Mode = setting("directions", "directions: publish intent; velocity: cmd_vel_teleop")
     timeout_s: float = setting_of(EpisodeSettings, "timeout_s")
     required_nodes: tuple[str, ...] = setting(_NONE, "an episode starts when these nodes subscribe")
-    speed_mps: float = setting(0.5, "speed in velocity mode", unit="m/s", gt=0)
-    turn_radps: float = setting(1.0, "turning rate in velocity mode", unit="rad/s", gt=0)
+    speed_mps: float = setting(0.6, "speed in velocity mode", unit="m/s", gt=0)
+    turn_radps: float = setting(1.5, "turning rate in velocity mode", unit="rad/s", gt=0)
 
-
-class TeleopKeyboardConfig(HandDriverConfig):
-    """Parameters of teleop_keyboard; the speeds are those of teleop_twist_keyboard."""
-
-    driver: str = setting_of(HandDriverConfig, "driver", default="teleop_keyboard")
-    terminal: str = setting("/dev/tty", "terminal whose keys are read", min_length=1)
-    key_timeout_s: float = setting(
-        0.5, "velocity mode: a key that is not repeated drives this long", unit="s", gt=0, le=0.5
-    )
-
-
-class TeleopPageConfig(HandDriverConfig):
-    """Parameters of teleop_page."""
-
-    driver: str = setting_of(HandDriverConfig, "driver", default="teleop_page")
-    speed_mps: float = setting_of(HandDriverConfig, "speed_mps", default=0.6)
-    turn_radps: float = setting_of(HandDriverConfig, "turn_radps", default=1.5)
     address: str = setting(
         "127.0.0.1", "address of the page; any other than loopback needs a token", min_length=1
     )
@@ -489,7 +473,6 @@ CONFIGS: dict[str, type[NodeConfig]] = {
     "nav2_bridge": Nav2BridgeConfig,
     "teleop_mux": TeleopMuxConfig,
     "teleop_joy": TeleopJoyConfig,
-    "teleop_keyboard": TeleopKeyboardConfig,
     "teleop_page": TeleopPageConfig,
     "watch_page": WatchPageConfig,
 }

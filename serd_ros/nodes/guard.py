@@ -17,7 +17,7 @@ from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, t
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import PlanarPose, from_odometry
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.command_topic import follow_commands
+from serd_ros.endpoints.followed_topic import follow_commands
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.scan_topic import ScanTopic

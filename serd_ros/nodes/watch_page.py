@@ -6,8 +6,7 @@ It subscribes and serves the page; it publishes nothing but its own health and d
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import watched_scene_of
-from serd_ros.episodes.learned_overlay import LearnedOverlay
-from serd_ros.episodes.page_view import WatchView
+from serd_ros.episodes.page_view import LearnedOverlay, WatchView
 from serd_ros.graph.configs import WatchPageConfig
 from serd_ros.process.progress import report_address
 from serd_ros.process.serd_node import SerdNode

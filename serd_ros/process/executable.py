@@ -32,7 +32,6 @@ NODES = {
     "scripted_expert": "scripted_expert:ScriptedExpertNode",
     "strategy": "strategy:StrategyNode",
     "teleop_joy": "teleop.joy:TeleopJoyNode",
-    "teleop_keyboard": "teleop.keyboard:TeleopKeyboardNode",
     "teleop_mux": "teleop.mux:TeleopMuxNode",
     "teleop_page": "teleop.page:TeleopPageNode",
     "watch_page": "watch_page:WatchPageNode",

@@ -6,7 +6,6 @@ mutations per subscription (200), SERD_FUZZ_SEED the seed (0).
 """
 
 import os
-import pty
 import random
 import resource
 from collections.abc import Iterator
@@ -26,7 +25,6 @@ from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.episodes.driver import EpisodeDriverNode
-from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.graph import load_graph
 from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
@@ -121,10 +119,9 @@ class Session:
                     episode=0, seed=0, start_area="train", start_s=self._time_s - TICK_S
                 )
                 node.begin_episode(start)
-        if isinstance(node, HandDriverNode):
+        if isinstance(node, TeleopPageNode):
             node.choice.hold(None)
             node.choice.hold(Action.NORTH)
-        if isinstance(node, TeleopPageNode):
             node._heard_s = node.wall_s()
         if isinstance(node, HallwaySim):
             assert self.running.call("reset", None).success
@@ -205,27 +202,16 @@ def raising(guard) -> None:
     guard.note = out
 
 
-@pytest.fixture
-def terminal() -> Iterator[str]:
-    master, slave = pty.openpty()
-    yield os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
-
-
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.usefixtures("nav2_server")
 @pytest.mark.parametrize(("kind", "parameters"), CASES)
-def test_no_message_ends_a_node_or_fails_in_it(
-    kind, parameters, tmp_path, save_model_of, terminal, capsys
-):
+def test_no_message_ends_a_node_or_fails_in_it(kind, parameters, tmp_path, save_model_of, capsys):
     model = save_model_of()
     given = {
         "strategy": {"model": str(model)},
         "learner": {"output": str(tmp_path / "learned.yaml")},
         "demo_recorder": {"output": str(tmp_path / "bag")},
-        "teleop_keyboard": {"terminal": terminal},
     }
     with node_in_process(kind, **parameters, **given.get(kind, {})) as running:
         raising(running.node.callbacks)

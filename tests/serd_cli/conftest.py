@@ -3,22 +3,18 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_typestore
 
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_cli.main import main
+from support.bag_messages import DIAGNOSTICS, POSE, VECTOR, Messages
 from support.commands import Ended, work_in_empty_folder
 
-POSE = "geometry_msgs/msg/PoseStamped"
-VECTOR = "geometry_msgs/msg/Vector3Stamped"
 CLOUD = "sensor_msgs/msg/PointCloud2"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-_STORE = get_typestore(Stores.ROS2_JAZZY)
+_MADE = Messages()
 _START_S = 100.0
 _STEP_S = 0.1
 
@@ -54,7 +50,7 @@ def drive_bag(tmp_path) -> Callable[..., Path]:
                 time_s = _START_S + _STEP_S * step
                 writer.write(pose, _pose(time_s, x_m, 1.5 + 0.05 * step), _ns(time_s))
                 if intents and step % 20 == 0 and step < 100:
-                    writer.write(intent, _north(time_s), _ns(time_s))
+                    writer.write(intent, _MADE.intent(time_s, 0.0, 1.0), _ns(time_s))
                 if step % 10 == 9:
                     writer.flush()
             writer.write("/episode", _mark(time_s, "end"), _ns(time_s))
@@ -86,41 +82,27 @@ def people_bag(drive_bag, tmp_path) -> Callable[[], Path]:
 
 def _people(time_s: float) -> bytes:
     rows = np.array([[4.5, 8.5, 0.0, 1.0], [1.5, 8.5, 1.0, 0.0]], dtype="<f4")
-    field = _STORE.types["sensor_msgs/msg/PointField"]
     names = ("x", "y", "vx", "vy")
-    fields = [field(name, 4 * index, 7, 1) for index, name in enumerate(names)]
+    fields = [
+        _MADE.make("sensor_msgs/msg/PointField", name, 4 * index, 7, 1)
+        for index, name in enumerate(names)
+    ]
     data = np.frombuffer(rows.tobytes(), dtype=np.uint8)
-    return _encoded(CLOUD, _header(time_s), 1, 2, fields, False, 16, 32, data, True)
+    header = _MADE.header(time_s)
+    return _MADE.encode(_MADE.make(CLOUD, header, 1, 2, fields, False, 16, 32, data, True), CLOUD)
 
 
 def _ns(time_s: float) -> int:
     return round(time_s * 1e9)
 
 
-def _encoded(type_name: str, *values: Any) -> bytes:
-    return bytes(_STORE.serialize_cdr(_STORE.types[type_name](*values), type_name))
-
-
-def _header(time_s: float) -> Any:
-    stamp = _STORE.types["builtin_interfaces/msg/Time"](*divmod(_ns(time_s), 10**9))
-    return _STORE.types["std_msgs/msg/Header"](stamp, "map")
-
-
 def _pose(time_s: float, x_m: float, y_m: float) -> bytes:
-    point = _STORE.types["geometry_msgs/msg/Point"](x_m, y_m, 0.0)
-    level = _STORE.types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    pose = _STORE.types["geometry_msgs/msg/Pose"](point, level)
-    return _encoded(POSE, _header(time_s), pose)
-
-
-def _north(time_s: float) -> bytes:
-    vector = _STORE.types["geometry_msgs/msg/Vector3"](0.0, 1.0, 0.0)
-    return _encoded(VECTOR, _header(time_s), vector)
+    point = _MADE.make("geometry_msgs/msg/Point", x_m, y_m, 0.0)
+    level = _MADE.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    pose = _MADE.make("geometry_msgs/msg/Pose", point, level)
+    return _MADE.encode(_MADE.make(POSE, _MADE.header(time_s), pose), POSE)
 
 
 def _mark(time_s: float, event: str) -> bytes:
-    values = {"episode": "0", "driver": "anna", "seed": "1", "start_area": "train"}
-    values["outcome"] = "arrived" if event == "end" else ""
-    pairs = [_STORE.types["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
-    status = _STORE.types["diagnostic_msgs/msg/DiagnosticStatus"](0, "episode", event, "", pairs)
-    return _encoded(DIAGNOSTICS, _header(time_s), [status])
+    outcome = "arrived" if event == "end" else ""
+    return _MADE.mark(time_s, event, 0, outcome, driver="anna", seed="1", start_area="train")

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.grid.resolution import ResolutionRow
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.navigation.strategy import load_strategy
-from serd_files.table import read_rows
 from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
@@ -72,20 +70,3 @@ def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, place
     assert not strategy.transferred
     driven = json.loads(serd("navigate", "model.yaml", "--episodes", "2", "--json").out)
     assert driven["n_arrived"] == 2
-
-
-def test_the_advice_warns_of_cells_that_the_robot_jumps_over(serd, place):
-    _, bag = place
-    words = ("demos", bag, "--mapping", "mapping.yaml")
-    fine = serd(*words, "--cell-size-m", 0.2, "--period-s", 2)
-    assert fine.code == 0, fine.err
-    assert "cells of 0.2 m and periods of 2 s: of the moves" in fine.out
-    assert "fit better" in fine.out
-    rows = read_rows("decisions.resolution.csv", ResolutionRow)
-    used = next(row for row in rows if row.used)
-    # At 0.4 m/s a period leads 0.8 m on, four cells.
-    assert used.far > 0.9
-    assert Path("decisions.resolution.png").read_bytes().startswith(b"\x89PNG")
-    found = json.loads(serd(*words, "--cell-size-m", 0.8, "--period-s", 2, "--json").out)
-    assert found["resolution"]["used"]["far"] <= 0.05
-    assert found["resolution"]["used"]["completed"] > 0.6

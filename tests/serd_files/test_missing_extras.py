@@ -33,7 +33,7 @@ def test_what_runs_on_a_robot_needs_neither_simulator_nor_figures():
         for name in (
             "bags.bag_replay", "bags.demo_recorder", "guard", "learner", "local_planner",
             "nav2_bridge", "people_tracker", "scripted_expert", "strategy", "teleop.joy",
-            "teleop.keyboard", "teleop.mux", "teleop.page", "watch_page",
+            "teleop.mux", "teleop.page", "watch_page",
         )
     ]  # fmt: skip
     ended = run("".join(f"import {each}\n" for each in modules))

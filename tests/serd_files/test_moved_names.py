@@ -25,6 +25,7 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
         (["demos", "bag", "--lerobot", "folder"], "python -m lab lerobot"),
         (["learn", "decisions.csv", "--density"], "it improved no forecast"),
         (["navigate", "model.yaml", "--expert=2"], "serd_core.choose_expert_types"),
+        (["teleop", "--keyboard"], "any publisher of cmd_vel_teleop"),
         (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
     ],
 )

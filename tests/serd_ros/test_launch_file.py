@@ -99,44 +99,6 @@ def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
     assert not any(remapped.values())
 
 
-def test_in_a_namespace_the_clock_of_a_simulator_is_that_of_the_namespace(launch_file):
-    context = context_of(launch_file, stack="live", namespace="robot1")
-    nodes = launch_file["nodes_of_stack"](context)
-    assert {node.named["executable"]: node.named["remappings"] for node in nodes} == {
-        name: [("/clock", "/robot1/clock")] for name in ("hallway_sim", "local_planner", "guard")
-    }
-
-
-def test_an_argument_that_no_node_of_the_stack_has_is_refused(launch_file):
-    context = context_of(launch_file, stack="live", model="model.yaml")
-    with pytest.raises(Exception, match="no node of this stack has a parameter 'model'"):
-        launch_file["nodes_of_stack"](context)
-
-
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("sead", "no node of this stack has a parameter 'sead'; did you mean 'seed'?"),
-        ("hallway_sim.sead", "hallway_sim has no parameter 'sead'; did you mean 'seed'?"),
-        ("hallway_simm.seed", "'hallway_simm.seed' names no node of this stack"),
-    ],
-)
-def test_a_name_that_reaches_no_node_is_refused(launch_file, monkeypatch, name, sentence):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "serd_ros", "serd.launch.py"])
-    context = context_of(launch_file, stack="live", **{name: "3"})
-    with pytest.raises(NodeError, match=re.escape(sentence)):
-        launch_file["nodes_of_stack"](context)
-
-
-def test_the_parameter_of_one_node_is_set_by_its_name(launch_file):
-    context = context_of(launch_file, stack="live", **{"local_planner.people_from": "scan"})
-    nodes = launch_file["nodes_of_stack"](context)
-    (planner,) = [each for each in nodes if each.named["name"] == "local_planner"]
-    assert planner.named["parameters"][0]["people_from"] == "scan"
-    (guard,) = [each for each in nodes if each.named["name"] == "guard"]
-    assert "people_from" not in guard.named["parameters"][0]
-
-
 def test_arguments_of_a_file_that_includes_this_one_are_left(launch_file, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "bringup.launch.py"])
     context = context_of(launch_file, stack="live", world="depot", guard="true", seed="3")

@@ -48,9 +48,11 @@ class Messages:
         vector = self.make("geometry_msgs/msg/Vector3", east, north, 0.0)
         return self.encode(self.make(VECTOR, self.header(time_s), vector), VECTOR, **options)
 
-    def mark(self, time_s: float, event: str, episode: int, outcome: str = "") -> bytes:
+    def mark(
+        self, time_s: float, event: str, episode: int, outcome: str = "", **more: str
+    ) -> bytes:
         """A DiagnosticArray that begins or ends an episode."""
-        values = {"episode": str(episode), "driver": "test", "outcome": outcome}
+        values = {"episode": str(episode), "driver": "test", "outcome": outcome} | more
         pairs = [self.make("diagnostic_msgs/msg/KeyValue", *pair) for pair in values.items()]
         status = self.make("diagnostic_msgs/msg/DiagnosticStatus", 0, "episode", event, "t", pairs)
         array = self.make(DIAGNOSTICS, self.header(time_s), [status])

@@ -1,15 +1,17 @@
-"""`serd teleop` as a person types it into a terminal."""
+"""`serd teleop` as a person types it into a terminal, with a page."""
 
+import asyncio
 import contextlib
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
-import termios
 from pathlib import Path
 
 import pytest
+from aiohttp import ClientSession
 from geometry_msgs.msg import PoseStamped
 
 from serd_app.drives.sessions import read_drives
@@ -25,7 +27,6 @@ class Session:
 
     def __init__(self, folder, environment, *arguments):
         self._person, device = pty.openpty()
-        self.before = termios.tcgetattr(device)
         self._device = device
         self.output = ""
         os.set_blocking(self._person, False)
@@ -49,18 +50,24 @@ class Session:
         with contextlib.suppress(BlockingIOError):
             self.output += os.read(self._person, 65536).decode(errors="replace")
 
-    def type(self, keys):
-        os.write(self._person, keys)
+    def request(self, do):
+        """Start, save or discard an episode, as the page's buttons do."""
+        (url,) = set(re.findall(r"http://[^\s\x1b]+", self.output))
+
+        async def send():
+            async with ClientSession() as session:
+                origin = {"Origin": url.rstrip("/")}
+                async with session.ws_connect(f"{url}socket", headers=origin) as socket:
+                    await socket.send_json({"type": "episode", "do": do})
+
+        asyncio.run(send())
 
     def end(self):
         """Ctrl-C, as the terminal itself passes it on; the exit code."""
-        self.type(b"\x03")
+        os.write(self._person, b"\x03")
         self._wait_until(lambda: self.process.poll() is not None)
         self.read()
         return self.process.returncode
-
-    def terminal_is_as_before(self):
-        return termios.tcgetattr(self._device) == self.before
 
     def close(self):
         if self.process.poll() is None:
@@ -80,7 +87,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, ros_env, tmp_path):
+def test_a_page_starts_saves_and_discards_and_a_second_run_is_apart(probe, ros_env, tmp_path):
     times_s = []
     probe.node.create_subscription(
         PoseStamped, "robot_pose", lambda m: times_s.append(stamp_s(m.header.stamp)), qos.STATE
@@ -93,22 +100,22 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, 
 
     for number in (1, 2):
         as_json = ["--json"] if number == 2 else []
-        given = ["--no-page", "--people", "0", "--driver", "anna", "--seed", "2", *as_json]
+        given = ["--port", "0", "--people", "0", "--driver", "anna", "--seed", "2", *as_json]
         session = Session(tmp_path, ros_env, *given)
         try:
             session.wait_for("the world is running")
-            session.type(b"\r\x1b[A")
+            session.wait_for("drive at")
+            session.request("start")
             session.wait_for("episode 1 of anna has begun")
             wait_for_poses()
-            session.type(b"s")
+            session.request("save")
             session.wait_for("so far 1 kept (0 arrived), 0 discarded")
-            session.type(b"\r")
+            session.request("start")
             session.wait_for("episode 2 of anna has begun")
             wait_for_poses()
-            session.type(b"d")
+            session.request("discard")
             session.wait_for("so far 1 kept (0 arrived), 1 discarded")
             assert session.end() == 0
-            assert session.terminal_is_as_before()
         finally:
             session.close()
         bag = tmp_path / f"teleop_output/session-{number}/bag"

@@ -83,7 +83,7 @@ def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
     with running(ros_env, tmp_path, *words) as watch:
         url = read_json_object(watch.stdout)["url"]
         scene, state = asyncio.run(asyncio.wait_for(first_states(url, moves), PATIENCE_S))
-        assert (scene["watch"], scene["replay"], scene["name"]) == (True, None, "hallway")
+        assert (scene["watch"], scene["name"]) == (True, "hallway")
         assert len(state["world"]["people"]) > 10
         assert state["episode"]["other_driver"] == "scripted_expert"
         assert state["is_stale"] is False

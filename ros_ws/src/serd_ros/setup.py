@@ -36,7 +36,6 @@ NODES = (
     'scripted_expert',
     'strategy',
     'teleop_joy',
-    'teleop_keyboard',
     'teleop_mux',
     'teleop_page',
     'watch_page',

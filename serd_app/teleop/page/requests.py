@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from serd_app.teleop.direction_choice import Mode
 from serd_app.teleop.errors import TeleopError
-from serd_app.teleop.keyboard import Mode
 from serd_files.yaml_config import StrictModel
 
 LARGEST_REQUEST_BYTES = 4096
@@ -69,16 +69,7 @@ class SetMode(StrictModel):
     mode: Mode
 
 
-class Replay(StrictModel):
-    """Play or pause a recording, go to a time of it, or change its rate; None leaves it."""
-
-    type: Literal["replay"]
-    playing: bool | None = None
-    at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
-    rate: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
-
-
-PageRequest = Hold | Move | Joystick | Override | Away | Episode | EmergencyStop | SetMode | Replay
+PageRequest = Hold | Move | Joystick | Override | Away | Episode | EmergencyStop | SetMode
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(
     Annotated[PageRequest, Field(discriminator="type")]
 )

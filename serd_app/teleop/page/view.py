@@ -1,6 +1,6 @@
 """The data that the page draws: the scene once, the state of the world again and again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,11 +37,9 @@ def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
     }
 
 
-def watched_scene_of(
-    scenario: Scenario, grid: Grid, replay: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
-    """The scene of a page that only watches; replay: duration_s and episodes of a recording."""
-    return {**scene_of(scenario, grid), "watch": True, "replay": replay}
+def watched_scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
+    """The scene of a page that only watches."""
+    return {**scene_of(scenario, grid), "watch": True}
 
 
 def world_state(

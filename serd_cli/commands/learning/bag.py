@@ -1,7 +1,6 @@
 """`serd bag`: inspect, check, repair, convert, map and play recordings."""
 
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -201,8 +200,8 @@ def play(
 
     serd bag play demo_output/run-1/bag --rate 10 --wait-for learner
 
-    In a terminal: space pauses, right steps, up and down change the rate. Ctrl-C ends.
-    With --json there are no keys.
+    Ctrl-C ends. The services pause and step of the node bag_replay, and its parameter rate, steer
+    it meanwhile.
     """
     selected_topics(BagReader(bag).topics, topic or ())
     settings = validated(
@@ -216,7 +215,6 @@ def play(
         paused=paused,
         required_nodes=wait_for or ("",),
         wait_s=wait,
-        keys=sys.stdin.isatty() and sys.stderr.isatty() and not as_json,
         **({} if clock else {"clock_hz": 0.0}),
     )
     environment = ros_environment(os.environ)

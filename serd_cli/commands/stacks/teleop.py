@@ -4,14 +4,12 @@ import os
 import re
 import shlex
 import socket
-import sys
-import termios
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
@@ -35,15 +33,14 @@ from serd_files.errors import USER_ERRORS
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel, model_yaml
 from serd_ros.graph.configs import TeleopPageConfig
-from serd_ros.graph.graph import Stack, find_stack
+from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, parse_progress
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
 
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
-KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"
-_SHOWN = (KEYBOARD, PAGE, "teleop_mux")
+_SHOWN = ("teleop_page", "teleop_mux")
 _ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
 
 
@@ -54,39 +51,28 @@ class TeleopSettings(StrictModel):
     seed: int = setting_of(EpisodeSettings, "seed")
     start_area: str = setting_of(WorldSettings, "start_area")
     people: int | None = setting_of(WorldSettings, "people")
-    page: bool = setting(True, "drive through a web page")
-    keyboard: bool = setting(False, "drive with this terminal's keys too")
     velocity: bool = setting(False, "drive by velocities, not by directions")
     driver: str = setting("", "name of the driver in the episode marks; the node's own when empty")
     address: str = setting_of(TeleopPageConfig, "address")
     port: int = setting_of(TeleopPageConfig, "port")
     token_file: str = setting_of(TeleopPageConfig, "token_file")
 
-    def stack(self) -> Stack:
-        """The stack `teleop` with the ways to drive that are wanted."""
-        stack = find_stack("teleop")
-        others = tuple(node for node in stack.nodes if node not in (KEYBOARD, PAGE))
-        wanted = ((PAGE,) if self.page else ()) + ((KEYBOARD,) if self.keyboard else ())
-        return stack.model_copy(update={"nodes": (*others, *wanted)})
-
     def parameters(self, bag: Path) -> dict[str, Any]:
-        """Parameters of its nodes."""
+        """Parameters of the nodes of the stack `teleop`."""
         given: dict[str, Any] = {
             "scenario": self.scenario,
             "seed": self.seed,
             "start_area": self.start_area,
             "mode": "velocity" if self.velocity else "directions",
             "demo_recorder.output": str(bag),
+            "address": self.address,
+            "port": self.port,
+            "token_file": str(Path(self.token_file).resolve()) if self.token_file else "",
         }
         if self.driver:
             given["driver"] = self.driver
         if self.people is not None:
             given["people"] = self.people
-        if self.page:
-            given |= {"address": self.address, "port": self.port}
-            given["token_file"] = str(Path(self.token_file).resolve()) if self.token_file else ""
-        if self.keyboard:
-            given["terminal"] = os.ttyname(sys.stdin.fileno())
         return given
 
 
@@ -100,14 +86,13 @@ def teleop(
 ) -> None:
     """Start world, planner, mux, recorder and page; drive, save or discard episodes.
 
-    Ctrl-C ends. Without --page the terminal's keys drive. Each session has a new session-N folder.
+    Ctrl-C ends. Each session has a new session-N folder.
     """
-    options["keyboard"] |= not options["page"]
     options["scenario"] = resolved_scenario(options["scenario"])
     settings = validated(TeleopSettings, **options)
     scenario = load_scenario(settings.scenario)
     start_states_of(scenario, grid_of(scenario), settings.start_area)
-    require_a_way_to_drive(settings)
+    require_page(settings)
     _run(settings, free_folder(output, "session").resolve(), as_json=as_json)
 
 
@@ -116,11 +101,12 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
     bag = folder / "bag"
     environment = ros_environment(os.environ)
     environment["ROS_LOG_DIR"] = str(folder / "logs" / "ros")
-    processes = stack_processes(settings.stack(), settings.parameters(bag), environment)
-    require_free_domain(settings.stack(), environment)
+    stack = find_stack("teleop")
+    processes = stack_processes(stack, settings.parameters(bag), environment)
+    require_free_domain(stack, environment)
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
-        with restored_terminal(sys.stdin), driver_lines(folder / "logs" / "nodes.log") as take:
+        with driver_lines(folder / "logs" / "nodes.log") as take:
             run_together(processes, environment | {VARIABLE: "1"}, take)
     except KeyboardInterrupt:
         pass  # the usual end
@@ -128,17 +114,10 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
         _print_recorded(settings, folder, bag, as_json=as_json)
 
 
-def require_a_way_to_drive(settings: TeleopSettings) -> None:
-    """UsageError where neither the keyboard nor the page can work."""
-    if settings.keyboard and not sys.stdin.isatty():
-        raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
-    if settings.page:
-        PageAccess(settings.address, read_token(settings.token_file))
-    if settings.page and settings.port:
-        _require_free(settings.address, settings.port)
-
-
-def _require_free(address: str, port: int) -> None:
+def require_page(settings: TeleopSettings) -> None:
+    """UsageError where the page cannot be served."""
+    address, port = settings.address, settings.port
+    PageAccess(address, read_token(settings.token_file))
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -153,14 +132,12 @@ def _require_free(address: str, port: int) -> None:
 
 @contextmanager
 def driver_lines(log: Path) -> Iterator[Line]:
-    """What logs the lines of nodes and prints those for the driver, a repeated one once."""
-    shown = ""
+    """What logs the lines of nodes and prints those for the driver."""
     # Nodes whose traceback is hidden: the supervisor reports a failure that matters.
     broken: set[str] = set()
     with log_of_nodes(log) as write:
 
         def take(node: str, line: str) -> None:
-            nonlocal shown
             write(node, line)
             match = _ROS_PREFIX.match(line)
             text = line[match.end() :] if match else line
@@ -170,22 +147,10 @@ def driver_lines(log: Path) -> Iterator[Line]:
                 if progress.address:
                     address = progress.address, "bold"
                     progress_console.print(Text.assemble("drive at ", address, "   (Ctrl-C ends)"))
-            elif node in _SHOWN and node not in broken and text != shown:
-                shown = text  # page and keyboard both report every episode
+            elif node in _SHOWN and node not in broken:
                 progress_console.print(text, soft_wrap=True)
 
         yield take
-
-
-@contextmanager
-def restored_terminal(stream: TextIO) -> Iterator[None]:
-    """Put the terminal back as it was, also where a node that changed it has been killed."""
-    before = termios.tcgetattr(stream.fileno()) if stream.isatty() else None
-    try:
-        yield
-    finally:
-        if before is not None:
-            termios.tcsetattr(stream.fileno(), termios.TCSADRAIN, before)
 
 
 def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:

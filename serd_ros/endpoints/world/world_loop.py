@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.command_topic import follow_commands
+from serd_ros.endpoints.followed_topic import follow_commands
 from serd_ros.endpoints.world.world_publisher import ClockPublisher, WorldPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode

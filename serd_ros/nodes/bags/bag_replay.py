@@ -13,9 +13,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
-from serd_app.teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.playback import Excerpt, Playback, UntilDamage
@@ -26,7 +25,8 @@ from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE, BagReplayConfig
+from serd_ros.graph.configs import BagReplayConfig
+from serd_ros.graph.parameters import accept_changes
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
@@ -125,19 +125,14 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
         self._waiting_until_s: float | None = self.wall_s() + config.wait_s
         self._playback = self._from_the_beginning()
-        # No call may fail from here on: the terminal would stay in raw mode.
-        self._keys = ReplayKeys() if config.keys else None
         self.serve(SetBool, topics.PAUSE, self._on_pause)
+        self.serve(Trigger, topics.STEP, self._on_step)
+        accept_changes(self, {"rate": self._on_rate})
         self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
         self.create_timer(_TURN_S, self._turn)
         self.create_timer(_REPORT_PERIOD_S, self._report_playback)
         if config.clock_hz > 0:
             self.create_timer(1.0 / config.clock_hz, self._send_clock)
-
-    def close(self) -> None:
-        """Restore the terminal."""
-        if self._keys is not None:
-            self._keys.close()
 
     def _from_the_beginning(self) -> Playback:
         self._sound = UntilDamage(self._excerpt.messages(self._reader))
@@ -156,8 +151,6 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
     def _turn(self) -> None:
         if self._waiting_until_s is not None and not self._has_subscribers():
             return
-        if self._keys is not None:
-            self._apply(self._keys.typed())
         self._publish(self._playback.due(self.wall_s(), at_most=_AT_ONCE))
         if self._playback.finished:
             self._end()
@@ -180,26 +173,20 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._outlet.publish(messages)
         self._n_sent += len(messages)
 
-    def _apply(self, keys: list[ReplayKey]) -> None:
-        now_s = self.wall_s()
-        for key in keys:
-            if key is ReplayKey.PAUSE:
-                self._pause(not self._playback.paused)
-            elif key is ReplayKey.STEP and self._playback.paused:
-                message = self._playback.step()
-                self._publish([] if message is None else [message])
-            elif key in RATE_FACTORS:
-                self._rate = min(FASTEST_RATE, max(SLOWEST_RATE, self._rate * RATE_FACTORS[key]))
-                self._playback.set_rate(now_s, self._rate)
-        if keys:
-            self._report_playback()
-
-    def _pause(self, paused: bool) -> None:
-        (self._playback.pause if paused else self._playback.resume)(self.wall_s())
-
     def _on_pause(self, request: SetBool.Request) -> str:
-        self._pause(bool(request.data))
+        (self._playback.pause if request.data else self._playback.resume)(self.wall_s())
         return "paused" if self._playback.paused else "playing"
+
+    def _on_step(self, _: Trigger.Request) -> str:
+        if not self._playback.paused:
+            raise NodeError("the replay must be paused for a step, it plays; call pause before")
+        message = self._playback.step()
+        self._publish([] if message is None else [message])
+        return "no message is left" if message is None else message.topic
+
+    def _on_rate(self, rate: float) -> None:
+        self._rate = rate
+        self._playback.set_rate(self.wall_s(), rate)
 
     def _send_clock(self) -> None:
         if self._waiting_until_s is None:
@@ -217,8 +204,6 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         values = {"messages": self._n_sent, "rate": self._rate, "bag": self.config.bag}
         level = ERROR if damage else OK
         self.report(self._bag_time_s(), values, level=level, message=damage or state)
-        if self._keys is not None:
-            self._keys.show(f"{state} {self._bag_time_s():.1f} s, rate {self._rate:g}")
 
     def _end(self) -> None:
         if self.config.loop and not self._sound.damage:

@@ -16,7 +16,7 @@ from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
 from serd_ros.convert.command import from_any_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.command_topic import follow_commands
+from serd_ros.endpoints.followed_topic import follow_commands
 from serd_ros.graph.configs import TeleopMuxConfig
 from serd_ros.process.serd_node import SerdNode
 

@@ -28,16 +28,14 @@ from serd_ros.convert.command import to_joy
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.hand_driver import HandDriverNode
-from serd_ros.episodes.learned_overlay import LearnedOverlay
-from serd_ros.episodes.page_view import PageView, episode_values
-from serd_ros.graph.configs import TeleopPageConfig
+from serd_ros.episodes.page_view import LearnedOverlay, PageView, episode_values
 from serd_ros.process.progress import report_address
 from serd_sim.world.command import Command
 
 _SILENCE_S = 0.5
 
 
-class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
+class TeleopPageNode(HandDriverNode):
     """One page at a time drives; without its heartbeat the robot stops."""
 
     def __init__(self, kind: str) -> None:

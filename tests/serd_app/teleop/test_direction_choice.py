@@ -4,27 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.teleop.keyboard import DirectionChoice
+from serd_app.teleop.direction_choice import DirectionChoice
 from serd_core.grid.grid import Action
 
 
 def test_nothing_chosen_is_wait():
     assert DirectionChoice().decide() == Action.WAIT
-
-
-def test_a_tap_counts_for_one_period_and_the_last_one_counts():
-    choice = DirectionChoice()
-    choice.tap(Action.NORTH)
-    choice.tap(Action.EAST)
-    assert choice.upcoming == Action.EAST
-    assert [choice.decide(), choice.decide()] == [Action.EAST, Action.WAIT]
-
-
-def test_wait_takes_a_tap_back():
-    choice = DirectionChoice()
-    choice.tap(Action.NORTH)
-    choice.tap(Action.WAIT)
-    assert choice.decide() == Action.WAIT
 
 
 @pytest.fixture
@@ -45,24 +30,23 @@ def test_a_held_key_counts_in_each_period_until_it_is_released(choice):
 
 
 def test_a_key_released_before_the_period_counts_once(choice):
-    choice.hold(Action.WEST)
-    choice.hold(None)
+    for action in (Action.NORTH, Action.WEST, None):
+        choice.hold(action)
+    assert choice.upcoming == Action.WEST
     assert [choice.decide(), choice.decide()] == [Action.WEST, Action.WAIT]
 
 
-presses = st.lists(
-    st.tuples(st.sampled_from(["tap", "hold"]), st.sampled_from([*Action, None])), max_size=20
-)
+def test_wait_takes_a_key_back_that_was_released(choice):
+    for action in (Action.WEST, None, Action.WAIT, None):
+        choice.hold(action)
+    assert choice.decide() == Action.WAIT
 
 
-@given(presses)
-def test_after_clear_the_choice_is_wait_until_a_key_is_pressed_anew(pressed):
+@given(st.lists(st.sampled_from([*Action, None]), max_size=20))
+def test_after_clear_the_choice_is_wait_until_a_key_is_pressed_anew(held):
     choice = DirectionChoice()
-    for kind, action in pressed:
-        if kind == "hold":
-            choice.hold(action)
-        elif action is not None:
-            choice.tap(action)
+    for action in held:
+        choice.hold(action)
     choice.clear()
     choice.hold(Action.NORTH)
     choice.hold(Action.EAST)

@@ -36,16 +36,6 @@ def test_before_the_first_start_there_is_no_episode():
             end()
 
 
-def test_an_episode_is_starting_until_its_first_observation():
-    session = Session(SCENARIO, timeout_s=10.0)
-    session.start()
-    assert session.is_starting
-    session.world_reset(5.0)
-    assert session.is_starting
-    session.observe(seen(100))
-    assert not session.is_starting
-
-
 def test_an_observation_that_is_early_by_the_rounding_of_a_clock_starts_the_episode():
     for early_s, n_events in ((1e-6, 1), (1.1e-6, 0)):
         session = Session(SCENARIO, timeout_s=10.0)

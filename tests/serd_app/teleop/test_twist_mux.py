@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_app.teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
-from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
+from serd_app.teleop.twist_mux import TwistMux, VelocityLimits
 from serd_bag.errors import FileError
 from serd_sim.world.command import STOP, Command
 
@@ -23,11 +23,6 @@ SETTINGS = MuxSettings(
     locks={"gone": MuxLock(topic="gone", timeout=0.5, priority=50)},
 )
 UNLOCKED = MuxSettings(topics=SETTINGS.topics)
-
-
-def test_without_any_command_the_robot_stops():
-    output = TwistMux(UNLOCKED, UNLIMITED).step(3.0)
-    assert output == MuxOutput(STOP, active="", locked_by=(), held=(), e_stop=False)
 
 
 def test_from_the_zero_of_its_clock_the_robot_accelerates_as_from_rest():
@@ -141,19 +136,6 @@ def test_an_input_that_was_neutral_at_the_release_counts_at_once():
     assert mux.step(1.15).held == ()
     mux.receive("keys", FAST, 1.2)
     assert mux.step(1.2).command == FAST
-
-
-def test_a_planner_that_drives_on_through_the_e_stop_is_held_while_keys_drive_anew():
-    mux = TwistMux(UNLOCKED, UNLIMITED)
-    mux.set_e_stop(True)
-    mux.receive("planner", FAST, 1.0)
-    mux.step(1.0)
-    mux.set_e_stop(False)
-    mux.receive("planner", FAST, 1.1)
-    output = mux.step(1.1)
-    assert (output.active, output.command, output.held) == ("planner", STOP, ("planner",))
-    mux.receive("keys", SLOW, 1.2)
-    assert mux.step(1.2).command == SLOW
 
 
 def test_a_command_that_is_not_finite_is_a_stop_of_its_input_and_is_counted():

@@ -2,6 +2,8 @@
 
 import array
 import math
+from copy import deepcopy
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -11,11 +13,8 @@ from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import Marker
 
 from serd_app.drives.episode_mark import EpisodeMark
-from serd_bag.errors import FileError
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_files.yaml_config import yaml_model
-from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.command import (
     from_intent,
     from_twist,
@@ -32,6 +31,7 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
+    to_arrival_message,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
@@ -61,8 +61,7 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
-from serd_ros.errors import MessageError, NodeError
-from serd_sim.episodes.result import EpisodeStart
+from serd_ros.errors import MessageError
 from serd_sim.scenario.occupancy import OccupancyRaster
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.command import Command
@@ -72,6 +71,8 @@ from serd_sim.world.waypoint import Waypoint
 from support.arrival_messages import from_arrival_message
 from support.observations import observation_at
 
+ODOMETRY = to_odometry(observation_at(1.0, 2.0, 0.3), (1.0, 2.0, 0.3))
+SCAN = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
 metres = st.floats(-1e3, 1e3, allow_nan=False)
 angles = st.floats(-3.1415, 3.1415)
 
@@ -126,6 +127,33 @@ def test_people_survive_in_single_precision(rows):
     assert np.array_equal(back.identity, people.identity)
 
 
+BROKEN = [
+    (from_pose_stamped, to_pose_stamped((1.0, 2.0, 0.3), 0.5), "pose.position.x", "position must"),
+    (
+        from_pose_stamped,
+        to_pose_stamped((1.0, 2.0, 0.3), 0.5),
+        "pose.orientation.z",
+        "unit quatern",
+    ),
+    (from_odometry, ODOMETRY, "pose.pose.position.y", "position must"),
+    (from_odometry, ODOMETRY, "pose.pose.orientation.w", "unit quaternion"),
+    (from_odometry, ODOMETRY, "twist.twist.linear.x", "twist must be finite and at most 1e.06"),
+    (from_odometry, ODOMETRY, "twist.twist.angular.z", "twist must be finite and at most 1e.06"),
+    (from_scan, SCAN, "range_min", "range_min and range_max must be finite"),
+    (from_scan, SCAN, "range_max", "range_min and range_max must be finite"),
+]
+
+
+@pytest.mark.parametrize(("convert", "sound", "field", "sentence"), BROKEN)
+def test_a_number_that_is_none_is_refused_by_its_field(convert, sound, field, sentence):
+    message = deepcopy(sound)
+    convert(message)
+    *parts, name = field.split(".")
+    setattr(reduce(getattr, parts, message), name, math.nan)
+    with pytest.raises(MessageError, match=f"{sentence}.*nan"):
+        convert(message)
+
+
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.1e6])
 def test_people_whose_place_or_velocity_is_no_number_are_refused_by_its_name(wrong):
     for column, name in enumerate(("x", "y", "vx", "vy")):
@@ -136,32 +164,12 @@ def test_people_whose_place_or_velocity_is_no_number_are_refused_by_its_name(wro
             from_people_message(message)
 
 
-@pytest.mark.parametrize("part", ["position.x", "position.y", "orientation.z", "orientation.w"])
-def test_a_pose_that_is_no_number_is_refused(part):
-    pose = to_pose_stamped((1.0, 2.0, 0.3), 0.5)
-    odometry = to_odometry(observation_at(1.0, 2.0, 0.3), (1.0, 2.0, 0.3))
-    for inner in (pose.pose, odometry.pose.pose):
-        group, name = part.split(".")
-        setattr(getattr(inner, group), name, math.nan)
-    with pytest.raises(MessageError, match=f"{group} must be .* got .*nan"):
-        from_pose_stamped(pose)
-    with pytest.raises(MessageError, match=f"{group} must be .* got .*nan"):
-        from_odometry(odometry)
-
-
-def test_speeds_that_are_no_numbers_are_refused():
-    for part, name in (("linear", "x"), ("angular", "z")):
-        odometry = to_odometry(observation_at(1.0, 2.0), (1.0, 2.0, 0.0))
-        setattr(getattr(odometry.twist.twist, part), name, math.nan)
-        with pytest.raises(MessageError, match=r"must be finite and at most 1e.06, got nan"):
-            from_odometry(odometry)
-
-
-def test_people_of_another_layout_are_refused_by_name():
-    message = to_people_message(People(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1)), 0.0)
-    message.fields = message.fields[:3]
-    with pytest.raises(NodeError, match="must have the fields x, y, z, vx, vy, id"):
-        from_people_message(message)
+@pytest.mark.parametrize("limits", [(0.0, 0.0), (20.0, 10.0), (-1.0, 10.0)])
+def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits):
+    message = deepcopy(SCAN)
+    message.range_min, message.range_max = limits
+    with pytest.raises(MessageError, match=r"range_max must be above range_min.*set both in the"):
+        scan_geometry_of(message)
 
 
 @given(x=metres, y=metres, yaw=angles, v=metres, w=metres, tick=st.integers(0, 10**7))
@@ -203,19 +211,6 @@ def test_parts_of_different_ticks_make_no_observation():
     time_ns, _, speeds = from_odometry(to_odometry(observation, observation.pose))
     assert inbox.take_speeds(time_ns, speeds) is None
     assert inbox.missing() == {"odom": pytest.approx(-0.05)}
-
-
-def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
-    inbox = ObservationInbox(0.05, needs_people=False)
-    observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4)
-    time_ns, _, speeds = from_odometry(to_odometry(observation, (5.0, 6.0, 0.7)))
-    assert inbox.take_speeds(time_ns, speeds) is None
-    message = to_waypoint_message(Waypoint(1.0, 2.0), 1.0)
-    message.pose = to_pose(observation.pose)
-    got = inbox.take_pose(*from_pose_stamped(message))
-    assert (got.pose, got.speed_mps, len(got.people_id)) == (observation.pose, 0.4, 0)
-    people = People(np.ones((1, 2)), np.ones((1, 2)), np.ones(1))
-    assert inbox.take_people(*from_people_message(to_people_message(people, 1.0))) is None
 
 
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
@@ -267,24 +262,6 @@ def test_a_scan_of_more_rays_than_any_lidar_has_is_rejected():
         from_scan(message, frame="")
 
 
-@pytest.mark.parametrize("limits", [{"range_min": math.nan}, {"range_max": math.inf}])
-def test_a_scan_whose_valid_ranges_are_unknown_is_rejected(limits):
-    message = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
-    for name, value in limits.items():
-        setattr(message, name, value)
-    with pytest.raises(MessageError, match="range_min and range_max must be finite"):
-        from_scan(message)
-
-
-@pytest.mark.parametrize("limits", [{"range_max": 0.0}, {"range_min": 20.0}, {"range_min": -1.0}])
-def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits):
-    message = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
-    for name, value in limits.items():
-        setattr(message, name, value)
-    with pytest.raises(MessageError, match=r"range_max must be above range_min.*set both in the"):
-        scan_geometry_of(message)
-
-
 def test_a_map_keeps_its_cells_row_by_row_from_the_south():
     cells = np.array([[0, 100, -1], [100, 0, 0]], dtype=np.int8)
     message = to_occupancy_grid(OccupancyRaster((1.0, -2.0), 0.05, cells), 0.0)
@@ -306,13 +283,6 @@ def test_diagnostics_carry_floats_exactly():
     assert values_of(message, "other") is None
 
 
-def test_the_start_of_an_episode_survives_as_json_and_other_text_is_rejected():
-    start = EpisodeStart(episode=7, seed=3, start_area="transfer", start_s=120.05)
-    assert yaml_model(start.model_dump_json(), EpisodeStart, name="reset") == start
-    with pytest.raises(FileError, match="reset: must hold keys and values"):
-        yaml_model("done", EpisodeStart, name="reset")
-
-
 def test_a_path_looks_along_its_legs():
     path = to_path(np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), 0.0)
     yaws = [from_pose(pose.pose)[2] for pose in path.poses]
@@ -327,6 +297,13 @@ def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
     assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
     (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
     assert values.colors[1].r < values.colors[0].r
+    (traps,) = to_trap_markers(centers, 1.0, 3.0).markers
+    assert [(point.x, point.y) for point in traps.points] == [(0.5, 0.5), (1.5, 0.5)]
+    (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
+    assert gone.action == Marker.DELETEALL
+    (words,) = to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
+    assert (words.pose.position.x, words.pose.position.y) == (2.5, 4.0)
+    assert words.text == "arrives in 31 s"
 
 
 def test_people_are_shown_with_where_they_will_be_in_a_second():
@@ -398,16 +375,3 @@ def test_the_goal_area_survives_in_single_precision_and_the_own_one_exactly():
     message = to_goal_area_message(other, 2.0)
     assert from_goal_area_message(message, own) == other
     assert message.header.frame_id == "map"
-
-
-def test_traps_are_one_list_of_cubes_and_none_takes_them_away():
-    shown = to_trap_markers(np.array([[0.5, 0.5], [1.5, 0.5]]), 1.0, 3.0).markers
-    assert [(point.x, point.y) for point in shown[0].points] == [(0.5, 0.5), (1.5, 0.5)]
-    (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
-    assert gone.action == Marker.DELETEALL
-
-
-def test_words_stand_above_their_place():
-    (marker,) = to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
-    assert (marker.pose.position.x, marker.pose.position.y) == (2.5, 4.0)
-    assert marker.text == "arrives in 31 s"

@@ -127,11 +127,6 @@ def test_a_wrong_name_gets_the_nearest_right_one(name, sentence):
         stack_parameters(find_stack("live"), {name: 1})
 
 
-def test_an_unknown_stack_gets_the_nearest_right_one():
-    with pytest.raises(NodeError, match="did you mean 'navigate'"):
-        find_stack("navigat")
-
-
 def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_domain():
     graph = load_graph()
     for name, stack in graph.stacks.items():

@@ -1,7 +1,5 @@
 """What each node does when the clock of its messages jumps forward, jumps backward or stands."""
 
-import os
-import pty
 from contextlib import contextmanager
 
 import pytest
@@ -13,7 +11,6 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
-from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
@@ -82,16 +79,6 @@ def test_people_in_scans_are_tracked_anew_in_a_new_session():
             assert len(tracker.identity) > 0
             assert tracker.identity.min() == 0
             assert tracker._time_s == time_s
-
-
-def test_the_planner_stands_while_the_clock_does_and_goes_on_with_it():
-    with node_in_process("local_planner", lockstep=False) as running:
-        feed(running, START, "waypoint")
-        assert speed(running) > 0.0
-        running.wait(10.0)
-        assert speed(running) == 0.0
-        feed(running, START + 0.05)
-        assert speed(running) > 0.0
 
 
 def episode(start_s):
@@ -177,30 +164,28 @@ def test_a_drive_begins_with_a_new_observation_where_the_last_one_is_old(save_mo
 
 
 @contextmanager
-def hand_driver(kind):
-    """A front end with a person who drives north, in an episode."""
-    master, terminal = pty.openpty()
-    parameters = {"port": 0} if kind == "teleop_page" else {"terminal": os.ttyname(terminal)}
-    try:
-        with node_in_process(kind, **parameters) as running:
-            node: HandDriverNode = running.node
-            node.attend = lambda: True
-            running.call_timers()
-            node.episodes.session.start()
-            node.episodes._starter.begin(episode(START))
-            node.choice.hold(None)
-            node.choice.hold(Action.NORTH)
-            feed(running, START)
-            assert running.sent["intent"].vector.y == 1.0
-            yield running
-    finally:
-        os.close(master)
-        os.close(terminal)
+def hand_driver():
+    """A page with a person who drives north, in an episode."""
+    with node_in_process("teleop_page", port=0) as running:
+        node = running.node
+        node.attend = lambda: True
+        running.call_timers()
+        node.episodes.session.start()
+        node.episodes._starter.begin(episode(START))
+        node.choice.hold(None)
+        node.choice.hold(Action.NORTH)
+        feed(running, START)
+        assert running.sent["intent"].vector.y == 1.0
+        yield running
 
 
-@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
-def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
-    with hand_driver(kind) as running:
+def tap(choice, action):
+    for held in (None, action, None):
+        choice.hold(held)
+
+
+def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode():
+    with hand_driver() as running:
         feed(running, START + 5.0)
         assert running.sent["intent"].vector.y == 0.0
         assert running.node.choice.upcoming is Action.WAIT
@@ -212,10 +197,9 @@ def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
         running.assert_alive()
 
 
-@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
 @pytest.mark.parametrize("silent", ["mux", "world"])
-def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent):
-    with hand_driver(kind) as running:
+def test_a_held_key_counts_anew_after_mux_or_world_were_silent(silent):
+    with hand_driver() as running:
         node = running.node
         for tick in range(1, 41):
             running.wait(0.05)
@@ -233,11 +217,8 @@ def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent):
         running.assert_alive()
 
 
-@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
-def test_a_tap_during_the_e_stop_drives_neither_before_the_mux_confirms_it_nor_after_its_release(
-    kind,
-):
-    with hand_driver(kind) as running:
+def test_a_tap_during_the_e_stop_drives_neither_before_the_mux_confirms_it_nor_after_its_release():
+    with hand_driver() as running:
         node, choice = running.node, running.node.choice
 
         def feed_until(before_s, after_s):
@@ -245,19 +226,18 @@ def test_a_tap_during_the_e_stop_drives_neither_before_the_mux_confirms_it_nor_a
                 feed(running, START + 0.25 * tick)
 
         node.set_e_stop(True)
-        choice.hold(None)
-        choice.tap(Action.NORTH)
+        tap(choice, Action.NORTH)
         feed_until(0.0, 2.0)
         assert running.sent["intent"].vector.y == 0.0
         running.receive("e_stop_engaged", Bool(data=True))
-        choice.tap(Action.NORTH)
+        tap(choice, Action.NORTH)
         node.set_e_stop(False)
         feed_until(2.0, 4.0)
         running.receive("e_stop_engaged", Bool(data=False))
         feed_until(4.0, 6.0)
         assert running.sent["intent"].vector.y == 0.0
         assert running.sent["driver_gone"].data
-        choice.tap(Action.NORTH)
+        tap(choice, Action.NORTH)
         feed_until(6.0, 8.0)
         assert running.sent["intent"].vector.y == 1.0
         running.assert_alive()
@@ -300,7 +280,7 @@ def test_a_tap_right_after_the_start_of_an_episode_is_its_first_decision():
         node.attend = lambda: True
         running.call_timers()
         node.episodes.session.start()
-        node.choice.tap(Action.NORTH)
+        tap(node.choice, Action.NORTH)
         for tick in range(10):
             feed(running, START + 0.5 * tick)
         assert running.published["intent"] == 0
@@ -316,14 +296,13 @@ def test_a_tap_right_after_the_start_of_an_episode_is_its_first_decision():
 
 
 def test_taps_count_again_after_the_stop_was_pressed_twice_and_released_by_another():
-    with hand_driver("teleop_page") as running:
+    with hand_driver() as running:
         node, choice = running.node, running.node.choice
         node.set_e_stop(True)
         running.receive("e_stop_engaged", Bool(data=True))
         node.set_e_stop(True)
         running.receive("e_stop_engaged", Bool(data=False))
-        choice.hold(None)
-        choice.tap(Action.NORTH)
+        tap(choice, Action.NORTH)
         for tick in range(1, 9):
             feed(running, START + 0.25 * tick)
         assert running.sent["intent"].vector.y == 1.0
@@ -338,57 +317,40 @@ PAGE_REQUESTS = {
     "release": EmergencyStop(type="e_stop", engaged=False),
     "lose the connection": Away(type="away"),
 }
-KEYS = {"hold": "\x1b[A", "let go": "", "discard": "d", "save": "s", "stop": " ", "release": "r"}
 
 
 @contextmanager
-def person_at(kind, monkeypatch):
-    """A front end in an episode, and a function by which its person acts for some beats."""
-    master, terminal = pty.openpty()
-    parameters = {"port": 0} if kind == "teleop_page" else {"terminal": os.ttyname(terminal)}
+def person_at_page(monkeypatch):
+    """A page in an episode, and a function by which its person acts for some beats."""
     requests, ticks = [], iter(range(1, 1000))
-    try:
-        with node_in_process(kind, **parameters) as running:
-            running.call_timers()
-            if kind == "teleop_page":
-                monkeypatch.setattr(
-                    running.node._server, "take", lambda: [requests.pop(0)] if requests else []
-                )
-            running.node.episodes.session.start()
-            running.node.episodes._starter.begin(episode(START))
+    with node_in_process("teleop_page", port=0) as running:
+        running.call_timers()
+        monkeypatch.setattr(
+            running.node._server, "take", lambda: [requests.pop(0)] if requests else []
+        )
+        running.node.episodes.session.start()
+        running.node.episodes._starter.begin(episode(START))
 
-            def act(deed, n_beats=1, planner="planner"):
-                for _ in range(n_beats):
-                    if kind == "teleop_page":
-                        requests.append(PAGE_REQUESTS[deed])
-                    else:
-                        os.write(master, KEYS[deed].encode())
-                    running.wait(0.05)
-                    running.call_timers()
-                    running.receive("diagnostics", mux_state(active=planner))
-                    feed(running, START + 0.05 * next(ticks))
-                return running.sent["intent"].vector.y if "intent" in running.sent else 0.0
+        def act(deed, n_beats=1, planner="planner"):
+            for _ in range(n_beats):
+                requests.append(PAGE_REQUESTS[deed])
+                running.wait(0.05)
+                running.call_timers()
+                running.receive("diagnostics", mux_state(active=planner))
+                feed(running, START + 0.05 * next(ticks))
+            return running.sent["intent"].vector.y if "intent" in running.sent else 0.0
 
-            yield running, act
-    finally:
-        os.close(master)
-        os.close(terminal)
+        yield running, act
 
 
 @pytest.mark.parametrize(
-    ("kind", "event"),
-    [
-        (kind, event)
-        for kind in ("teleop_page", "teleop_keyboard")
-        for event in ("e-stop", "discard", "save", "planner restarts", "lose the connection")
-        if kind == "teleop_page" or event in (*KEYS, "e-stop", "planner restarts")
-    ],
+    "event", ["e-stop", "discard", "save", "planner restarts", "lose the connection"]
 )
 def test_a_key_that_is_held_all_the_time_drives_again_only_when_it_is_pressed_anew(
-    kind, event, monkeypatch
+    event, monkeypatch
 ):
     period = 45
-    with person_at(kind, monkeypatch) as (running, act):
+    with person_at_page(monkeypatch) as (running, act):
         act("let go", 16)
         assert act("hold", period) == 1.0
         if event == "e-stop":
@@ -416,9 +378,8 @@ def mux_state(**values):
     return to_diagnostics("teleop_mux", START, values)
 
 
-@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
-def test_a_front_end_begins_a_new_session_after_a_jump_backward(kind):
-    with hand_driver(kind) as running:
+def test_a_front_end_begins_a_new_session_after_a_jump_backward():
+    with hand_driver() as running:
         running.receive("episode", valid_message("episode", START))
         assert running.node.episodes.other_driver
         feed(running, 10.0)
@@ -491,13 +452,6 @@ def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(late
         assert command_at(later_s + 0.05, *inputs[:3]) == 0.0
         assert command_at(later_s + 0.1, *inputs) == pytest.approx(0.4)
         running.assert_alive()
-
-
-def test_a_joystick_drives_whatever_the_stamps_of_its_messages():
-    with node_in_process("teleop_joy") as running:
-        for number, time_s in enumerate((START, START + 1e6, 0.0), start=1):
-            running.receive("joy", valid_message("joy", time_s))
-            assert running.published["cmd_vel_joy"] == number
 
 
 def test_the_learner_divides_messages_into_sessions_where_the_clock_falls_back(tmp_path):

@@ -1,7 +1,5 @@
 """Every parameter of every node is described, and can be set while the node runs or is refused."""
 
-import os
-import pty
 import re
 
 import pytest
@@ -26,18 +24,14 @@ def given(tmp_path, save_model_of, messages):
         kind = message_type(POSE)
         writer.add_topic("/robot_pose", kind)
         writer.write("/robot_pose", messages.pose(1.0, 2.0, 3.0), 10**9)
-    master, slave = pty.openpty()
-    yield {
+    return {
         "strategy": {"model": str(save_model_of())},
         "learner": {"output": str(tmp_path / "learned.yaml")},
         "demo_recorder": {"output": str(tmp_path / "bag")},
         "bag_replay": {"bag": str(tmp_path / "played"), "paused": True},
-        "teleop_keyboard": {"terminal": os.ttyname(slave)},
         "teleop_page": {"port": 0},
         "hallway_sim": {"people": 0},
     }
-    os.close(master)
-    os.close(slave)
 
 
 def other_value(parameter):
@@ -122,8 +116,3 @@ def test_a_goal_that_is_set_beside_a_wrong_model_changes_nothing(given):
         refused = node.set_parameters_atomically(wanted)
         assert refused.reason == "set goal and model one after the other"
         assert node._navigator.strategy.scenario.goal_area_m == before
-
-
-def test_the_strategy_plans_for_the_people_of_the_run(given):
-    with node_in_process("strategy", **given["strategy"], people=90) as running:
-        assert running.node.scenario.pedestrians.count == 90

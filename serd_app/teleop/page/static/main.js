@@ -4,7 +4,6 @@ import { Controls } from "./controls.js";
 import { Link } from "./link.js";
 import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
-import { Replay } from "./replay.js";
 import { View } from "./view.js";
 
 const panel = new Panel();
@@ -15,7 +14,6 @@ let state = null;
 let lastNumber = null;
 let frame = 0;
 let controls = null; // none on a page that only watches
-let replay = null;
 
 const handlers = {
   hello: (message) => { ownPage = message.page; },
@@ -23,7 +21,7 @@ const handlers = {
     overlay.take(null);
     view.setScene(message);
     document.getElementById("scene-name").textContent = message.name;
-    if (message.watch) watch(message);
+    if (message.watch) watch();
     else controls ??= new Controls({ link, actions, pad: document.getElementById("pad") });
   },
   overlay: (message) => overlay.take(message),
@@ -43,14 +41,12 @@ function showState() {
   frame = 0;
   view.draw();
   panel.show(state, { drives: state.page === ownPage, held: controls?.held ?? [] });
-  if (state.replay) replay?.show(state.replay);
   panel.showGamepad(controls?.gamepadName);
 }
 
-function watch(scene) {
+function watch() {
   document.body.classList.add("watching");
   document.title = "SERD · watch";
-  if (scene.replay) replay = new Replay(link, scene.replay);
 }
 
 const link = new Link({

@@ -15,7 +15,7 @@ from selenium.webdriver.common.keys import Keys
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
 from serd_app.teleop.page.access import PageAccess
-from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold, Replay
+from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
 from serd_sim.scenario.grid import grid_of
@@ -126,12 +126,9 @@ def shown(browser):
 
 
 @pytest.fixture
-def replayed(browser):
-    replay = {"duration_s": 600.0, "episodes": [[0.0, 90.0, "arrived"], [100.0, 200.0, "timeout"]]}
-    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY), replay)
-    shown = {"at_s": 65.0, "rate": 1.0, "playing": True}
-    with opened(browser, scene, STATE | {"replay": shown, "recorder": None}) as page:
-        wait_until(lambda: page.text("shown-time") == "1:05 / 10:00")
+def watched(browser):
+    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY))
+    with opened(browser, scene, STATE | {"recorder": None}) as page:
         yield page
 
 
@@ -161,26 +158,21 @@ def keep_picture(browser, name):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(("width", "height"), DEVICES)
-def test_axe_finds_no_violation_on_the_page_of_a_recording(replayed, scheme, width, height):
-    browser = replayed.browser
+def test_axe_finds_no_violation_on_the_page_that_watches(watched, scheme, width, height):
+    browser = watched.browser
     view(browser, width=width, height=height, scheme=scheme)
     keep_picture(browser, f"watch_{scheme}_{width}")
     assert violations(browser) == []
-    for name in ("play", "time", "rate"):
-        assert browser.find_element(By.ID, name).size["height"] >= 44
     for name in ("start", "pad", "stop"):
         assert not browser.find_element(By.ID, name).is_displayed()
 
 
-def test_the_page_of_a_recording_requests_times_and_drives_nothing_by_any_key(replayed):
+def test_the_page_that_watches_requests_nothing_by_any_key(watched):
     for key in ("s", "d", "r", "m", "g", Keys.ENTER, Keys.ARROW_UP, " "):
-        replayed.press(key)
-    requested = replayed.until_requested(Replay(type="replay", playing=False))
-    replayed.browser.find_element(By.ID, "time").send_keys(Keys.ARROW_RIGHT)
-    requested += replayed.until_requested(Replay(type="replay", at_s=65.1))
-    replayed.browser.find_element(By.ID, "rate").send_keys("8")
-    requested += replayed.until_requested(Replay(type="replay", rate=8.0))
-    assert {type(each) for each in requested} == {Replay}
+        watched.press(key)
+    watched.show(episode=STATE["episode"] | {"number": 4})
+    wait_until(lambda: watched.text("phase") == "episode 4")
+    assert watched.server.take() == []
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -331,17 +323,3 @@ def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
     assert not learned.browser.find_element(By.ID, "layer").is_displayed()
     wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
     assert not [each for each in learned.server.take() if isinstance(each, Episode)]
-
-
-def test_tab_goes_through_the_layers_before_the_panel(learned):
-    for name in ("", "policy", "arrival", "dynamics"):
-        learned.press(Keys.TAB)
-        active = learned.browser.switch_to.active_element
-        assert active.get_attribute("data-layer") == name
-
-
-def test_a_newer_model_replaces_the_chosen_layer(learned, layers):
-    layer_button(learned, "dynamics").click()
-    newer = layers | {"dynamics": layers["dynamics"] | {"note": "all moves: with flow 12 %"}}
-    learned.server.show_overlay(newer)
-    wait_until(lambda: learned.text("layer-note") == "all moves: with flow 12 %")

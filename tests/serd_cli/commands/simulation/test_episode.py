@@ -55,13 +55,6 @@ def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_pa
     assert not list((tmp_path / "here").iterdir())
 
 
-def test_a_movie_that_cannot_be_written_gets_a_sentence(serd, tmp_path):
-    (tmp_path / "here" / "e.gif").mkdir()
-    ended = serd(*SMALL, "--output", "e.gif", "--speed", "100")
-    assert ended.code == 2
-    assert "cannot write e.gif: it is a folder" in ended.err
-
-
 def test_a_picture_below_a_file_is_refused_before_anything_drives(serd, tmp_path):
     (tmp_path / "here" / "afile").touch()
     ended = serd("episode", "render", "hallway", "--output", "afile/x.png")

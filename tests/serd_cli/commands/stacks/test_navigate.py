@@ -140,17 +140,6 @@ def test_it_drives_among_as_many_people_as_asked_for_and_says_so(serd, save_mode
     assert serd("navigate", *words, "--people", "0").code == 2
 
 
-def test_a_file_in_the_place_of_the_folder_gets_a_sentence(serd, save_model_of, tmp_path):
-    file = tmp_path / "decisions.csv"
-    file.touch()
-    path = save_model_of()
-    for place, message in ((file, "a file of this name is in the way"),
-                        (file / "new", "a part of the path is a file, not a folder")):  # fmt: skip
-        done = serd("navigate", path, "--output", place)
-        assert done.code == 2
-        assert f"cannot write {place}: {message}" in " ".join(done.err.split())
-
-
 def row(episode, time_s, reason=""):
     arrived = np.isfinite(time_s)
     return EpisodeResult(

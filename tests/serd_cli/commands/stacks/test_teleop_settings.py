@@ -1,10 +1,6 @@
 """What `serd teleop` makes of its options, what it shows, and what it counts."""
 
-import io
-import os
-import pty
 import socket
-import termios
 
 import pytest
 
@@ -14,13 +10,13 @@ from serd_cli.commands.stacks.teleop import (
     SessionSummary,
     TeleopSettings,
     driver_lines,
-    require_a_way_to_drive,
-    restored_terminal,
+    require_page,
     summarise_session,
 )
 from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from serd_cli.processes.node_commands import stack_processes
+from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, report_address
 
 
@@ -33,34 +29,24 @@ def settings(**changes):
         "address": "127.0.0.1",
         "port": 0,
         "token_file": "",
-        "page": True,
-        "keyboard": False,
         "velocity": False,
         "driver": "",
     }
     return TeleopSettings(**{**values, **changes})
 
 
-def test_the_stack_has_the_ways_to_drive_that_are_wanted():
-    assert "teleop_page" in settings().stack().nodes
-    assert "teleop_keyboard" not in settings().stack().nodes
-    alone = settings(page=False, keyboard=True).stack().nodes
-    assert "teleop_keyboard" in alone
-    assert "teleop_page" not in alone
-    assert {"hallway_sim", "local_planner", "teleop_mux", "demo_recorder"} <= set(alone)
-
-
 def test_options_become_parameters_of_the_nodes(tmp_path, ros_env):
+    stack, bag = find_stack("teleop"), tmp_path / "bag"
     chosen = settings(velocity=True, driver="anna", people=5, port=9000)
     commands = {
         process.name: " ".join(process.command)
-        for process in stack_processes(chosen.stack(), chosen.parameters(tmp_path / "bag"), ros_env)
+        for process in stack_processes(stack, chosen.parameters(bag), ros_env)
     }
     assert "mode:='velocity'" in commands["teleop_page"]
     assert "driver:='anna'" in commands["teleop_page"]
     assert "port:=9000" in commands["teleop_page"]
     assert "people:=5" in commands["hallway_sim"]
-    assert f"output:='{tmp_path / 'bag'}'" in commands["demo_recorder"]
+    assert f"output:='{bag}'" in commands["demo_recorder"]
     assert "-r cmd_vel_raw:=cmd_vel_planner" in commands["local_planner"]
 
 
@@ -70,21 +56,15 @@ def test_a_port_in_use_is_refused_before_anything_starts():
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=f"port {port}: .*; choose another with --port"):
-            require_a_way_to_drive(settings(port=port))
+            require_page(settings(port=port))
 
 
 def test_any_address_but_loopback_needs_a_token_file(tmp_path):
     with pytest.raises(TeleopError, match="unless a token is given"):
-        require_a_way_to_drive(settings(address="0.0.0.0"))
+        require_page(settings(address="0.0.0.0"))
     token = tmp_path / "token"
     token.write_text("a-long-random-token\n")
-    require_a_way_to_drive(settings(address="0.0.0.0", token_file=str(token)))
-
-
-def test_the_keyboard_needs_a_terminal(monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO())
-    with pytest.raises(UsageError, match="needs a terminal as standard input"):
-        require_a_way_to_drive(settings(page=False, keyboard=True))
+    require_page(settings(address="0.0.0.0", token_file=str(token)))
 
 
 def test_every_run_gets_a_folder_of_its_own(tmp_path):
@@ -100,7 +80,7 @@ def test_every_run_gets_a_folder_of_its_own(tmp_path):
         free_folder(link, "session")
 
 
-def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
+def test_the_driver_sees_its_own_lines_and_everything_goes_into_the_log(
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setenv(VARIABLE, "1")
@@ -109,7 +89,6 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
         report_address("http://127.0.0.1:9/", print)
         take("teleop_page", capsys.readouterr().err.strip())
         take("teleop_page", prefix + "episode 1 arrived")
-        take("teleop_keyboard", "episode 1 arrived")
         take("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
         take("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
         take("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
@@ -121,19 +100,7 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
     assert "E-STOP engaged" in printed
     assert "Exception" not in printed
     assert "x.py" not in printed
-    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 7
-
-
-def test_the_terminal_is_put_back_even_when_a_killed_node_could_not():
-    person, device = pty.openpty()
-    before = termios.tcgetattr(device)
-    with os.fdopen(device, "r") as stream:
-        with restored_terminal(stream):
-            changed = termios.tcgetattr(device)
-            changed[3] &= ~termios.ECHO
-            termios.tcsetattr(device, termios.TCSANOW, changed)
-        assert termios.tcgetattr(device) == before
-    os.close(person)
+    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 6
 
 
 def test_the_summary_counts_kept_and_discarded_episodes(tmp_path):

@@ -35,9 +35,9 @@ def test_a_wrong_name_exits_with_2_and_a_suggestion(in_domain, arguments, senten
     [
         (("--scenario", "hallwy"), "did you mean 'hallway'?"),
         (("--address", "0.0.0.0"), "unless a token is given"),
-        (("--no-page",), "needs a terminal as standard input"),
+        (("--no-page",), "the page of serd teleop has the keys"),
         (("--token-file", "nowhere"), "nowhere"),
-        (("--keybord",), "--keyboard"),
+        (("--velocty",), "--velocity"),
     ],
 )
 def test_what_teleop_cannot_do_exits_with_2_and_makes_no_folder(

@@ -1,16 +1,39 @@
-"""bag_replay: the keys that change its rate."""
+"""bag_replay is steered by services and by its rate."""
 
 import pytest
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
 
-from serd_app.teleop.replay_keys import ReplayKey
-from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE
+from serd_ros.convert.stamp import stamp_s
 from support.nodes_in_process import node_in_process
 
 
-@pytest.mark.parametrize(
-    ("key", "last"), [(ReplayKey.FASTER, FASTEST_RATE), (ReplayKey.SLOWER, SLOWEST_RATE)]
-)
-def test_the_keys_change_the_rate_within_its_range(small_bag, key, last):
-    with node_in_process("bag_replay", bag=str(small_bag()), paused=True) as running:
-        running.node._apply([key] * 2000)
-        assert running.node._rate == last
+def test_a_step_publishes_the_next_message_of_a_replay_that_is_paused(small_bag):
+    with node_in_process("bag_replay", bag=str(small_bag()), wait_s=0.0, paused=True) as running:
+        before = running.published.total()
+        assert running.call("step", None).success
+        assert running.published.total() == before + 1
+        running.call("pause", SetBool.Request(data=False))
+        refused = running.call("step", None)
+        assert (refused.success, "must be paused" in refused.message) == (False, True)
+        assert running.published.total() == before + 1
+
+
+def test_the_rate_changes_from_now_on_and_stays_within_its_range(small_bag):
+    with node_in_process("bag_replay", bag=str(small_bag()), wait_s=0.0) as running:
+
+        def set_rate(value):
+            return running.node.set_parameters_atomically([Parameter("rate", value=value)])
+
+        def bag_time_s():
+            running.call_timers()
+            return stamp_s(running.sent["clock"].clock)
+
+        first_s = bag_time_s()
+        running.wait(0.1)
+        assert bag_time_s() == pytest.approx(first_s + 0.1)
+        assert set_rate(4.0).successful
+        running.wait(0.1)
+        assert bag_time_s() == pytest.approx(first_s + 0.5)
+        assert not set_rate(-1.0).successful
+        assert not set_rate(1e7).successful
