@@ -138,10 +138,6 @@ def mappings_in(error):
         (petrack(""), "has frames in the column frame and does not state how many there are per"),
         (stamped("when,who,east,north", float), "time and x and y are not among when, who, east,"),
         (named("id,rosbag_time,x,y", ","), "time is not among id, rosbag_time, x, y; name the col"),
-        (
-            stamped("Zeit,Nr,X-Ort,Y-Ort", float),
-            "time and x and y are not among Zeit, Nr, X-Ort, Y-Ort",
-        ),
         (named("who,t,x,y", ","), "is in two places at time 0, in row 1 and row 2, as do 1"),
         (
             stamped("0.0,1,0,1", float),
@@ -155,10 +151,6 @@ def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, t
     with pytest.raises(FileError, match=sentence) as raised:
         read_trajectories(path)
     (advised,) = mappings_in(raised.value)
-    if "Zeit" in text:  # the ids are asked for next
-        with pytest.raises(FileError, match=r"name the column of ids in a .*: \{agent: Nr\}"):
-            read_trajectories(path, advised)
-        advised = advised.model_copy(update={"agent": "Nr"})
     first, second = read_trajectories(path, advised).tracks
     np.testing.assert_allclose(second.position_m[:, 0], 3.0)
     np.testing.assert_allclose(first.position_m[:, 1], 1.0)
