@@ -12,8 +12,7 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
 
-from serd_app.drives.episode_mark import END, START
-from serd_app.drives.episode_spans import marks_of
+from serd_app.drives.episode_spans import END, START, marks_of
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
 from serd_app.teleop.page.requests import PageRequest, Replay

@@ -9,10 +9,10 @@ import numpy as np
 
 from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
+from serd_app.errors import ReportError
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
-from serd_app.report.errors import ReportError
 from serd_core.arrays import FloatArray, float_array, require_index
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
 
-from serd_app.drives.episode_mark import START, EpisodeMark
+from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_app.teleop.page.view import point, world_state
 from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Action, Grid

@@ -11,8 +11,7 @@ from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.learned_traps import learned_traps
-from serd_app.learning.outcome import fit_of_file, outcome_files, save_outcome
+from serd_app.learning.outcome import fit_of_file, learned_traps, outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from serd_app.errors import ReportError
 from serd_app.report import style
-from serd_app.report.errors import ReportError
 from serd_app.report.style import Look, new_figure
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray, float_array

@@ -15,7 +15,7 @@ from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from serd_app.teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
+from serd_app.teleop.terminal import RATE_FACTORS, ReplayKey, ReplayKeys
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.playback import Excerpt, Playback, UntilDamage

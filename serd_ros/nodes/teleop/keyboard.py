@@ -3,7 +3,7 @@
 import math
 import sys
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.keyboard import (
     HELP,
     KEY_COMMANDS,

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.episode_mark import EpisodeMark
-from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from serd_bag.errors import BagError
 
 GAP_S = 0.5

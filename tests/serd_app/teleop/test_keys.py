@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.keyboard import KeyPresses, VelocityKeys
 from serd_app.teleop.terminal import KeyNames, RawTerminal
 from serd_sim.world.command import STOP, Command

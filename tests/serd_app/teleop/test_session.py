@@ -2,7 +2,7 @@
 
 import pytest
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.session import DISCARDED, END, SAVED, START, EpisodeTally, Session
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import Marker
 
-from serd_app.drives.episode_mark import EpisodeMark
+from serd_app.drives.episode_spans import EpisodeMark
 from serd_bag.errors import FileError
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action

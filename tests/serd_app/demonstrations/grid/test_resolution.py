@@ -6,7 +6,7 @@ import pytest
 from serd_app.demonstrations.grid.resolution import MOST_FAR, fitting_cell_size_m, resolution_advice
 from serd_app.drives.episode_spans import RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.report.figures.resolution import draw_resolution
+from serd_app.report.figures.charts import draw_resolution
 from serd_app.report.style import png_bytes
 
 

@@ -245,7 +245,7 @@ def test_the_mapping_that_a_table_of_two_candidates_asks_for_is_right(serd, tmp_
     words = ("--cell-size-m", "0.8", "--period-s", "1", "--output", table)
     refused = serd("demos", file, *words)
     assert refused.code == 2
-    assert "it has robot_x, robot_y and ego_x, ego_y, whose values differ" in refused.err
+    assert "it has robot_x, robot_y and ego_x, ego_y; write one of them" in refused.err
     mapping.write_text(refused.err.split("--mapping file: ")[1].split(" or ")[0])
     ended = serd("demos", file, *words, "--mapping", mapping)
     assert ended.code == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from serd_app.teleop.replay_keys import ReplayKey
+from serd_app.teleop.terminal import ReplayKey
 from serd_ros.graph.configs import FASTEST_RATE, SLOWEST_RATE
 from support.nodes_in_process import node_in_process
 
