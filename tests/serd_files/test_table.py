@@ -14,7 +14,6 @@ from serd_files.table import (
     OptionalFloat,
     append_row,
     columns_of,
-    csv_text,
     read_rows,
     read_table,
     write_table,
@@ -98,12 +97,6 @@ def test_appended_rows_are_those_of_a_table_written_at_once(tmp_path):
     assert b"0.30000000000000004" in written
 
 
-def test_text_is_written_as_floats_repr_and_empty_cells():
-    assert csv_text(["a", "b"], [(None, 1 / 3), ("x,y", 2)]) == (
-        'a,b\n,0.3333333333333333\n"x,y",2\n'
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -176,8 +169,3 @@ def test_a_row_that_could_not_be_read_is_not_written(tmp_path, column, value, se
     with pytest.raises(FileError, match=sentence):
         append_row(tmp_path / "growing.csv", COLUMNS, row)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_row_of_too_few_values_is_not_written(tmp_path):
-    with pytest.raises(FileError, match="line 2 must have 5 columns, got 1"):
-        write_table(tmp_path / "drives.csv", COLUMNS, [[1]])

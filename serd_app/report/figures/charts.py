@@ -12,33 +12,26 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from serd_app.demonstrations.grid.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
-from serd_app.errors import ReportError
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_app.report import style
 from serd_app.report.figures.map_axes import colour_bar
 from serd_app.report.style import Look, new_figure
 from serd_app.report.words import in_words, percent
 from serd_bag.quantities import counted
-from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.grid import Outcome
 
 
 def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> Figure:
     """One horizontal bar per feature, its value written at its end; first feature on top."""
-    weights = float_array("reward_weights", reward_weights, (None,))
-    if len(weights) != len(feature_names):
-        raise ReportError(
-            f"reward_weights must have one value per feature ({len(feature_names)}), "
-            f"got {len(weights)}; pass the names the weights were learned with"
-        )
     with style.report_style():
-        figure = new_figure(5.6, 0.7 + 0.5 * len(weights))
+        figure = new_figure(5.6, 0.7 + 0.5 * len(reward_weights))
         axes = figure.subplots()
-        rows = np.arange(len(weights))
-        colours = [style.BLUE if w >= 0 else style.RED for w in weights]
-        bars = axes.barh(rows, weights, height=0.6, color=colours)
-        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights]
+        rows = np.arange(len(reward_weights))
+        colours = [style.BLUE if w >= 0 else style.RED for w in reward_weights]
+        bars = axes.barh(rows, reward_weights, height=0.6, color=colours)
+        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in reward_weights]
         axes.bar_label(bars, labels=labels, padding=4, fontsize=8.5)
         axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
         axes.invert_yaxis()
@@ -67,17 +60,14 @@ def draw_outcomes(
 
     knowledge: the posterior, whose intervals and sources are drawn; None for none.
     """
-    shape = (len(model_names), len(OUTCOME_LABELS))
-    before = float_array("initial outcome probabilities", initial, shape)
-    after = float_array("learned outcome probabilities", learned, shape)
     with style.report_style():
         figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
         panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
         for i, axes in enumerate(panels):
             rows = () if knowledge is None else knowledge.by_model[model_names[i]]
-            tops = [row.upper for row in rows] or after[i]
+            tops = [row.upper for row in rows] or learned[i]
             only_prior = bool(rows) and rows[0].known_from == PRIOR_ONLY
-            _draw_model(axes, before[i], after[i], tops, only_prior=only_prior)
+            _draw_model(axes, initial[i], learned[i], tops, only_prior=only_prior)
             decided = counted(int(decisions_per_model[i]), "decision")
             if rows:
                 _draw_intervals(axes, rows)
@@ -148,8 +138,6 @@ def _draw_model(
 
 def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
     """trace (n_steps,): log posterior after each step; the last point is the fit."""
-    if not len(trace):
-        raise ReportError("objective_trace must have at least one step, got none; run the fit")
     with style.report_style():
         figure = new_figure(5.6, 2.9)
         axes = figure.subplots()

@@ -25,27 +25,6 @@ def running():
     return session
 
 
-def test_before_the_first_start_there_is_no_episode():
-    session = Session(SCENARIO, timeout_s=10.0)
-    assert (session.phase, session.outcome, session.duration_s) == ("idle", "", 0.0)
-    assert not session.timed_out
-    assert not session.is_starting
-    assert session.observe(seen(60)) == ()
-    for end in (session.save, session.discard):
-        with pytest.raises(TeleopError, match=r"no episode to (save|discard); start one"):
-            end()
-
-
-def test_an_episode_is_starting_until_its_first_observation():
-    session = Session(SCENARIO, timeout_s=10.0)
-    session.start()
-    assert session.is_starting
-    session.world_reset(5.0)
-    assert session.is_starting
-    session.observe(seen(100))
-    assert not session.is_starting
-
-
 def test_an_observation_that_is_early_by_the_rounding_of_a_clock_starts_the_episode():
     for early_s, n_events in ((1e-6, 1), (1.1e-6, 0)):
         session = Session(SCENARIO, timeout_s=10.0)
@@ -143,11 +122,3 @@ def test_the_tally_counts_each_episode_by_its_last_end_mark():
     assert tally.running is None
     assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)
     assert str(tally) == "1 kept (0 arrived), 1 discarded"
-
-
-def test_taking_an_episode_back_does_not_end_the_one_that_runs():
-    tally = EpisodeTally()
-    tally.add(END, 1, "me", "arrived")
-    tally.add(START, 2, "you", "")
-    tally.add(END, 1, "me", DISCARDED)
-    assert tally.running.number == 2

@@ -9,7 +9,6 @@ import pytest
 from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.table_drives import drives_of_table
 from serd_bag.errors import FileError
-from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
 
@@ -75,12 +74,6 @@ def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_p
         f"person {number + 1}" for number in range(n_people)
     ]
     assert any(f"robot demonstrates among {n_people} people" in each for each in found.assumed)
-
-
-def test_numbered_x_and_y_beside_those_of_the_robot_are_of_people(tmp_path):
-    """The second layout of NavWareSet, with columns of people who are not there."""
-    table = wide(people=[("x1", "y1"), ("x2", "y2"), ("x3", "y3")]).assign(x4=np.nan, y4=np.nan)
-    assert_robot_among_people(drives(tmp_path, table), 3)
 
 
 @pytest.mark.parametrize(
@@ -196,14 +189,6 @@ def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_d
     assert found.assumed[0].startswith("columns ego_x, ego_y are not used")
 
 
-def test_rows_that_repeat_the_place_of_an_agent_are_of_one_agent(tmp_path):
-    table = rows_of_people(PEOPLE).rename(columns={"robot_x": "spot_x", "robot_y": "spot_y"})
-    found = drives(tmp_path, table, "{x: spot_x, y: spot_y}")
-    (drive,) = found.drives
-    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-    assert found.assumed[0].startswith("columns x, y are not used")
-
-
 def test_the_robot_in_a_table_of_people_is_no_person(tmp_path):
     rows_of_people(PEOPLE[:2]).to_csv(tmp_path / "people.csv", index=False)
     found = drives(tmp_path, wide(), "people: people.csv")
@@ -239,10 +224,3 @@ def test_a_time_is_preferred_to_frames(tmp_path):
     table = wide().assign(frame=np.arange(N_STEPS))[["frame", "timestamp", "robot_x", "robot_y"]]
     (track,) = read(tmp_path, table).tracks
     np.testing.assert_allclose(np.diff(track.time_s), 0.1, rtol=1e-5)
-
-
-def test_the_mapping_of_a_table_of_one_agent_is_as_before(tmp_path):
-    wanted = TableColumns(x="4", y="5", time="1", agent="", time_unit="ns", unit="m")
-    table = wide(("x", "y"), [("pos_x", "pos_y")])
-    (track,) = read(tmp_path, table, wanted).tracks
-    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-9)

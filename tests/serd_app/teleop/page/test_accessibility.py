@@ -331,17 +331,3 @@ def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
     assert not learned.browser.find_element(By.ID, "layer").is_displayed()
     wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
     assert not [each for each in learned.server.take() if isinstance(each, Episode)]
-
-
-def test_tab_goes_through_the_layers_before_the_panel(learned):
-    for name in ("", "policy", "arrival", "dynamics"):
-        learned.press(Keys.TAB)
-        active = learned.browser.switch_to.active_element
-        assert active.get_attribute("data-layer") == name
-
-
-def test_a_newer_model_replaces_the_chosen_layer(learned, layers):
-    layer_button(learned, "dynamics").click()
-    newer = layers | {"dynamics": layers["dynamics"] | {"note": "all moves: with flow 12 %"}}
-    learned.server.show_overlay(newer)
-    wait_until(lambda: learned.text("layer-note") == "all moves: with flow 12 %")

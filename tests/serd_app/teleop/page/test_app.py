@@ -11,7 +11,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.hub import Hub
-from serd_app.teleop.page.requests import Away, EmergencyStop, Hold
+from serd_app.teleop.page.requests import Away, Hold
 from serd_app.teleop.page.server import PageServer, make_app
 
 TOKEN = "a-long-random-token"
@@ -83,14 +83,6 @@ def test_a_foreign_origin_cannot_connect(origin):
     with_client(LOCAL, use)
 
 
-def test_without_an_origin_nothing_connects():
-    async def use(client, _):
-        with pytest.raises(WSServerHandshakeError):
-            await client.ws_connect("/socket")
-
-    with_client(LOCAL, use)
-
-
 def test_with_a_token_everything_is_closed_until_it_is_given_and_it_leaves_the_address_bar():
     async def use(client, _):
         for path in ("/", "/main.js", "/?token=wrong-wrong-wrong", "/socket"):
@@ -131,26 +123,6 @@ def test_a_message_that_is_too_large_ends_the_connection():
     with_client(LOCAL, use)
 
 
-def test_one_page_drives_and_the_other_may_only_stop_the_robot():
-    async def use(client, hub):
-        first, second = await connect(client), await connect(client)
-        await first.send_json(NORTH)
-        await until(lambda: hub.driving == 1)
-        await second.send_json({"type": "hold", "direction": "south"})
-        await second.send_json({"type": "episode", "do": "start"})
-        assert "another page is driving" in (await next_of(second, "notice"))["text"]
-        await second.send_json({"type": "e_stop", "engaged": True})
-        await until(lambda: hub.requests.qsize() == 2)
-        assert requests_of(hub) == [
-            Hold(type="hold", direction="north"),
-            EmergencyStop(type="e_stop", engaged=True),
-        ]
-        await second.send_json({"type": "e_stop", "engaged": False})
-        assert "another page is driving" in (await next_of(second, "notice"))["text"]
-
-    with_client(LOCAL, use)
-
-
 def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
     async def use(client, hub):
         first, second = await connect(client), await connect(client)
@@ -185,21 +157,6 @@ def test_the_server_takes_a_free_port_and_ends_with_its_connections():
     server.close()
     with socket.socket() as again:
         assert again.connect_ex(("127.0.0.1", server.port)) != 0
-
-
-def test_layers_go_to_the_open_pages_and_those_of_the_newest_model_to_later_ones():
-    async def use(client, hub):
-        early = await connect(client)
-        await next_of(early, "scene")
-        for number in (1, 2):
-            hub.send_overlay(json.dumps({"type": "overlay", "number": number}))
-            assert (await next_of(early, "overlay"))["number"] == number
-        late = await connect(client)
-        kinds = [await late.receive_json() for _ in range(3)]
-        assert [each["type"] for each in kinds] == ["hello", "scene", "overlay"]
-        assert kinds[-1]["number"] == 2
-
-    with_client(LOCAL, use)
 
 
 @pytest.mark.parametrize("lines", ["Bad Header: x", "Content-Length: -1", "Transfer-Encoding: no"])
