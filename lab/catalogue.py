@@ -94,7 +94,7 @@ BENCHMARKS = {
         ("learning", "solvers", "the automatic choice of the linear solver against each by hand"),
         ("recordings", "bag_faults", "what each fault of a recording costs"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
-        ("recordings", "compliance", "serd compare on robots that keep to a side or do not"),
+        ("recordings", "compliance", "how usual robots are that keep to a side or do not"),
         ("recordings", "receipt_times", "log times of a recorder against the wall clock"),
         ("recordings", "sources", "recordings of 16 sources, by the commands typed first"),
         ("", "speed_figure", "the figure of the speed comparisons, from their results"),

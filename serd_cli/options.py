@@ -1,7 +1,9 @@
-"""Command options made from settings, with their default, help and range, and shared options."""
+"""Command options made from settings, shared options, and checks of output paths."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from itertools import count
+from os.path import lexists
 from pathlib import Path
 from types import GenericAlias
 from typing import Annotated, Any, TypeVar, get_args, get_origin
@@ -9,7 +11,9 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 import typer
 from pydantic import BaseModel, ValidationError
 
+from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
+from serd_files.files import shared_file
 from serd_files.settings import settings_of
 from serd_files.yaml_config import sentence_of
 from serd_sim.episodes.execution import BACKENDS, Execution
@@ -106,3 +110,34 @@ def validated(model: type[Model], /, **values: Any) -> Model:
 def resolved_scenario(name: str) -> str:
     """The name of a built-in scenario, or the absolute path of a scenario file."""
     return str(Path(name).resolve()) if Path(name).is_file() else name
+
+
+def require_suffix(output: Path, *suffixes: str) -> None:
+    """UsageError where --output has none of the suffixes, in letters of either case."""
+    if output.suffix.lower() not in suffixes:
+        raise UsageError(
+            f"--output must end in {', '.join(suffixes)}, got {output}; name a {suffixes[0]} file"
+        )
+
+
+def free_folder(output: Path, name: str) -> Path:
+    """Make the next free folder `name-N` below `output`; nothing is ever overwritten."""
+    for number in count(1):
+        root = output / f"{name}-{number}"
+        with disk_errors("write", root):
+            try:
+                root.mkdir(parents=True)
+                break
+            except FileExistsError:
+                if not lexists(root):  # a folder above is a link to nothing
+                    raise
+    return root
+
+
+def require_apart(output: Path, written: Iterable[Path], read: Iterable[str | Path]) -> None:
+    """UsageError where a file that --output makes the command write is one that it reads."""
+    if (path := shared_file(written, read)) is not None:
+        raise UsageError(
+            f"--output must not overwrite what is read, {output} would overwrite {path};"
+            " name another file"
+        )

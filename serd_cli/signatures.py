@@ -28,7 +28,7 @@ FILE = Path(__file__).parent / "data" / "signatures.json"
 MODULES = {
     "demo": "stacks", "teleop": "stacks", "watch": "stacks", "navigate": "stacks",
     "launch": "stacks", "run": "stacks", "bag": "learning",
-    "demos": "learning", "learn": "learning", "report": "learning", "compare": "learning",
+    "demos": "learning", "learn": "learning", "report": "learning",
     "scenario": "simulation", "episode": "simulation",
     "batch": "simulation", "doctor": "stacks",
 }  # fmt: skip

@@ -25,6 +25,9 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "study"): f"{_LAB} lists what there is",
     ("command", "faults"): f"{_LAB} faults",
     ("command", "crowd"): f"{_LAB} crowd",
+    ("command", "compare"): (
+        "the report scores trajectories: serd report MODEL --demonstrations FILE (docs/compare.md)"
+    ),
     ("option", "--density"): _NO_GAIN,
     ("option", "--experts"): _TYPES,
     ("option", "--same-expert"): _TYPES,

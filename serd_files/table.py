@@ -1,4 +1,4 @@
-"""Typed tables in CSV and Parquet files: columns described once, read as pandas frames.
+"""Typed tables in CSV files: columns described once, read as pandas frames.
 
 Columns carry their units in their names (`_s`, `_m`, `_mps`), and floats read back exactly. A
 growing table gets one synced write per row, a whole table is replaced atomically. Only readers
@@ -6,7 +6,6 @@ import pandas: it takes 0.7 s of CPU time, too much for a callback that appends 
 """
 
 import csv
-import importlib.util
 import io
 import math
 import os
@@ -18,11 +17,14 @@ from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeVar, get_args, get_type_hints
 
 from serd_bag.errors import FileError, disk_errors, shortened
-from serd_bag.files import atomic_write_bytes, atomic_write_text, read_bytes, read_text
+from serd_bag.files import atomic_write_text, read_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
+#: One line of a table; None where a value is missing.
+Row = dict[str, Any]
+Key = tuple[str, ...]
 #: A float that is NaN where it does not apply.
 OptionalFloat = Annotated[float, "NaN allowed"]
 RowClass = TypeVar("RowClass")
@@ -76,15 +78,12 @@ def csv_text(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
 def write_table(
     path: str | Path, columns: Sequence[Column], rows: Iterable[Sequence[object]]
 ) -> None:
-    """Replace the file, CSV or Parquet by its suffix; values in the order of the columns.
+    """Replace the file; values in the order of the columns.
 
     FileError for a row that `read_table` would reject.
     """
     lines = [_writable(path, line, columns, row) for line, row in enumerate(rows, start=2)]
-    if is_parquet(path):
-        atomic_write_bytes(path, _frame(columns, lines).to_parquet(None, index=False))
-    else:
-        atomic_write_text(path, csv_text(_names(columns), lines))
+    atomic_write_text(path, csv_text(_names(columns), lines))
 
 
 def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object]) -> None:
@@ -105,12 +104,6 @@ def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object
             os.fsync(stream.fileno())
 
 
-def remove_partial_line(path: Path) -> None:
-    """Remove what follows the last line end of a growing table."""
-    with disk_errors("write", path), path.open("r+b") as stream:
-        _truncate_to_whole_lines(stream)
-
-
 def read_table(
     path: str | Path, columns: Sequence[Column], *, growing: bool = False
 ) -> "pd.DataFrame":
@@ -119,7 +112,7 @@ def read_table(
     int columns are int64 (Int64 where nullable), float columns float64, the others str.
     growing: whether a last line without its end is left out, because it is being written.
     """
-    lines = _parquet_lines(path) if is_parquet(path) else _csv_lines(path, columns, growing=growing)
+    lines = _csv_lines(path, columns, growing=growing)
     _, header = next(lines, (1, []))
     found = [column for column in columns if not column.optional or column.name in header]
     if header != _names(found):
@@ -154,16 +147,42 @@ def records(frame: "pd.DataFrame") -> list[dict[str, Any]]:
     ]
 
 
-def is_parquet(path: str | Path) -> bool:
-    """Whether the suffix is that of a Parquet file; FileError where pyarrow is not installed."""
-    if Path(path).suffix.lower() != ".parquet":
-        return False
-    if importlib.util.find_spec("pyarrow") is None:
-        raise FileError(
-            "a .parquet table needs pyarrow, which is not installed"
-            "; run 'pip install pyarrow' or name a .csv file"
-        )
-    return True
+class RowTable:
+    """Rows by key, the text of their `key_columns`; every row is on disk at once.
+
+    A last line that a crash cut short is removed when the file is opened.
+    """
+
+    def __init__(
+        self, path: str | Path, columns: Sequence[Column], key_columns: Sequence[str]
+    ) -> None:
+        self.path = Path(path)
+        if self.path.suffix.lower() != ".csv":
+            raise FileError(
+                f"a table must end in .csv, got {self.path}; rename it to "
+                f"{self.path.stem or 'table'}.csv"
+            )
+        self.rows: dict[Key, Row] = {}
+        self._columns, self._key_columns = tuple(columns), tuple(key_columns)
+        if self.path.exists():
+            rows = records(read_table(self.path, self._columns, growing=True))
+            self.rows = {self._key(row): row for row in rows}
+            with disk_errors("write", self.path), self.path.open("r+b") as stream:
+                _truncate_to_whole_lines(stream)
+
+    def append(self, row: Row) -> None:
+        """Write one row; FileError where it has other columns than the table."""
+        names = _names(self._columns)
+        if differing := sorted(set(row) ^ set(names)):
+            raise FileError(
+                f"{self.path} must have the columns of every row, but {differing[0]!r} is in one "
+                "only; choose another file"
+            )
+        append_row(self.path, self._columns, [row[name] for name in names])
+        self.rows[self._key(row)] = row
+
+    def _key(self, row: Row) -> Key:
+        return tuple(cell_text(row[name]) for name in self._key_columns)
 
 
 def _names(columns: Iterable[Column]) -> list[str]:
@@ -213,21 +232,6 @@ def _whole_lines(text: str, header: str) -> str:
     if header.startswith(text):
         return header
     return text[: text.rfind("\n") + 1] or text
-
-
-def _parquet_lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:
-    """The cells as their text, so that one set of rules applies to both formats."""
-    import pandas as pd
-
-    content = io.BytesIO(read_bytes(path))
-    try:
-        frame = pd.read_parquet(content, engine="pyarrow", dtype_backend="numpy_nullable")
-    except (OSError, ValueError, TypeError, KeyError, NotImplementedError) as error:
-        reason = str(error).splitlines()[0]
-        raise FileError(f"{path} must be a Parquet file, but {reason}; choose another") from None
-    yield 1, [str(name) for name in frame.columns]
-    for line, row in enumerate(frame.itertuples(index=False), start=2):
-        yield line, ["" if value is pd.NA else str(value) for value in row]
 
 
 def _writable(

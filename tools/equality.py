@@ -203,7 +203,6 @@ def files(folder: Path) -> Found:
         "demos": ["demos", str(RECORDINGS / "training"), "--scenario", "hallway"],
         "learn": ["learn", "decisions.csv", "--method", "mdce_serd_evidence"],
         "irl": ["learn", "decisions.csv", "--method", "mdce_irl", "--output", "irl.yaml"],
-        "compare": ["compare", "model.yaml", str(RECORDINGS / "test")],
         "report": ["report", "model.yaml", "--output", "page"],
         "table": ["demos", str(table), "--output", "walk-decisions.csv"],
         "scenario": ["scenario", "show", "hallway", "--json"],

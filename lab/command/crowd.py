@@ -20,9 +20,8 @@ from lab.crowd.straight_corridor import corridor_people
 from serd_app.report.style import save_figure
 from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson
+from serd_cli.options import AsJson, require_suffix
 from serd_cli.output.demonstrations import short_names
-from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories

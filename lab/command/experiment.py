@@ -18,8 +18,7 @@ from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import plain_rows
 from serd_bag.files import require_folder
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_parameters
-from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import counting_bar, print_json
+from serd_cli.output.terminal import counting_bar, print_json, results_kept_in
 from serd_files.settings import Setting, settings_of
 from serd_sim.episodes.execution import Execution
 

@@ -16,9 +16,8 @@ from lab.faults.figure import FaultWays, draw_fault_ways
 from serd_app.report.style import save_figure
 from serd_cli.commands.simulation.batch import MOST_SEEDS
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.resume_notice import run_episodes
-from serd_cli.output.terminal import console, finite_values, print_json
-from serd_files.row_table import Row
+from serd_cli.output.terminal import console, finite_values, print_json, run_episodes
+from serd_files.table import Row
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.execution import Execution
@@ -26,7 +25,7 @@ from serd_sim.planning.catalogue import planner_names
 
 
 def faults(
-    output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
+    output: Annotated[Path, typer.Option(help="table of episodes, ending in .csv")],
     fault: Annotated[
         list[str] | None, typer.Option(help=f"{', '.join(FAULTS)}; default: all; repeat")
     ] = None,

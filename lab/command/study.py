@@ -29,8 +29,7 @@ from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import WorkProgress, print_json
+from serd_cli.output.terminal import WorkProgress, print_json, results_kept_in
 from serd_files.trajectories.columns import TableColumns
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.episodes.execution import Execution

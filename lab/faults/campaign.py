@@ -12,8 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 
 from lab.faults.faults import Messages, fault_named
 from serd_core.grid.grid import Action, Grid
-from serd_files.row_table import Row
-from serd_files.table import Column, OptionalFloat, columns_of
+from serd_files.table import Column, OptionalFloat, Row, columns_of
 from serd_sim.drivers.catalogue import Driver, make_driver
 from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
 from serd_sim.episodes.progress import EpisodeProgress

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from serd_files.row_table import Row
+from serd_files.table import Row
 
 
 def summarise_faults(rows: Sequence[Row]) -> pd.DataFrame:

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from serd_app.drives.episode_mark import DISCARDED
-from serd_app.drives.episode_spans import CUT_OFF, RETURN, EpisodeSpan
+from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_bag.errors import BagError
 from serd_core.arrays import BoolArray, FloatArray, IntArray

@@ -1,4 +1,4 @@
-"""Episodes from their marks: a start and an end, each with the number of its episode.
+"""Marks of episodes, and episodes from them: a start and an end, each with its number.
 
 An episode whose own end is not recorded is cut off at the first gap in the poses after its start:
 after it, the poses may belong to another episode. Without a gap it is cut off at the mark that
@@ -10,10 +10,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_app.drives.episode_mark import DISCARDED, END, EPISODE, SAVED, START, EpisodeMark
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import diagnostic_array
 from serd_core.arrays import FloatArray
+
+#: The topic, and the name of the status in its messages.
+EPISODE = "episode"
+START, END = "start", "end"
+SAVED, DISCARDED = "saved", "discarded"
+#: Of marks.
+OUTCOMES = ("", "arrived", "timeout", "aborted", SAVED, DISCARDED)
+
+
+@dataclass(frozen=True)
+class EpisodeMark:
+    """One mark.
+
+    event: START or END; outcome: one of OUTCOMES, empty at the start. reason: why the driver gave
+    up, empty where it did not.
+    """
+
+    event: str
+    time_s: float
+    episode: int
+    driver: str = ""
+    seed: int = 0
+    start_area: str = ""
+    outcome: str = ""
+    reason: str = ""
+
 
 CUT_OFF, RETURN = "cut_off", "return"
 _MOST_DIGITS = 9

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from serd_app.drives.episode_mark import EPISODE
+from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.drives.episode_mark import END, EPISODE, EpisodeMark
-from serd_app.drives.episode_spans import marks_of, spans_of_marks
+from serd_app.drives.episode_spans import END, EPISODE, EpisodeMark, marks_of, spans_of_marks
 from serd_app.drives.recorded_drive import (
     INTENT,
     LONGEST_GAP_S,

@@ -9,9 +9,8 @@ from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.fit_data import ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.learned_traps import learned_traps
 from serd_app.learning.methods import fit_by
-from serd_app.learning.outcome import FitOutcome
+from serd_app.learning.outcome import FitOutcome, learned_traps
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray

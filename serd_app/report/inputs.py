@@ -2,18 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
+from serd_app.errors import ReportError
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
-from serd_app.report.errors import ReportError
-from serd_core.arrays import FloatArray, float_array, require_index
+from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
@@ -47,14 +46,6 @@ class FileLink:
     path: str
     what: str
 
-    def __post_init__(self) -> None:
-        pure = PurePosixPath(self.path)
-        if not self.path or pure.is_absolute() or ".." in pure.parts or ":" in self.path:
-            raise ReportError(
-                f"path of a file link must be relative to the report and below it, "
-                f"got {self.path!r}; put the file beside the report"
-            )
-
 
 @dataclass(frozen=True)
 class RunFacts:
@@ -83,21 +74,6 @@ class CrowdSnapshot:
     people_trail_m: FloatArray
     robot_trail_m: FloatArray
 
-    def __post_init__(self) -> None:
-        people = len(self.people_position_m)
-        float_array("time_s of the snapshot", self.time_s, ())
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "robot_pose": (3,),
-            "people_position_m": (people, 2),
-            "people_velocity_mps": (people, 2),
-            "robot_trail_m": (None, 2),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, float_array(name, getattr(self, name), shape))
-        trail = np.array(self.people_trail_m, dtype=np.float64)
-        float_array("people_trail_m", np.where(np.isnan(trail), 0.0, trail), (None, people, 2))
-        object.__setattr__(self, "people_trail_m", trail)
-
 
 def snapshot_from_history(
     *,
@@ -112,7 +88,7 @@ def snapshot_from_history(
 
     times_s (T,) increasing; robot_pose (T, 3); people_position_m and people_velocity_mps (T, N, 2).
     """
-    times = float_array("times_s", times_s, (None,))
+    times = np.asarray(times_s, dtype=np.float64)
     last = int(np.searchsorted(times, at_s, side="right")) - 1
     if last < 0:
         raise ReportError(
@@ -179,34 +155,6 @@ class ReportInputs:
     driven: ArrivingPolicy | None = None
     remarks: tuple[str, ...] = ()
     recorded: RecordedTimes | None = None
-
-    def __post_init__(self) -> None:
-        if not self.episodes and not self.forecasts:
-            raise ReportError(
-                "episodes must have at least one row where there is no forecast, got none; drive"
-                " the policy"
-            )
-        if not 0 < self.timeout_s < np.inf:
-            raise ReportError(
-                f"timeout_s must be above 0 and finite, got {self.timeout_s}; use seconds"
-            )
-        states = self.problem.grid.n_states
-        require_index("demonstrations.state", self.demonstrations.state, states, "a state")
-        # What else the fit and the policy hold is checked by the figures that draw it.
-        float_array("fit.objective_trace", self.fit.objective_trace, (None,))
-        for name in ("outcome_probabilities", "initial_outcome_probabilities"):
-            table = getattr(self.fit, name)
-            float_array(f"fit.{name}", table, (len(self.problem.model_names), None))
-        if self.fit.feature_names != self.problem.feature_names:
-            raise ReportError(
-                f"fit.feature_names must be those of the problem {self.problem.feature_names}, "
-                f"got {self.fit.feature_names}; pass the problem the fit was made on"
-            )
-        tracks = tuple(
-            float_array(f"demonstration_tracks_m[{i}]", track, (None, 2))
-            for i, track in enumerate(self.demonstration_tracks_m)
-        )
-        object.__setattr__(self, "demonstration_tracks_m", tracks)
 
     @property
     def arrival_times_s(self) -> FloatArray:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.recorded import files_beside, load_advice, report_of_table
 from serd_app.drives.mapped.mapping import DriveMapping
+from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.comparison import predicted_law
@@ -21,7 +21,6 @@ from serd_app.navigation.evaluation.prediction_support import recorded_times, st
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_of_model
-from serd_app.report.errors import ReportError
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
@@ -37,7 +36,7 @@ def inputs_of_model(
     model: Path,
     *,
     scenario: str = "",
-    demonstrations: Path | None = None,
+    demonstrations: Sequence[Path] = (),
     mapping: DriveMapping | None = None,
     episodes: Path | None = None,
     starts_m: Sequence[tuple[float, float]] = (),
@@ -46,7 +45,7 @@ def inputs_of_model(
     """All that a report shows of a model; SerdError names a missing file, or one of another grid.
 
     scenario: in place of the one that the model keeps or names. demonstrations: table of decisions,
-    bag or table of trajectories. episodes: `episodes.csv` of `serd navigate`. starts_m: of the
+    or bags or tables of trajectories. episodes: `episodes.csv` of `serd navigate`. starts_m: of the
     forecasts, besides the start areas.
     """
     file = load_model(model)
@@ -55,10 +54,11 @@ def inputs_of_model(
     areas = {name: predicted_law(strategy, name) for name in place.start_areas_m}
     problem, files = strategy.problem, outcome_files(model)
     trace = _trace(files["learning"], file)
-    found = None
-    if demonstrations is not None:
+    found = table = None
+    if demonstrations:
         own = scenario if file.scenario else ""
-        found = familiarity_of(model, [demonstrations], mapping=mapping, scenario=own)
+        found = familiarity_of(model, demonstrations, mapping=mapping, scenario=own)
+        table = demonstrations[0] if files_beside(demonstrations[0])["record"].exists() else None
     return ReportInputs(
         title=f"Learned model: {file.scenario or 'fitted grid'}",
         scenario=place,
@@ -80,8 +80,8 @@ def inputs_of_model(
         + forecasts_of(strategy, starts_m)
         + _by_lookahead(strategy),
         familiarity=found,
-        advice=_advice(demonstrations),
-        discretised=None if demonstrations is None else report_of_table(demonstrations),
+        advice=None if table is None else load_advice(table),
+        discretised=None if table is None else report_of_table(table),
         n_demonstrations=file.fit.n_episodes,
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
@@ -140,12 +140,6 @@ def _trace(path: Path, file: ModelFile) -> FloatArray:
 def _no_decisions() -> Decisions:
     none = np.zeros(0, dtype=np.int64)
     return Decisions(none, np.zeros(0), none, none, none)
-
-
-def _advice(demonstrations: Path | None) -> ResolutionAdvice | None:
-    if demonstrations is None or not files_beside(demonstrations)["record"].exists():
-        return None
-    return load_advice(demonstrations)
 
 
 def _facts(file: ModelFile) -> RunFacts:

@@ -14,8 +14,8 @@ from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action
 
-#: Decisions of a lower tail probability are marked; the least likely of them are listed.
-SURPRISING, MOST_SURPRISES = 0.01, 12
+#: Most surprising decisions and unusual episodes that are listed.
+_LISTED = 12
 
 
 def render_page(
@@ -46,6 +46,7 @@ def render_page(
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
         surprises=surprise_rows(inputs),
+        unusual=() if inputs.familiarity is None else inputs.familiarity.episodes[:_LISTED],
     )
 
 
@@ -57,6 +58,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
             f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
         ),
         *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
+        *([("Compared with the model", summary.compared)] if summary.compared else []),
         *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
         *(("Plan", _sentence(remark)) for remark in summary.plan_remarks),
@@ -127,8 +129,8 @@ def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]
     decisions, grid = found.decisions, found.problem.grid
     episodes, first = np.unique(decisions.episode, return_index=True)
     began_s = dict(zip(episodes.tolist(), decisions.time_s[first].tolist(), strict=True))
-    rows = np.argsort(found.tails, kind="stable")[:MOST_SURPRISES]
-    rows = rows[found.tails[rows] < SURPRISING]
+    rows = np.argsort(found.tails, kind="stable")[:_LISTED]
+    rows = rows[found.surprising[rows]]
     return [
         (
             int(decisions.episode[row]),

@@ -31,6 +31,7 @@ class Summary:
     takes the way of least expected time, as the learned one does not arrive; n_trap_states: those
     from which no policy does. recorded_times_s: of arrival of the demonstrations, None where they
     are not known. no_prediction_because: why the predicted arrival is not stated, none where it is.
+    familiarity, compared: how usual demonstrations are for the model, as numbers and as a sentence.
     """
 
     n_demonstrations: int
@@ -56,6 +57,8 @@ class Summary:
     no_prediction_because: tuple[str, ...]
     fault_share: float | None
     faults: str
+    familiarity: dict[str, object] | None
+    compared: str
     converged: bool
     n_steps: int
     objective: float
@@ -102,6 +105,8 @@ def summary_of(inputs: ReportInputs) -> Summary:
         wall_contacts=sum(row.robot_on_wall for row in episodes),
         fault_share=None if inputs.discretised is None else inputs.discretised.fault_share,
         faults="" if inputs.discretised is None else inputs.discretised.faults,
+        familiarity=None if inputs.familiarity is None else inputs.familiarity.as_json(),
+        compared="" if inputs.familiarity is None else inputs.familiarity.sentence(),
         n_trap_states=_n_trap_states(inputs),
         n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
         plan_remarks=inputs.remarks,

@@ -1,11 +1,13 @@
 """Every file of a report: figures, tables, summary and the page, each written atomically."""
 
 import json
+from dataclasses import astuple, fields
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from serd_app.navigation.evaluation.familiarity import ScoredEpisode
 from serd_app.report.figures.arrival import (
     at_times,
     draw_comparison,
@@ -17,6 +19,7 @@ from serd_app.report.figures.charts import (
     OUTCOME_LABELS,
     draw_outcomes,
     draw_progress,
+    draw_resolution,
     draw_weights,
 )
 from serd_app.report.figures.hallway import draw_hallway
@@ -29,9 +32,8 @@ from serd_app.report.figures.maps import (
     draw_surprises,
     draw_visitation,
 )
-from serd_app.report.figures.resolution import draw_resolution
 from serd_app.report.inputs import FileLink, ReportInputs
-from serd_app.report.page import SURPRISING, render_page
+from serd_app.report.page import render_page
 from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import known_decisions, summary_of, trapped_states
 from serd_bag.files import atomic_write_bytes, atomic_write_text
@@ -40,6 +42,7 @@ from serd_core.grid.navigation import NO_FLOW
 from serd_files.episode_table import EpisodeResult
 from serd_files.table import csv_text
 
+_COMPARED = "compared.csv"
 _OWN_FILES = (
     FileLink("summary.json", "every number of this page"),
     FileLink("reward_weights.csv", "learned reward weights"),
@@ -78,6 +81,8 @@ def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
     own = _OWN_FILES + (_FILES_OF_EPISODES if inputs.episodes else ())
+    if inputs.familiarity is not None:
+        own += (FileLink(_COMPARED, "how usual each demonstration is for the model"),)
     return inputs.files + tuple(link for link in own if link.path not in given)
 
 
@@ -87,6 +92,9 @@ def all_tables(inputs: ReportInputs) -> dict[str, str]:
     if inputs.episodes:
         driven["episodes.csv"] = episodes_table(inputs.episodes)
         driven["arrival_times.csv"] = arrival_table(inputs)
+    if inputs.familiarity is not None:
+        names = [field.name for field in fields(ScoredEpisode)]
+        driven[_COMPARED] = csv_text(names, map(astuple, inputs.familiarity.episodes))
     return driven | {
         "reward_weights.csv": weights_table(inputs),
         "outcome_models.csv": outcomes_table(inputs),
@@ -161,8 +169,8 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
         order = np.where(problem.flow != NO_FLOW, 1.0, 0.0)
         found["flow"] = draw_flow_map(grid, problem.flow, order, layout=layout)
     if inputs.familiarity is not None:
-        surprising = inputs.familiarity.surprising(SURPRISING)
-        found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
+        compared = inputs.familiarity
+        found["surprises"] = draw_surprises(grid, compared.decisions, compared.surprising, layout)
     whose = "" if inputs.driven is None else " of the learned policy"
     policy, traps = inputs.policy, trapped_states(inputs)
     found["policy"] = draw_policy_map(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.errors import UsageError
-from serd_cli.output.paths import free_folder
+from serd_cli.options import free_folder
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import load_yaml_model, save_yaml_model

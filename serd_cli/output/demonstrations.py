@@ -187,9 +187,9 @@ def save_pictures(
     """Draw the tracks, the flow of people where there is one, and the advice, beside the table."""
     if not can_draw():
         return
+    from serd_app.report.figures.charts import draw_resolution
     from serd_app.report.figures.map_axes import layout_of
     from serd_app.report.figures.maps import draw_flow_map, draw_visitation
-    from serd_app.report.figures.resolution import draw_resolution
     from serd_app.report.style import save_figure
 
     files = files_beside(output)

@@ -3,8 +3,10 @@
 import json
 import math
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import (
@@ -19,6 +21,10 @@ from rich.progress import (
 from rich.table import Table
 
 from serd_files.errors import missing_extra
+
+if TYPE_CHECKING:
+    from serd_files.table import Row
+    from serd_sim.episodes.batch import Progress as EpisodeProgress
 
 # Without markup, for names of files and topics may have brackets; `Text` has the styles.
 console = Console(highlight=False, markup=False, emoji=False)
@@ -84,3 +90,23 @@ def counting_bar(text: str, *more: str, bar_width: int | None = 40) -> WorkProgr
     """A bar of tasks that are counted, with the number done and the time left; more: columns."""
     counts = BarColumn(bar_width), MofNCompleteColumn(), TimeRemainingColumn()
     return WorkProgress(TextColumn(text), *counts, *map(TextColumn, more))
+
+
+@contextmanager
+def results_kept_in(place: Path | None) -> Iterator[None]:
+    """At Ctrl-C, print where the finished results are; place: None for none."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if place is not None and place.exists():
+            progress_console.print(
+                f"results are in {place.resolve()}; rerun the command to resume", soft_wrap=True
+            )
+        raise
+
+
+def run_episodes(output: Path, run: "Callable[[EpisodeProgress], list[Row]]") -> "list[Row]":
+    """The rows of `run`, with a bar of its episodes; their table `output` remains at Ctrl-C."""
+    with results_kept_in(output), counting_bar("episodes") as bar:
+        line = bar.add_task("", total=None, visible=False)
+        return run(lambda done, total: bar.update(line, completed=done, total=total, visible=True))

@@ -1,11 +1,12 @@
-"""What the names of a table's columns state: roles, places of agents, and units.
+"""Which columns of a table hold the time, the ids, and the places of which agent.
 
-The names are a closed set, which docs/sources.md lists. A name without a unit states seconds or
-metres, as messages of ROS do; all else is stated by a mapping.
+The names are a closed set, which docs/sources.md lists; all else is stated by a mapping. Where it
+is not certain whose the places in columns are, an error shows the mapping to write.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,8 +20,10 @@ from serd_files.yaml_config import StrictModel
 if TYPE_CHECKING:
     import pandas as pd
 
+    from serd_files.trajectories.cells import Cells
+
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ROBOT, PERSON = "robot", "person"
 _NAMES = {
     "time": ("time", "timestamp", "stamp", "t"),
     "frame": ("frame", "frame_id", "fr"),
@@ -32,24 +35,25 @@ _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names}
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
-#: Names of an axis.
-_AXES = {"x": "x", "y": "y", "px": "x", "py": "y", "tx": "x", "ty": "y", "rx": "x", "ry": "y"}
-_KIND_OF = {
-    **dict.fromkeys(["robot", "agv", "amr", "ego", "r"], "robot"),
-    **dict.fromkeys(["person", "people", "ped", "pedestrian", "human", "walker"], "person"),
-    **dict.fromkeys(["obstacle", "actor", "p", "h"], "person"),
-    **dict.fromkeys(["agent", "id"], "either"),
-}
+_AXES = frozenset(["x", "y", "px", "py", "tx", "ty", "rx", "ry"])
 #: Words for a place, which may precede or follow the axis.
 _PLACE = frozenset(["position", "pos", "pose", "location", "center", "map", "odom", "world",
-                    "global", "local", "field"])  # fmt: skip
-#: Words in names of numbers along x and y that are no places.
-_NO_PLACE = frozenset(["v", "vel", "velocity", "speed", "twist", "linear", "angular", "acc", "cmd",
-                       "acceleration", "force", "q", "orientation", "quaternion", "cov", "std",
-                       "covariance", "error", "direction", "size"])  # fmt: skip
-#: Words in names of places of something that is no agent.
-_NO_AGENT = frozenset(["goal", "target", "start", "end", "destination", "waypoint", "reference",
-                       "lidar", "laser", "sensor", "camera", "marker", "image"])  # fmt: skip
+                    "global", "local", "field", "mobile"])  # fmt: skip
+#: Words in names of numbers along x and y that are places of no agent.
+_OTHER = frozenset(["v", "vel", "velocity", "speed", "twist", "linear", "angular", "acc", "cmd",
+                    "acceleration", "force", "q", "orientation", "quaternion", "cov", "std",
+                    "covariance", "error", "direction", "size", "goal", "target", "start", "end",
+                    "destination", "waypoint", "reference", "lidar", "laser", "sensor", "camera",
+                    "marker", "image"])  # fmt: skip
+#: The kind of a place by the other words of its name; a number alone is that of a person.
+_KINDS = (
+    ("own", re.compile("")),
+    (ROBOT, re.compile(r"(robot|agv|amr|ego)\d*")),
+    (PERSON, re.compile(r"(person|people|ped|pedestrian|human|walker|obstacle|actor|p|h)\d*")),
+    ("numbered", re.compile(r"\d+")),
+    ("unknown", re.compile(".+")),
+)
+_LISTED = 6
 
 
 class TableColumns(StrictModel):
@@ -70,20 +74,50 @@ class TableColumns(StrictModel):
         None, "unit of x and y; by default that of their names, else m"
     )
 
+    def completed(self, stated: Mapping[str, Any]) -> "TableColumns":
+        """Return the mapping with what the layout states, where the mapping states nothing.
+
+        A unit of times that the layout states gives way to a rate in the mapping.
+        """
+        known = {"time_unit"} if self.fps is not None else set()
+        known |= {key for key in stated if getattr(self, key) not in (None, "")}
+        return self.model_copy(update={key: stated[key] for key in stated.keys() - known})
+
+
+class Pair(NamedTuple):
+    """The columns of x and y of one agent."""
+
+    x: int
+    y: int
+
 
 class Place(NamedTuple):
     """What the name of a column of places states.
 
-    agent: its name, empty for x and y alone. kind: robot, person, numbered (`x1`), either
-    (`agent_x`), own (x and y alone), unknown (`spot_x`) or other (`goal_x`). form: the name
-    without its axis, which x and y of one source have in common.
+    agent: the other words of the name, empty for x and y alone. kind: own (x and y alone), robot,
+    person, numbered (`x1`) or unknown (`spot_x`). form: the name without its axis, which x and y of
+    one source have in common.
     """
 
     agent: str
-    axis: str
     kind: str
+    axis: str
     form: tuple[str, ...]
-    column: int
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Numbers of columns, -1 for ids and episodes where the table has none.
+
+    pairs: by agent; the key is empty where one pair holds the places of all agents. remarks:
+    sentences about columns that are not used.
+    """
+
+    time: int
+    agent: int
+    episode: int
+    pairs: Mapping[str, Pair]
+    remarks: tuple[str, ...] = ()
 
 
 def role_of(name: str) -> str | None:
@@ -93,34 +127,23 @@ def role_of(name: str) -> str | None:
     return place.axis if place and place.kind == "own" else role
 
 
-def place_of(name: str, column: int = 0) -> Place | None:
+def place_of(name: str) -> Place | None:
     """Return the agent and the axis that a name states, or None for names of other columns.
 
     >>> place_of("robot_pose_x").agent, place_of("y [cm]").axis, place_of("yaw")
     ('robot', 'y', None)
     """
-    plain = _plain(name)
-    words = [(word[0].lower(), word.span()) for word in _WORD.finditer(plain)]
-    axes = [at for at, (word, _) in enumerate(words) if word in _AXES]
-    if len(axes) != 1 or any(word in _NO_PLACE for word, _ in words):
+    words = [word.lower() for word in _WORD.findall(_plain(name))]
+    axes = [at for at, word in enumerate(words) if word in _AXES]
+    if len(axes) != 1 or not _OTHER.isdisjoint(words):
         return None
-    at, unit = axes[0], unit_of(name) or ""
-    axis = _AXES[words[at][0]]
-    form = (*(word[:-1] + "*" if row == at else word for row, (word, _) in enumerate(words)), unit)
-    rest = [row for row, (word, _) in enumerate(words) if row != at and word not in _PLACE]
-    texts = [words[row][0] for row in rest]
-    if not rest:
-        is_robot = words[at][0].startswith("r")
-        return Place(*("robot", axis, "robot") if is_robot else ("", axis, "own"), form, column)
-    if not _NO_AGENT.isdisjoint(texts):
-        return Place("", axis, "other", form, column)
-    if all(map(str.isdecimal, texts)):
-        return Place(f"person {'_'.join(texts)}", axis, "numbered", form, column)
-    is_around = rest[0] < at < rest[-1]
-    whole = plain[words[rest[0]][1][0] : words[rest[-1]][1][1]].lower()
-    named = {word for word in texts if not word.isdecimal()} - {"mobile"}
-    kind = _KIND_OF.get(named.pop(), "unknown") if len(named) == 1 else "unknown"
-    return Place("".join(texts) if is_around else whole, axis, kind, form, column)
+    (at,) = axes
+    agent = "".join(word for word in words[:at] + words[at + 1 :] if word not in _PLACE)
+    if agent == "r" or (not agent and words[at].startswith("r")):
+        agent = ROBOT
+    kind = next(kind for kind, pattern in _KINDS if pattern.fullmatch(agent))
+    form = (*words[:at], words[at][:-1], *words[at + 1 :], unit_of(name) or "")
+    return Place(agent, kind, words[at][-1], form)
 
 
 def _plain(name: str) -> str:
@@ -151,18 +174,6 @@ def numeric(column: "pd.Series[Any]") -> FloatArray:
     return np.where(np.abs(values) <= 1e20, values, np.nan)
 
 
-def column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
-    """Return the column that a mapping names for a role; FileError if the table has none such."""
-    if text in names:
-        return list(names).index(text)
-    if text.isdecimal() and 1 <= int(text) <= len(names):
-        return int(text) - 1
-    raise FileError(
-        f"{where}: {role} must be one of the columns {', '.join(names)}, got {text!r}; correct the"
-        " mapping"
-    )
-
-
 def mapping_of(names: Sequence[str], **columns: int) -> str:
     """Return what a mapping file must hold to name these columns.
 
@@ -177,3 +188,170 @@ def mapping_of(names: Sequence[str], **columns: int) -> str:
     }
     text = yaml.safe_dump(chosen, default_flow_style=True, width=10_000, allow_unicode=True)
     return str(text).strip()
+
+
+def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
+    """Return the columns of a table; raises FileError where they are missing or not certain."""
+    names = cells.names
+    given = {
+        role: _column_named(where, names, text, role)
+        for role in ("time", "agent", "episode", "x", "y")
+        if (text := getattr(wanted, role))
+    }
+    by_name = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
+    found = by_name | given
+    if "time" not in given:
+        _require_one_time(where, cells)
+        found.setdefault("time", found.get("frame", -1))
+    if {"x", "y"} <= given.keys():
+        pairs = _beside(where, names, Pair(given["x"], given["y"]))
+    elif "x" in given or "y" in given:
+        pairs = {"": Pair(found["x"], found["y"])} if {"x", "y"} <= found.keys() else {}
+    else:
+        pairs = _by_name(where, cells, has_ids="agent" in found)
+    if found["time"] < 0 or not pairs:
+        raise _missing(where, names, found, has_pairs=bool(pairs))
+    used = {column for pair in pairs.values() for column in pair}
+    unused = [name for at, name in enumerate(names) if at not in used and place_of(name)]
+    columns = found["time"], found.get("agent", -1), found.get("episode", -1)
+    return Columns(*columns, pairs, _in_words(unused))
+
+
+def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
+    """Return the column that a mapping names for a role."""
+    if text in names:
+        return list(names).index(text)
+    if text.isdecimal() and 1 <= int(text) <= len(names):
+        return int(text) - 1
+    raise FileError(
+        f"{where}: {role} must be one of the columns {', '.join(names)}, got {text!r}; correct the"
+        " mapping"
+    )
+
+
+def _require_one_time(where: str, cells: "Cells") -> None:
+    """Raise FileError with the mappings to write if several columns hold times."""
+    names = cells.names
+    times = [column for column, name in enumerate(names) if role_of(name) == "time"]
+    clocks = [at for at in times if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
+    if len(clocks) > 1:
+        mappings = " or ".join(mapping_of(names, time=column) for column in clocks)
+        raise FileError(
+            f"{where} must have one column of times, it has"
+            f" {' and '.join(names[column] for column in clocks)}; write one of them into a"
+            f" --mapping file: {mappings}"
+        )
+
+
+def _named_pairs(names: Sequence[str]) -> list[tuple[Place, Pair]]:
+    """Return the pairs of columns whose names differ by the axis alone."""
+    columns: dict[Place, dict[str, int]] = {}
+    for column, name in enumerate(names):
+        if place := place_of(name):
+            columns.setdefault(place._replace(axis=""), {}).setdefault(place.axis, column)
+    pairs = ((place, axes.get("x"), axes.get("y")) for place, axes in columns.items())
+    return [(place, Pair(x, y)) for place, x, y in pairs if x is not None and y is not None]
+
+
+def _of_kind(where: str, names: Sequence[str], *kinds: str, but: Pair | None) -> dict[str, Pair]:
+    """Return the pair of each agent of these kinds; raises FileError for an agent with two."""
+    by_agent: dict[str, list[Pair]] = {}
+    for place, pair in _named_pairs(names):
+        if place.kind in kinds and pair != but:
+            by_agent.setdefault(place.agent, []).append(pair)
+    for pairs in by_agent.values():
+        _require_one(where, names, pairs)
+    return {agent: pairs[0] for agent, pairs in by_agent.items()}
+
+
+def _by_name(where: str, cells: "Cells", *, has_ids: bool) -> dict[str, Pair]:
+    """Return the columns of each agent by their names, none where there are none.
+
+    x and y are a person's beside columns of a robot, and the robot's beside columns of people.
+    """
+    names = cells.names
+    own, robots, people, numbered, unknown = (
+        _of_kind(where, names, kind, but=None) for kind, _ in _KINDS
+    )
+    if robots or (own and not has_ids):  # beside a column of ids, numbers behind x are none
+        people |= {f"{PERSON} {number}": pair for number, pair in numbered.items()}
+    if robots:
+        kinds = {name.rstrip("0123456789"): name for name in robots}
+        _require_one(where, names, [robots[name] for name in kinds.values()])
+        is_person = own and not _are_same(cells, own[""], next(iter(robots.values())))
+        return robots | people | ({PERSON: own[""]} if is_person else {})
+    if own:
+        return {ROBOT: own[""], **people} if people else own
+    if people:
+        _require_one(where, names, [*list(people.values())[:1], *unknown.values()])
+    return people
+
+
+def _beside(where: str, names: Sequence[str], chosen: Pair) -> dict[str, Pair]:
+    """Return the columns that a mapping names, and those of people beside them.
+
+    Columns of x and y alone, and of numbered ones, are of people if the robot's have its name.
+    """
+    places = [place_of(names[column]) for column in chosen]
+    has_name = all(place is not None and place.kind == ROBOT for place in places)
+    kinds = (PERSON, "own", "numbered") if has_name else (PERSON,)
+    people = _of_kind(where, names, *kinds, but=chosen)
+    people = {agent or PERSON: pair for agent, pair in people.items()}
+    return {ROBOT: chosen, **people} if people else {"": chosen}
+
+
+def _require_one(where: str, names: Sequence[str], pairs: Sequence[Pair]) -> None:
+    """Raise FileError with the mappings to write if there are several pairs."""
+    if len(pairs) == 1:
+        return
+    listed = " and ".join(f"{names[pair.x]}, {names[pair.y]}" for pair in pairs)
+    mappings = " or ".join(mapping_of(names, **pair._asdict()) for pair in pairs)
+    raise FileError(
+        f"{where} must have one pair of columns for the robot, or for x and y, it has {listed};"
+        f" write one of them into a --mapping file: {mappings}"
+    )
+
+
+def _are_same(cells: "Cells", one: Pair, other: Pair) -> bool:
+    """Whether two pairs of columns hold the same numbers."""
+    a, b = ([numeric(cells.frame.iloc[:, column]) for column in pair] for pair in (one, other))
+    return np.allclose(a, b, equal_nan=True)
+
+
+def _missing(
+    where: str, names: Sequence[str], found: Mapping[str, int], *, has_pairs: bool
+) -> FileError:
+    """Return the error about columns that are missing, with a mapping in the order of the table."""
+    pairs = [] if has_pairs else [pair for _, pair in _named_pairs(names)]
+    needed = ["time"] if found["time"] < 0 else []
+    lacking = needed if has_pairs else [*needed, "x", "y"]
+    sentence = (
+        f"{where} must have columns of time, x and y, {' and '.join(lacking)}"
+        f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
+    )
+    taken, chosen = set(found.values()), dict[str, int]()
+    if has_pairs or pairs:
+        taken |= {column for column, name in enumerate(names) if place_of(name)}
+        chosen = pairs[0]._asdict() if pairs else {}
+    else:
+        needed = lacking
+    rest = [column for column in range(len(names)) if column not in taken]
+    if len(rest) < len(needed):
+        return FileError(f"{sentence}; export the table with them")
+    if len(rest) > len(needed) > 1 and "agent" not in found:
+        needed = [*needed[:-2], "agent", "x", "y"]
+    rest.sort(key=lambda column: "time" not in names[column].lower())
+    mapping = mapping_of(names, **dict(zip(needed, rest, strict=False)), **chosen)
+    return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")
+
+
+def _in_words(unused: Sequence[str]) -> tuple[str, ...]:
+    """Return a sentence about columns that seem to hold places and are not used, if any are."""
+    if not unused:
+        return ()
+    listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
+    verb = "columns {} are" if len(unused) > 1 else "column {} is"
+    return (
+        f"{verb.format(listed)} not used; 'x:' and 'y:' in a --mapping file name the columns that"
+        " are",
+    )

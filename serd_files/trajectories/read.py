@@ -1,24 +1,25 @@
-"""Tracks of agents from a table of named columns, of a public layout, or with a mapping."""
+"""Tracks of agents from a table of named columns, of a public layout, or with a mapping.
 
-from dataclasses import dataclass, replace
+Rows that contradict each other and impossible motion get a sentence each. There rows are counted
+from 1, below the line of names.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from serd_bag.errors import FileError
 from serd_bag.quantities import counted
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray
 from serd_files.trajectories.cells import Cells, read_cells
-from serd_files.trajectories.columns import TableColumns, mapping_of, role_of
-from serd_files.trajectories.faults import (
-    and_others,
-    faults_of_rows,
-    parts_of_jumps,
-    without_strays,
-)
-from serd_files.trajectories.layouts import with_layout
-from serd_files.trajectories.places import Columns, columns_of
+from serd_files.trajectories.columns import Columns, TableColumns, columns_of, mapping_of, role_of
 from serd_files.trajectories.rows import Rows, on_one_clock, rows_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Names of columns that classify agents.
 _KINDS = frozenset(["type", "class", "label"])
@@ -26,6 +27,19 @@ _KINDS = frozenset(["type", "class", "label"])
 _FLAG, _TRUE = "is_robot", frozenset(["1", "1.0", "true", "yes"])
 #: Half of the shortest step between two stamps.
 _SHORTEST_S = 5e-10
+#: Share of rows, and number of them, above which ids that are in two places are rejected.
+_MANY, _FEW = 0.01, 3
+_SAME_PLACE_M = 0.1
+#: Median speeds (m/s): the highest accepted, the one below which a warning is given, and the lowest
+#: accepted.
+_FASTEST_MPS, _SLOWEST_MPS, _STILL_MPS = 40.0, 0.02, 0.005
+#: A jump exceeds all of these; the last is a multiple of the median speed.
+_JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
+#: Most rows between two jumps that are left out as strays.
+_FEW_ROWS = 3
+#: Share of steps of a table without ids that lead away and back above which it has several agents:
+#: more than so many distances to the nearest of the next rows. At most so many rows are tested.
+_MANY_AWAY, _FAR, _LEAST_ROWS_ON, _MOST_ROWS = 0.2, 5.0, 8, 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,55 +71,36 @@ class Trajectories:
 def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
     """Return the tracks of at least two places; raises FileError where a file holds none."""
     path = Path(path)
-    cells, wanted = with_layout(read_cells(path), wanted or TableColumns())
+    cells = read_cells(path)
+    wanted = (wanted or TableColumns()).completed(cells.stated)
     columns = columns_of(str(path), cells, wanted)
     rows = rows_of(str(path), cells, columns, wanted)
-    points, assumed = _points(path, rows, _candidates(cells, columns))
-    kept, strays = without_strays(points)
-    points = points.select(kept)
-    part, jumps = np.zeros(len(points.agent), dtype=np.int64), tuple[str, ...]()
-    if rows.has_ids or columns.episode >= 0:
-        part, jumps = parts_of_jumps(points)
+    points, contradictions = _first_of_each_time(path, rows, _candidates(cells, columns))
+    points, own_clocks = on_one_clock(points)
+    assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
+    points, strays, n_strays = _without_strays(points)
+    points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns.episode >= 0)
     kinds = _kinds(cells) if columns.pairs.keys() == {""} else []
-    tracks = _pieces(points, part, kinds)
+    tracks = _tracks(points, rows, kinds)
     if not tracks:
         raise _no_agents(path, rows)
-    left_out = (*strays, *_without_numbers(rows, cells.n_skipped))
-    n_bad = int((~rows.good).sum() + (~kept).sum()) + cells.n_skipped
-    sentences = (*columns.remarks, *assumed, *jumps, *left_out, *_lists(cells))
-    return Trajectories(tracks, sentences, n_bad)
+    left_out = (*strays, *_without_numbers(rows, cells.n_skipped), *_lists(cells))
+    n_bad = len(rows.bad) + n_strays + cells.n_skipped
+    return Trajectories(tracks, (*columns.remarks, *assumed, *jumps, *left_out), n_bad)
 
 
 def _no_agents(path: Path, rows: Rows) -> FileError:
+    n_good = len(rows.frame)
     return FileError(
-        f"{path} must hold agents with two places at least, it holds none in {len(rows.row)} rows,"
-        f" {int(rows.good.sum())} of which have numbers; name its columns in a --mapping file"
-        " (time:, agent:, x:, y:)"
+        f"{path} must hold agents with two places at least, it holds none in"
+        f" {n_good + len(rows.bad)} rows, {n_good} of which have numbers; name its columns in a"
+        " --mapping file (time:, agent:, x:, y:)"
     )
-
-
-def _points(path: Path, rows: Rows, candidates: list[str]) -> tuple[Rows, tuple[str, ...]]:
-    """Return the first row of each time of an agent, and sentences about assumptions and faults."""
-    by_agent = rows.by_agent
-    if not len(by_agent):
-        raise _no_agents(path, rows)
-    another = np.diff(rows.agent[by_agent]) != 0
-    later = np.diff(rows.time_s[by_agent]) > 0
-    first = rows.select(by_agent[np.concatenate([[True], another | later])])
-    time_s, own_clocks = on_one_clock(first.time_s, first.episode)
-    speed_mps = _speed_mps(time_s, first.place_m, np.diff(first.agent) == 0)
-    faults = faults_of_rows(path, rows, speed_mps, candidates)
-    sentences = (*own_clocks, *_in_words(rows.assumed, speed_mps), *faults)
-    return replace(first, time_s=time_s), sentences
 
 
 def _candidates(cells: Cells, columns: Columns) -> list[str]:
     """Return mappings of the columns that may hold the ids of a table without them."""
-    used = {
-        columns.time,
-        columns.episode,
-        *(each for pair in columns.pairs.values() for each in pair),
-    }
+    used = {columns.time, columns.episode, *(at for pair in columns.pairs.values() for at in pair)}
     return [
         mapping_of(cells.names, agent=column)
         for column, name in enumerate(cells.names)
@@ -113,54 +108,194 @@ def _candidates(cells: Cells, columns: Columns) -> list[str]:
     ]
 
 
-def _pieces(points: Rows, part: IntArray, kinds: list[list[str]]) -> tuple[Track, ...]:
-    """Return a track of each part (N,) of an agent that has two points or more."""
-    divided = set(points.agent[part > 0].tolist())
-    begins = 1 + np.flatnonzero((np.diff(points.agent) != 0) | (np.diff(part) != 0))
-    tracks = []
-    for piece in np.split(np.arange(len(part)), begins):
-        if len(piece) < 2:
-            continue
-        first = piece[0]
-        agent, number = int(points.agent[first]), int(part[first])
-        name = points.names[agent]
-        tracks.append(
-            Track(
-                f"{name} part {number + 1}" if number else name,
-                points.time_s[piece],
-                points.place_m[piece],
-                kinds=tuple(kind[points.row[first]] for kind in kinds),
-                divided_from=name if agent in divided else "",
-                row=int(points.row[piece].min()) + 1,
-                name=points.ids[agent],
-            )
+def _first_of_each_time(
+    path: Path, rows: Rows, candidates: Sequence[str]
+) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the first row of each time of an agent, sorted by agent and time, and sentences.
+
+    Raises FileError where agents are in two places at one time too often. candidates: mappings of
+    columns that may hold the ids, of a table without them.
+    """
+    frame, names = rows.frame, rows.names
+    if frame.empty:
+        raise _no_agents(path, rows)
+    found = []
+    late = frame[frame.groupby("agent").time_s.diff() < 0]
+    if len(late):
+        found.append(
+            f"row {late.row.iloc[0] + 1}, of agent {names[late.agent.iloc[0]]}, goes back in"
+            f" time{_and_others(len(late))}; rows are sorted by time"
         )
-    return tuple(tracks)
+    points = frame.sort_values(["agent", "time_s"], kind="stable", ignore_index=True)
+    step = points.diff()
+    again = (step.agent == 0) & (step.time_s == 0)
+    both = points.index[again & (np.hypot(step.x, step.y) > _SAME_PLACE_M)]
+    if len(both):
+        one, other = points.loc[both[0] - 1], points.loc[both[0]]
+        what = (
+            f"agent {names[int(one.agent)]} is in two places at time {one.time_s:g}, in row"
+            f" {one.row + 1:.0f} and row {other.row + 1:.0f}{_and_others(len(both))}"
+        )
+        if len(both) > max(_FEW, _MANY * len(points)):
+            raise _without_ids(path, what, candidates, has_ids=rows.has_ids)
+        found.append(f"{what}; the first one counts")
+    if not rows.has_ids and (away := _share_away(points)) > _MANY_AWAY:
+        what = f"in {100 * away:.0f} % of the steps the place jumps away and comes back"
+        raise _without_ids(path, what, candidates, has_ids=False)
+    return points[~again], tuple(found)
+
+
+def _without_ids(path: Path, what: str, candidates: Sequence[str], *, has_ids: bool) -> FileError:
+    if has_ids:
+        return FileError(
+            f"{path}: {what}; give each agent an id of its own, or name the column of ids in a"
+            " --mapping file (agent:), or of episodes in which ids begin again (episode:)"
+        )
+    fix = "add a column of ids, named id, or give each agent as a file"
+    if candidates:
+        fix = f"name the column of ids in a --mapping file: {' or '.join(candidates)}"
+    return FileError(
+        f"{path} must have a column of ids where rows are of several agents: {what}; {fix}"
+    )
+
+
+def _share_away(points: "pd.DataFrame") -> float:
+    """Return the share of steps that lead farther away than the nearest of the next rows is."""
+    points = points.drop_duplicates(["agent", "time_s", "x", "y"])
+    share_different = points.time_s.nunique() / len(points)
+    rows_on = min(max(_LEAST_ROWS_ON, round(2 / share_different)), 200)
+    place_m = points[["x", "y"]].to_numpy()[:_MOST_ROWS]
+    count = len(place_m) - rows_on
+    if count < 1:
+        return 0.0
+    away = (place_m[on : count + on] - place_m[:count] for on in range(1, rows_on + 1))
+    step, *later = (np.hypot(*moved.T) for moved in away)
+    back = np.min(later, axis=0)
+    changes = np.abs(np.diff(place_m, axis=0))
+    smallest = changes[changes > 0].min(initial=np.inf)
+    return float(np.mean(step > _FAR * np.maximum(back, max(np.median(back), smallest))))
+
+
+def _of_speed(path: Path, rows: Rows, points: "pd.DataFrame") -> list[str]:
+    """Return sentences about assumed units; raises FileError for impossible speeds."""
+    same, moved_m, step_s, _ = _steps(points)
+    moving = same & (moved_m > 0) & (step_s > _SHORTEST_S)
+    speed_mps = float((moved_m[moving] / step_s[moving]).median()) if moving.any() else 0.0
+    if 0 < speed_mps < _STILL_MPS:
+        raise FileError(
+            f"{path}: agents must move, but half of their steps are at {speed_mps:.2g} m/s or"
+            " slower; state unit: and time_unit: or fps: in a --mapping file; degrees are no unit"
+            " of places"
+        )
+    if speed_mps > _FASTEST_MPS:
+        raise FileError(
+            f"{path}: agents must move at less than {_FASTEST_MPS:g} m/s, but half of them move at"
+            f" {speed_mps:.3g} m/s or faster; state unit: and time_unit: or fps: in a --mapping"
+            " file" + ("" if rows.has_ids else ", or the column of ids by agent:")
+        )
+    found, units = [], rows.assumed
+    if units:
+        keys = " and ".join(f"'{key}:'" for key in units)
+        found.append(
+            f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
+            f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others"
+        )
+    if "unit" not in units and 0 < speed_mps < _SLOWEST_MPS:
+        found.append(
+            f"agents move at {speed_mps:.2g} m/s only: 'unit:' and 'fps:' in a --mapping file state"
+            " other units"
+        )
+    return found
+
+
+def _steps(points: "pd.DataFrame") -> tuple[Any, Any, Any, Any]:
+    """Of the steps to each row, (N,): whether they are of one agent, their length (m), their time
+    (s), and whether they are jumps."""
+    step = points.diff()
+    same, moved_m = step.agent == 0, np.hypot(step.x, step.y)
+    speed_mps = moved_m / step.time_s
+    usual_mps = speed_mps[same & (moved_m > 0)].median()
+    fastest_mps = np.fmax(_JUMP_MPS, _TIMES_USUAL * usual_mps)
+    return same, moved_m, step.time_s, same & (moved_m > _JUMP_M) & (speed_mps > fastest_mps)
+
+
+def _without_strays(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ...], int]:
+    """Return the points that are kept, and a sentence about those that are not and their number.
+
+    Left out between jumps: a few rows, or any number at one place, as -999 or 0 for a lost agent.
+    """
+    same, _, _, jump = _steps(points)
+    piece = (jump | ~same).cumsum()
+    pieces = points.groupby(piece)
+    few = (pieces.size() <= _FEW_ROWS) | pieces[["x", "y"]].nunique().eq(1).all(axis=1)
+    short = piece.map(few)
+    stray = short & ~short.groupby(points.agent).transform("all")
+    if not stray.any():
+        return points, (), 0
+    sentence = (
+        f"row {points.row[stray].min() + 1} lies away from where its agent is before and after"
+        f"{_and_others(int(stray.sum()))}; left out"
+    )
+    return points[~stray], (sentence,), int(stray.sum())
+
+
+def _divided(
+    points: "pd.DataFrame", names: Sequence[str], *, has_ids: bool
+) -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the points with the number of the part of their agent's track, which jumps divide,
+    and a sentence. Without ids nothing is divided."""
+    _, moved_m, step_s, jump = _steps(points)
+    if not (has_ids and jump.any()):
+        return points.assign(part=0), ()
+    at = jump.idxmax()
+    return points.assign(part=jump.groupby(points.agent).cumsum()), (
+        f"row {points.row[at] + 1}: agent {names[points.agent[at]]} jumps {moved_m[at]:.1f} m in"
+        f" {step_s[at]:.2g} s{_and_others(int(jump.sum()))}; it counts as another one from there",
+    )
+
+
+def _and_others(number: int) -> str:
+    return "" if number == 1 else f", as do {number - 1} other rows"
+
+
+def _tracks(points: "pd.DataFrame", rows: Rows, kinds: list[list[str]]) -> tuple[Track, ...]:
+    """Return a track of each part of an agent that has two points or more."""
+    divided = set(points.agent[points.part > 0])
+    return tuple(
+        Track(
+            f"{rows.names[agent]} part {part + 1}" if part else rows.names[agent],
+            piece.time_s.to_numpy(),
+            piece[["x", "y"]].to_numpy(),
+            kinds=tuple(kind[piece.row.iloc[0]] for kind in kinds),
+            divided_from=rows.names[agent] if agent in divided else "",
+            row=int(piece.row.min()) + 1,
+            name=rows.ids[agent],
+        )
+        for (agent, part), piece in points.groupby(["agent", "part"])
+        if len(piece) > 1
+    )
 
 
 def _without_numbers(rows: Rows, n_skipped: int) -> tuple[str, ...]:
     """Return sentences about rows that were left out."""
-    bad = rows.row[~rows.good]
     found = []
-    if len(bad):
-        others = and_others(len(bad))
-        found.append(f"row {bad[0] + 1} lacks a number of time, x or y{others}; left out")
+    if len(rows.bad):
+        others = _and_others(len(rows.bad))
+        found.append(f"row {rows.bad[0] + 1} lacks a number of time, x or y{others}; left out")
     if n_skipped:
         found.append(f"{counted(n_skipped, 'row')} with more cells than the first left out")
     return tuple(found)
 
 
-def _lists(cells: Cells) -> tuple[str, ...]:
+def _lists(cells: Cells) -> list[str]:
     """Return sentences about columns of lists, as of the people of a row."""
-    found = []
-    for column, name in enumerate(cells.names):
-        given = cells.frame.iloc[:, column].dropna()
-        if len(given) and str(given.iloc[0]).lstrip().startswith(("[", "{")):
-            found.append(
-                f"column {name} holds lists, which are not read; give people rows or columns of"
-                " their own"
-            )
-    return tuple(found)
+    given = (cells.frame.iloc[:, column].dropna() for column in range(len(cells.names)))
+    firsts = [str(column.iloc[0]).lstrip() if len(column) else "" for column in given]
+    return [
+        f"column {name} holds lists, which are not read; give people rows or columns of their own"
+        for name, first in zip(cells.names, firsts, strict=True)
+        if first.startswith(("[", "{"))
+    ]
 
 
 def _kinds(cells: Cells) -> list[list[str]]:
@@ -174,22 +309,3 @@ def _kinds(cells: Cells) -> list[list[str]]:
             flags = (str(value).strip().lower() in _TRUE for value in given)
             found.append(["robot" if flag else "" for flag in flags])
     return found
-
-
-def _in_words(units: dict[str, str], speed_mps: float) -> tuple[str, ...]:
-    """Return one line about assumed units, by the key that states each, if any are assumed."""
-    if not units:
-        return ()
-    keys = " and ".join(f"'{key}:'" for key in units)
-    return (
-        f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
-        f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others",
-    )
-
-
-def _speed_mps(time_s: FloatArray, place_m: FloatArray, same: BoolArray) -> float:
-    """Return the median over steps in which an agent moved."""
-    step_s = np.diff(time_s)[same]
-    moved_m = np.hypot(*np.diff(place_m, axis=0)[same].T)
-    moving = (moved_m > 0) & (step_s > _SHORTEST_S)
-    return float(np.median(moved_m[moving] / step_s[moving])) if moving.any() else 0.0

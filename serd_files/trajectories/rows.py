@@ -1,29 +1,30 @@
 """The rows of a table: a place in metres at a time in seconds of an agent in an episode."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from serd_bag.errors import FileError
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_files.trajectories.cells import Cells
 from serd_files.trajectories.columns import (
     METRES,
-    SECONDS,
+    ROBOT,
+    Columns,
+    Pair,
     TableColumns,
     numeric,
     place_of,
     role_of,
     unit_of,
 )
-from serd_files.trajectories.places import ROBOT, Columns, Pair
 
 if TYPE_CHECKING:
     import pandas as pd
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Least sizes of times since 1970 in ms, us and ns; in s they are below all of them.
 _SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 #: Fewest rows per episode.
@@ -36,73 +37,71 @@ _APART_S = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of all agents: row in the file, agent, episode, time_s (R,), place_m (R, 2).
+    """frame: row in the file from 0, agent, episode, time_s, x and y (m) of rows that have numbers;
+    bad: (B,) the other rows.
 
-    agent: -1 where it is unknown. names: of the agents, ids: theirs in the table, which may repeat
-    in other episodes. has_ids: whether a column divides the rows into agents. assumed: what the
-    table does not state, by the key of a mapping that states it.
+    names: of the agents, ids: theirs in the table, which may repeat in other episodes. has_ids:
+    whether a column divides the rows into agents. assumed: what the table does not state, by the
+    key of a mapping that states it.
     """
 
-    row: IntArray
-    agent: IntArray
-    episode: IntArray
-    time_s: FloatArray
-    place_m: FloatArray
+    frame: "pd.DataFrame"
+    bad: IntArray
     names: list[str]
     ids: list[str]
     has_ids: bool
     assumed: dict[str, str]
 
-    def select(self, kept: IntArray | BoolArray) -> "Rows":
-        """Return some of the rows."""
-        names = ("row", "agent", "episode", "time_s", "place_m")
-        return replace(self, **{name: getattr(self, name)[kept] for name in names})
-
-    @cached_property
-    def good(self) -> BoolArray:
-        """Whether a row has numbers and an agent."""
-        return np.isfinite(self.time_s) & np.isfinite(self.place_m).all(axis=1) & (self.agent >= 0)
-
-    @cached_property
-    def by_agent(self) -> IntArray:
-        """The good rows, sorted by agent and time."""
-        good = np.flatnonzero(self.good)
-        return good[np.lexsort((self.time_s[good], self.agent[good]))]
-
 
 def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) -> Rows:
     """Return the rows of all agents; raises FileError where a rate or a unit is not stated."""
-    frame, pairs = cells.frame, columns.pairs
+    import pandas as pd
+
+    frame, is_wide = cells.frame, columns.pairs.keys() != {""}
     time_s, of_time = _seconds(where, cells, columns.time, wanted)
-    scale_of, of_place = _metres(where, cells, pairs, wanted)
-    is_wide = pairs.keys() != {""}
+    scale_of, of_place = _metres(where, cells, columns.pairs, wanted)
     episode, labels = _episodes(cells, columns, time_s)
-    rows, agents, places = [], [], []
-    ids: list[str] = []
-    for name, pair in sorted(pairs.items()):
-        place = np.stack([scale_of[each] * numeric(frame.iloc[:, each]) for each in pair], axis=1)
-        is_one = name == ROBOT or name[-1:].isdigit() or _is_robot(cells, pair)
-        of_people = columns.agent >= 0 and not is_one
-        numbers, texts = _ids(frame.iloc[:, columns.agent]) if of_people else _one(len(frame))
-        there = np.isfinite(place).all(axis=1) if is_wide else np.ones(len(frame), dtype=bool)
-        rows.append(np.flatnonzero(there))
-        agents.append(np.where(numbers >= 0, numbers + len(ids), -1)[there])
-        places.append(place[there])
-        ids += [f"{name} {text}" if of_people and name else name or text for text in texts]
-    row = np.concatenate(rows)
-    table = Rows(
-        row=row,
-        agent=np.concatenate(agents),
-        episode=episode[row],
-        time_s=time_s[row],
-        place_m=np.concatenate(places),
-        names=ids,
-        ids=ids,
-        has_ids=is_wide or columns.agent >= 0,
-        assumed=of_time | of_place,
-    )
-    word = cells.names[columns.episode] if columns.episode >= 0 else "episode"
-    return _of_episodes(table, word, labels) if labels else table
+    parts, ids = [], list[str]()
+    for name, pair in sorted(columns.pairs.items()):
+        agent, texts = np.zeros(len(frame), dtype=np.int64), [name or "0"]
+        if columns.agent >= 0 and not _is_one(cells, name, pair):
+            agent, texts = _numbered(frame.iloc[:, columns.agent])
+            texts = [f"{name} {text}".strip() for text in texts]
+        x, y = (scale_of[column] * numeric(frame.iloc[:, column]) for column in pair)
+        part = pd.DataFrame(
+            {
+                "row": np.arange(len(frame)),
+                "agent": np.where(agent >= 0, agent + len(ids), -1),
+                "episode": episode,
+                "time_s": time_s,
+                "x": x,
+                "y": y,
+            }
+        )
+        parts.append(part.dropna(subset=["x", "y"]) if is_wide else part)
+        ids += texts
+    rows = pd.concat(parts, ignore_index=True)
+    good = np.isfinite(rows[["time_s", "x", "y"]]).all(axis=1) & (rows.agent >= 0)
+    bad, rows = rows.row[~good].to_numpy(), rows[good].reset_index(drop=True)
+    has_ids, names = is_wide or columns.agent >= 0, ids
+    if labels:
+        word = cells.names[columns.episode] if columns.episode >= 0 else "episode"
+        key = ["agent", "episode"]
+        pairs = rows[key].drop_duplicates().sort_values(key).to_numpy().tolist()
+        ids = [ids[agent] for agent, _ in pairs]
+        names = of_episode = [labels[number] for _, number in pairs]
+        if has_ids:
+            names = [
+                f"{name} of {word} {label}" for name, label in zip(ids, of_episode, strict=True)
+            ]
+        rows["agent"] = rows.groupby(key).ngroup()
+    return Rows(rows, bad, names, ids, has_ids, of_time | of_place)
+
+
+def _is_one(cells: Cells, name: str, pair: Pair) -> bool:
+    """Whether columns are of one agent also beside a column of ids."""
+    place = place_of(cells.names[pair.x])
+    return name == ROBOT or name[-1:].isdigit() or (place is not None and place.kind == ROBOT)
 
 
 def _seconds(
@@ -160,86 +159,45 @@ def _metres(
 
 
 def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
-    """Return the number of the episode of each row, and their names, none where there is one."""
-    import pandas as pd
+    """Return the number of the episode of each row, and their names, none where there is one.
 
+    Without ids and a column of episodes, one begins where the time goes back near to the start of
+    the one before.
+    """
     if columns.episode >= 0:
-        numbers, names = pd.factorize(cells.frame.iloc[:, columns.episode], sort=True)
-        labels = [_text(name) for name in names]
-    else:
-        numbers = restarts(time_s) if columns.agent < 0 else np.zeros(len(time_s))
-        labels = [str(number + 1) for number in range(int(numbers.max(initial=0)) + 1)]
-    episode = numbers.astype(np.int64)
-    return (episode, labels) if len(labels) > 1 else (0 * episode, [])
+        episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
+        return (episode, labels) if len(labels) > 1 else (0 * episode, [])
+    back = np.diff(time_s, prepend=time_s[:1]) < 0
+    begins = np.concatenate([[0], np.flatnonzero(back)])
+    ends = np.concatenate([begins[1:], [len(time_s)]])
+    elapsed = (time_s[ends - 1] - time_s[begins])[:-1]
+    fallen = time_s[ends[:-1] - 1] - time_s[begins[1:]]
+    if (
+        columns.agent >= 0
+        or len(time_s) < _FEWEST_ROWS * len(begins)
+        or (fallen < _BACK * elapsed).any()
+    ):
+        return np.zeros(len(time_s), dtype=np.int64), []
+    labels = [str(number) for number in range(1, len(begins) + 1)]
+    return np.cumsum(back), labels if len(labels) > 1 else []
 
 
-def _of_episodes(rows: Rows, word: str, labels: list[str]) -> Rows:
-    """Return the rows with another agent in each episode, named after agent and episode."""
-    known = (rows.agent >= 0) & (rows.episode >= 0)
-    pairs = np.stack([rows.agent[known], rows.episode[known]], axis=1)
-    keys, numbers = np.unique(pairs, axis=0, return_inverse=True)
-    agent = np.full(len(rows.agent), -1, dtype=np.int64)
-    agent[known] = numbers.ravel()
-    ids = [rows.ids[key] for key in keys[:, 0]]
-    of_episode = [labels[key] for key in keys[:, 1]]
-    names = of_episode
-    if rows.has_ids:
-        names = [f"{name} of {word} {label}" for name, label in zip(ids, of_episode, strict=True)]
-    return replace(rows, agent=agent, names=names, ids=ids)
-
-
-def _is_robot(cells: Cells, pair: Pair) -> bool:
-    place = place_of(cells.names[pair.x])
-    return place is not None and place.kind == "robot"
-
-
-def _one(count: int) -> tuple[IntArray, list[str]]:
-    return np.zeros(count, dtype=np.int64), ["0"]
-
-
-def _ids(column: "pd.Series[Any]") -> tuple[IntArray, list[str]]:
-    """Return the number of the agent of each row, -1 where there is none, and their names."""
+def _numbered(column: "pd.Series[Any]") -> tuple[IntArray, list[str]]:
+    """Return the number of each row's name, -1 where there is none, and the names in order."""
     import pandas as pd
 
     numbers, names = pd.factorize(column, sort=True)
-    return numbers.astype(np.int64), [_text(name) for name in names]
+    texts = [f"{name:g}" if isinstance(name, float) else str(name) for name in names]
+    return numbers.astype(np.int64), texts
 
 
-def _text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def restarts(time: FloatArray) -> IntArray:
-    """(R,) number of the episode of each row without ids, counted where the time (R,) goes back.
-
-    All 0 where it never goes back near to the start of the episode before.
-    """
-    episode = np.zeros(len(time), dtype=np.int64)
-    back = np.flatnonzero(np.diff(time) < 0) + 1
-    if not len(back) or len(time) < _FEWEST_ROWS * (len(back) + 1):
-        return episode
-    begins = np.concatenate([[0], back])
-    elapsed = time[back - 1] - time[begins[:-1]]
-    if (time[back - 1] - time[back] < _BACK * elapsed).any():
-        return episode
-    episode[back] = 1
-    return np.cumsum(episode)
-
-
-def on_one_clock(time_s: FloatArray, episode: IntArray) -> tuple[FloatArray, tuple[str, ...]]:
-    """(N,) times without overlaps of the episodes (N,), and a sentence where there were some."""
-    if not episode.any():
-        return time_s, ()
-    count = int(episode.max()) + 1
-    begin_s, end_s = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(begin_s, episode, time_s)
-    np.maximum.at(end_s, episode, time_s)
-    there = np.flatnonzero(np.isfinite(begin_s))
-    order = there[np.argsort(begin_s[there], kind="stable")]
-    if (begin_s[order[1:]] > end_s[order[:-1]]).all():
-        return time_s, ()
-    shift_s = np.zeros(count)
-    last_s = np.cumsum(end_s[there] - begin_s[there] + _APART_S)
-    shift_s[there] = np.concatenate([[0.0], last_s[:-1]]) - begin_s[there] + begin_s[there[0]]
-    sentence = f"times of {len(there)} episodes overlap, so each has a clock of its own"
-    return time_s + shift_s[episode], (sentence,)
+def on_one_clock(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the points without overlaps of episodes, and a sentence where there were some."""
+    spans = points.groupby("episode").time_s.agg(["min", "max"])
+    ordered = spans.sort_values("min", kind="stable").to_numpy()
+    if (ordered[1:, 0] > ordered[:-1, 1]).all():
+        return points, ()
+    lengths_s = spans["max"] - spans["min"] + _APART_S
+    shift_s = spans["min"].iloc[0] - spans["min"] + lengths_s.cumsum().shift(fill_value=0.0)
+    sentence = f"times of {len(spans)} episodes overlap, so each has a clock of its own"
+    return points.assign(time_s=points.time_s + points.episode.map(shift_s)), (sentence,)

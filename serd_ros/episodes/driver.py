@@ -9,7 +9,7 @@ from typing import ClassVar, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from serd_app.drives.episode_mark import END, START
+from serd_app.drives.episode_spans import END, START
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.table import write_rows

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from serd_app.drives.episode_mark import START, EpisodeMark
+from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_app.navigation.overlay import ModelOverlay, overlay_of
 from serd_app.navigation.strategy import load_strategy
 from serd_app.teleop.page.server import PageServer

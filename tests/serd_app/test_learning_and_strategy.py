@@ -11,8 +11,7 @@ from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.learned_traps import learned_traps
-from serd_app.learning.outcome import fit_of_file, outcome_files, save_outcome
+from serd_app.learning.outcome import fit_of_file, learned_traps, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
@@ -187,11 +186,6 @@ def test_a_model_is_not_saved_beside_an_edited_scenario_that_is_another(outcome,
     with pytest.raises(AppError, match="edited or written by hand"):
         save_outcome(path, outcome[0], grid_of(HALLWAY))
     assert [each.name for each in tmp_path.iterdir()] == ["model.scenario.yaml"]
-
-
-def test_files_beside_two_models_in_one_folder_are_apart():
-    first, second = (set(outcome_files(Path(name)).values()) for name in ("a.yaml", "b.yaml"))
-    assert not first & second
 
 
 def laps_with_waits(problem, starts, n_laps=6, n_waits=20):

@@ -56,17 +56,6 @@ def test_a_failure_keeps_the_old_content_and_leaves_no_temporary(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(FileError, match=r"cannot write .*; "):
-        atomic_write_bytes(tmp_path / "file" / "x", b"x")
-
-
-def test_a_folder_in_the_way_gets_a_sentence(tmp_path):
-    with pytest.raises(FileError, match="it is a folder; name a file"):
-        atomic_write_bytes(tmp_path, b"x")
-
-
 def test_places_for_files_are_checked_before_they_are_written(tmp_path, monkeypatch):
     require_file_place(tmp_path / "new" / "folder" / "file")
     (tmp_path / "file").write_bytes(b"")

@@ -1,7 +1,6 @@
 """The table of episodes: exact round trips, faults by line."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -28,24 +27,10 @@ def result(episode=0, outcome="arrived", time_of_arrival_s=0.1 + 0.2):
     )
 
 
-def test_a_distance_that_was_not_measured_survives(tmp_path):
-    row = replace(result(), minimum_person_distance_m=math.nan)
-    write_rows(tmp_path / "episodes.csv", EpisodeResult, [row])
-    (found,) = load_episodes(tmp_path / "episodes.csv")
-    assert math.isnan(found.minimum_person_distance_m)
-
-
 def test_rows_survive_exactly(tmp_path):
     rows = (result(0), result(1, time_of_arrival_s=47.0))
     write_rows(tmp_path / "episodes.csv", EpisodeResult, rows)
     assert load_episodes(tmp_path / "episodes.csv") == rows
-
-
-def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
-    write_rows(tmp_path / "episodes.csv", EpisodeResult, [result(0, "timeout", math.nan)])
-    (row,) = load_episodes(tmp_path / "episodes.csv")
-    assert math.isnan(row.time_of_arrival_s)
-    assert not row.arrived
 
 
 @pytest.mark.parametrize("time_s", [-1.5, math.inf])

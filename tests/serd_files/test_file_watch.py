@@ -22,10 +22,3 @@ def test_a_file_that_is_gone_is_unchanged_until_it_is_back(tmp_path):
     assert not watch.changed()
     path.write_text("three")
     assert watch.changed()
-
-
-def test_a_file_that_comes_later_is_noticed(tmp_path):
-    watch = FileWatch(tmp_path / "model.yaml")
-    assert not watch.changed()
-    (tmp_path / "model.yaml").write_text("one")
-    assert watch.changed()

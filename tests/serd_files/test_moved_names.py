@@ -7,7 +7,6 @@ import sys
 import pytest
 
 from serd_bag.errors import FileError
-from serd_files.moved_names import where
 from serd_files.yaml_config import model_yaml, yaml_model
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import addressees, find_stack
@@ -63,7 +62,3 @@ def test_a_scenario_that_the_version_before_wrote_is_read():
     )
     now = yaml_model(with_pillar(), Scenario, name="place.yaml")
     assert yaml_model(older, Scenario, name="place.yaml") == now
-
-
-def test_a_name_that_never_was_went_nowhere():
-    assert where("command", "navigate") == ""

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from serd_app.demonstrations.crossing_table import load_crossings
-from serd_app.drives.episode_mark import END
+from serd_app.drives.episode_spans import END
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings

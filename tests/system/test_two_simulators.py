@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from serd_app.drives.episode_mark import END
+from serd_app.drives.episode_spans import END
 from serd_cli.processes.node_commands import node_command
 from serd_files.episode_table import load_episodes
 from serd_ros.convert.diagnostics import from_episode_message

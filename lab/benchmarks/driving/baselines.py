@@ -10,8 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from serd_files.row_table import Row
-from serd_files.table import Column
+from serd_files.table import Column, Row
 from serd_sim.crowd.social_force import model_named
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_task
 from serd_sim.errors import SimError

@@ -22,7 +22,7 @@ from lab.benchmarks.driving.closed_loop_figure import closed_loop_figure
 from lab.benchmarks.report import Row, save
 from serd_app.report.style import save_figure
 from serd_cli.output.terminal import WorkProgress
-from serd_files.row_table import Row as TableRow
+from serd_files.table import Row as TableRow
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.batch_summary import ConditionSummary, summarise

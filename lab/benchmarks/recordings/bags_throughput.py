@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from lab.benchmarks.measurement import best_of, peak_memory_mb
 from lab.benchmarks.report import Row, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_app.drives.episode_mark import END, START, EpisodeMark
+from serd_app.drives.episode_spans import END, START, EpisodeMark
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter

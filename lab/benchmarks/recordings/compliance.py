@@ -1,4 +1,4 @@
-"""`serd compare` on robots that keep to a side of a corridor and on robots that do not.
+"""How usual `serd report` finds robots that keep to a side of a corridor, and robots that do not.
 
 Stand-ins for tracks of tele-operated robots: poses at 10 Hz without commands. Both kinds begin
 anywhere across the corridor; the compliant one goes to its right side, the other to its left.
@@ -59,12 +59,12 @@ def run() -> None:
         cells = ("--cell-size-m", "1", "--period-s", "1")
         serd("demos", tables["learned from"], *cells, "--output", decisions)
         serd("learn", decisions, "--output", model)
-        options = ("--output", folder / "c.csv", "--json")
+        options = ("--output", folder / "page", "--json", "--demonstrations")
         rows = [
-            _row(title, json.loads(serd("compare", model, table, *options)))
+            _row(title, json.loads(serd("report", model, *options, table))["familiarity"])
             for title, table in tables.items()
         ]
-        shutil.copy(folder / "c.png", _PICTURE)
+        shutil.copy(folder / "page" / "figures" / "surprises.png", _PICTURE)
     print("".join(rows), end="")
     write_rows(_DOCUMENT, ["robots", "episodes"], "".join(rows))
 
@@ -77,7 +77,7 @@ def _row(title: str, found: dict[str, Any]) -> str:
         found["n_decisions"],
         *(_number(found[name]) for name in ("log_likelihood", "simulated")),
         f"{found['mean_rank']:.2f}",
-        f"{100 * found['n_unusual'] / len(found['episodes']):.0f} %",
+        f"{100 * found['n_unusual'] / found['n_episodes']:.0f} %",
         f"{share:.1f} %",
     )
     return markdown_row(cells)

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.episode_mark import EPISODE
+from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
 from serd_app.drives.mapped.drive import MappedMessages, mapped_messages
 from serd_app.drives.mapped.mapping import BagMapping

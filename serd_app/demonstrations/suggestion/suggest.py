@@ -24,7 +24,7 @@ from serd_app.demonstrations.suggestion.candidates import (
     minimum_speed_mps,
 )
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
-from serd_app.drives.episode_mark import EPISODE
+from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import MappedActions
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recorded_drive import INTENT

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_app.drives.episode_mark import EpisodeMark
-from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.mapped.poses import MappedPoses

@@ -6,7 +6,6 @@ then put on the grid of the model.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,10 +23,11 @@ from serd_app.demonstrations.recorded import (
 from serd_app.demonstrations.recordings import read_recordings
 from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.errors import AppError
-from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
+from serd_app.learning.learning_files import LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files
 from serd_app.navigation.strategy import outcome_probabilities_of, require_same_scale
 from serd_app.places.kept_scenario import scenario_beside
+from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
@@ -40,8 +40,25 @@ from serd_sim.scenario.model_problem import model_in_flow
 from serd_sim.scenario.scenario import load_scenario
 
 _MOST_ASSUMED = 5
+#: Decisions of a lower tail probability are surprising, episodes of a lower rank unusual.
+SURPRISING, UNUSUAL = 0.01, 0.05
 #: Methods whose policy is Boltzmann over optimal values.
 _OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
+
+
+@dataclass(frozen=True)
+class ScoredEpisode:
+    """log_likelihood, simulated: means per decision, rank: 0 to 1, surprising: number of decisions.
+
+    log_likelihood: None where the model rules out a decision.
+    """
+
+    episode: int
+    decisions: int
+    log_likelihood: float | None
+    simulated: float | None
+    rank: float
+    surprising: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +84,66 @@ class Familiarity:
         """(N,) on the cells of the grid."""
         return self.files.demonstrations.decisions
 
-    def surprising(self, level: float) -> BoolArray:
-        """(N,) decisions with a tail probability below the level."""
-        return np.asarray(self.tails < level)
+    @property
+    def surprising(self) -> BoolArray:
+        """(N,) decisions with a low tail probability."""
+        return np.asarray(self.tails < SURPRISING)
+
+    @property
+    def episodes(self) -> tuple[ScoredEpisode, ...]:
+        """Every episode, the least likely one among simulated ones first."""
+        scores, of_decision = self.scores, self.decisions.episode
+        found = (
+            ScoredEpisode(
+                int(episode),
+                int(scores.n_decisions[row]),
+                _finite(scores.log_likelihood[row]),
+                _finite(scores.expected[row]),
+                float(scores.rank[row]),
+                int(self.surprising[of_decision == episode].sum()),
+            )
+            for row, episode in enumerate(scores.episode)
+        )
+        return tuple(sorted(found, key=lambda one: one.rank))
+
+    def as_json(self) -> dict[str, object]:
+        """Numbers over all episodes; log_likelihood is None where a decision is ruled out."""
+        scores, files = self.scores, self.files
+        weights = scores.n_decisions / scores.n_decisions.sum()
+        return {
+            "n_episodes": len(scores.episode),
+            "n_decisions": len(self.decisions),
+            "n_hidden": int(self.decisions.hidden.sum()),
+            "n_after_goal": files.n_after_goal,
+            "n_elsewhere": files.n_elsewhere,
+            "n_episodes_left_out": files.n_left_out,
+            "log_likelihood": _finite(weights @ scores.log_likelihood),
+            "simulated": _finite(weights @ scores.expected),
+            "mean_rank": float(scores.rank.mean()),
+            "n_unusual": int(np.sum(scores.rank < UNUSUAL)),
+            "n_surprising": int(self.surprising.sum()),
+            "discretised": self.discretised,
+        }
+
+    def sentence(self) -> str:
+        """The numbers over all episodes, and what was left out."""
+        found, files = self.as_json(), self.files
+        score, simulated = (
+            "-inf" if found[name] is None else f"{found[name]:.3f}"
+            for name in ("log_likelihood", "simulated")
+        )
+        left_out = f"; decisions left out: {files.left_out()}" if files.left_out() else ""
+        if files.n_left_out:
+            elsewhere = " or end elsewhere" if files.n_elsewhere else ""
+            left_out += f"; episodes left out: {files.n_left_out} that begin in the goal{elsewhere}"
+        on_grid = f"; on the grid of the model: {self.discretised}" if self.discretised else ""
+        return (
+            f"{counted(len(self.scores.episode), 'episode')},"
+            f" {counted(len(self.decisions), 'decision')} ({found['n_hidden']} without action):"
+            f" log-likelihood per decision {score}, of simulated episodes {simulated}; mean rank"
+            f" {found['mean_rank']:.2f}, below {UNUSUAL:g}: {found['n_unusual']}; surprising"
+            f" decisions: {found['n_surprising']}{left_out}{on_grid}"
+        )
 
 
 def familiarity_of(
@@ -78,27 +152,22 @@ def familiarity_of(
     *,
     mapping: DriveMapping | None = None,
     scenario: str = "",
-    flow: FlowSource = "auto",
-    goals_m: tuple[tuple[float, float], ...] = (),
-    n_simulated: int = 200,
-    seed: int = 0,
 ) -> Familiarity:
     """Score trajectories by the policy and dynamics of a model file.
 
     trajectories: a table of decisions, or bags or tables of trajectories of one place.
-    goals_m: in place of the model's own; scenario: name or file, in place of the one that the
-    decisions or else the model name; flow: see `read_learning_files`. FileError where cells or
-    periods differ from those of the model.
+    scenario: name or file, in place of the one that the decisions or else the model name. FileError
+    where cells or periods differ from those of the model.
     """
     file = load_model(model)
-    files, discretised = _files(model, file, trajectories, mapping, scenario, flow, goals_m)
+    files, discretised = _files(model, file, trajectories, mapping, scenario)
     task, decisions = files.task, files.demonstrations.decisions
     grid = task.problem.grid
     require_same_scale(model, file, trajectories[0], grid.cell_size_m, task.decision_period_s)
     if not len(decisions):
         raise AppError(
-            f"{_in_words(trajectories)} must hold a decision before the goal, got none; name"
-            " another --goal"
+            f"{_in_words(trajectories)} must hold a decision before the goal of the model, got"
+            " none; give others"
         )
     policy, outcomes = _policy(model, file, task.problem)
     scores = episode_scores(
@@ -106,8 +175,7 @@ def familiarity_of(
         decisions,
         policy,
         outcomes,
-        n_simulated=n_simulated,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(0),
     )
     tails = tail_probabilities(task.problem, decisions, policy, outcomes)
     return Familiarity(files, tails, scores, discretised)
@@ -141,10 +209,7 @@ def _files(
     trajectories: Sequence[Path],
     mapping: DriveMapping | None,
     scenario: str,
-    flow: FlowSource,
-    goals_m: tuple[tuple[float, float], ...],
 ) -> tuple[LearningFiles, str]:
-    read = partial(read_learning_files, discount=file.discount, flow=flow)
     tables = [each for each in trajectories if files_beside(each)["record"].exists()]
     if tables and mapping is not None:
         raise AppError(
@@ -157,14 +222,20 @@ def _files(
         )
     if tables:
         own = load_grid(files_beside(tables[0])["grid"]).fingerprint() == file.grid.fingerprint
-        goals = goals_m or (file.goals_m if own else ())
-        return read(tables[0], scenario=scenario, goals_m=tuple(goals)), ""
+        goals = tuple(file.goals_m) if own else ()
+        return _read(tables[0], file, scenario, goals), ""
     with TemporaryDirectory() as folder:
         table, place = Path(folder) / "decisions.csv", scenario
         if file.scenario and not scenario:
             place = scenario_beside(model, file.scenario)
         discretised = _discretise(model, file, trajectories, mapping, place, table)
-        return read(table, scenario=place, goals_m=goals_m or file.goals_m), discretised
+        return _read(table, file, place, tuple(file.goals_m)), discretised
+
+
+def _read(
+    table: Path, file: ModelFile, scenario: str, goals_m: tuple[tuple[float, float], ...]
+) -> LearningFiles:
+    return read_learning_files(table, discount=file.discount, scenario=scenario, goals_m=goals_m)
 
 
 def _discretise(
@@ -194,6 +265,10 @@ def _discretise(
     assumed = list(dict.fromkeys(line for each in recordings.all for line in each.assumed))
     more = [f"and {len(assumed) - _MOST_ASSUMED} more"] if len(assumed) > _MOST_ASSUMED else []
     return "; ".join([str(report), *assumed[:_MOST_ASSUMED], *more])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _in_words(paths: Sequence[Path]) -> str:

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from serd_app.report import style
-from serd_app.report.errors import ReportError
 from serd_app.report.style import Look, new_figure
 from serd_bag.quantities import counted
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.law import ArrivalLaw
 
@@ -30,17 +29,6 @@ class ArrivalCurve:
     probability: FloatArray
     lower: FloatArray
     upper: FloatArray
-
-    def __post_init__(self) -> None:
-        length = len(self.time_s)
-        for name in ("time_s", "probability", "lower", "upper"):
-            column = float_array(f"{name} of an arrival curve", getattr(self, name), (length,))
-            if name != "time_s" and not ((column >= -1e-9) & (column <= 1 + 1e-9)).all():
-                raise ReportError(
-                    f"{name} of an arrival curve must lie in [0, 1], got up to {column.max()}; "
-                    "pass probabilities, not counts"
-                )
-            object.__setattr__(self, name, column)
 
 
 def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:

@@ -1,40 +1,37 @@
-"""Charts of the fit: reward weights, outcome models, and the objective after each step."""
+"""Charts of the fit: weights, outcome models, the objective; and of cell sizes and periods."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
+from serd_app.demonstrations.grid.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_app.report import style
-from serd_app.report.errors import ReportError
+from serd_app.report.figures.map_axes import colour_bar
 from serd_app.report.style import Look, new_figure
-from serd_app.report.words import in_words
+from serd_app.report.words import in_words, percent
 from serd_bag.quantities import counted
-from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.grid import Outcome
 
 
 def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> Figure:
     """One horizontal bar per feature, its value written at its end; first feature on top."""
-    weights = float_array("reward_weights", reward_weights, (None,))
-    if len(weights) != len(feature_names):
-        raise ReportError(
-            f"reward_weights must have one value per feature ({len(feature_names)}), "
-            f"got {len(weights)}; pass the names the weights were learned with"
-        )
     with style.report_style():
-        figure = new_figure(5.6, 0.7 + 0.5 * len(weights))
+        figure = new_figure(5.6, 0.7 + 0.5 * len(reward_weights))
         axes = figure.subplots()
-        rows = np.arange(len(weights))
-        colours = [style.BLUE if w >= 0 else style.RED for w in weights]
-        bars = axes.barh(rows, weights, height=0.6, color=colours)
-        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights]
+        rows = np.arange(len(reward_weights))
+        colours = [style.BLUE if w >= 0 else style.RED for w in reward_weights]
+        bars = axes.barh(rows, reward_weights, height=0.6, color=colours)
+        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in reward_weights]
         axes.bar_label(bars, labels=labels, padding=4, fontsize=8.5)
         axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
         axes.invert_yaxis()
@@ -63,17 +60,14 @@ def draw_outcomes(
 
     knowledge: the posterior, whose intervals and sources are drawn; None for none.
     """
-    shape = (len(model_names), len(OUTCOME_LABELS))
-    before = float_array("initial outcome probabilities", initial, shape)
-    after = float_array("learned outcome probabilities", learned, shape)
     with style.report_style():
         figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
         panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
         for i, axes in enumerate(panels):
             rows = () if knowledge is None else knowledge.by_model[model_names[i]]
-            tops = [row.upper for row in rows] or after[i]
+            tops = [row.upper for row in rows] or learned[i]
             only_prior = bool(rows) and rows[0].known_from == PRIOR_ONLY
-            _draw_model(axes, before[i], after[i], tops, only_prior=only_prior)
+            _draw_model(axes, initial[i], learned[i], tops, only_prior=only_prior)
             decided = counted(int(decisions_per_model[i]), "decision")
             if rows:
                 _draw_intervals(axes, rows)
@@ -144,8 +138,6 @@ def _draw_model(
 
 def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
     """trace (n_steps,): log posterior after each step; the last point is the fit."""
-    if not len(trace):
-        raise ReportError("objective_trace must have at least one step, got none; run the fit")
     with style.report_style():
         figure = new_figure(5.6, 2.9)
         axes = figure.subplots()
@@ -171,3 +163,42 @@ def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None
     with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
         lengths = np.diff(ends, axis=0)
     axes.errorbar(at, ends[1], yerr=lengths, **look)
+
+
+def draw_resolution(advice: ResolutionAdvice) -> Figure:
+    """Share of completed moves as shade and number, hatched where too many go farther."""
+    cells = sorted({row.cell_size_m for row in advice.rows})
+    periods = sorted({row.period_s for row in advice.rows})
+    shares = np.full((len(cells), len(periods)), np.nan)
+    for row in advice.rows:
+        shares[cells.index(row.cell_size_m), periods.index(row.period_s)] = row.completed
+    with style.report_style():
+        figure = new_figure(1.9 + 0.55 * len(periods), 1.7 + 0.36 * len(cells))
+        axes = figure.subplots()
+        image = axes.imshow(
+            shares, origin="lower", aspect="auto", cmap=style.VALUE_MAP, norm=Normalize(0, 1)
+        )
+        for row in advice.rows:
+            place = periods.index(row.period_s), cells.index(row.cell_size_m)
+            _draw_row(axes, row, place, best=row == advice.best)
+        axes.set_xticks(range(len(periods)), [f"{each:g}" for each in periods])
+        axes.set_yticks(range(len(cells)), [f"{each:g}" for each in cells])
+        axes.set(xlabel="decision period in s", ylabel="side of a cell in m")
+        axes.set_title("used: framed; fits best: dashed frame", loc="left", fontsize=8.5)
+        colour_bar(figure, axes, image, "moves that end in a neighbouring cell")
+        figure.supxlabel(f"hatched: more than {percent(MOST_FAR)} go farther", size=8)
+    return figure
+
+
+def _draw_row(axes: Axes, row: ResolutionRow, place: tuple[int, int], *, best: bool) -> None:
+    x, y = place
+    number = f"{100 * row.completed:.0f}"
+    axes.text(x, y, number, ha="center", va="center", fontsize=7.5, color=style.INK)
+    looks: tuple[tuple[int, Look], ...] = (
+        (row.far > MOST_FAR, {"hatch": "///", "edgecolor": style.RED, "linewidth": 0}),
+        (row.used, {"edgecolor": style.INK, "linewidth": 2.2, "zorder": 4}),
+        (best, {"edgecolor": style.GREEN, "linestyle": "--", "linewidth": 2.2, "zorder": 4}),
+    )
+    for wanted, look in looks:
+        if wanted:
+            axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, **look))

@@ -21,7 +21,7 @@ from serd_app.report.figures.map_axes import (
 from serd_app.report.style import Look
 from serd_app.report.words import in_words
 from serd_bag.quantities import counted
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
@@ -40,28 +40,26 @@ def draw_visitation(
 
     layout: plan of the place; where it is None, a dot marks the start of each track.
     """
-    counts = float_array("decisions_per_state", decisions_per_state, (grid.n_states,))
     with style.report_style():
-        norm = Normalize(0, max(counts.max(), 1))
-        figure, axes, cells = cell_map(grid, layout, counts, norm, style.VISITS_MAP)
+        norm = Normalize(0, max(decisions_per_state.max(), 1))
+        figure, axes, cells = cell_map(grid, layout, decisions_per_state, norm, style.VISITS_MAP)
         for track in tracks_m:
             axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
             if layout is None:
                 axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
-        axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
+        axes.set_title(f"{int(decisions_per_state.sum())} decisions{n_tracks}")
     return figure
 
 
 def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -> Figure:
     """What a demonstration from each cell (S,) is expected to add, the best start marked."""
-    gain = float_array("gain_nats", gain_nats, (grid.n_states,))
     with style.report_style():
-        norm = Normalize(0, max(gain.max(), 1e-9))
-        figure, axes, cells = cell_map(grid, layout, gain, norm, style.VISITS_MAP)
+        norm = Normalize(0, max(gain_nats.max(), 1e-9))
+        figure, axes, cells = cell_map(grid, layout, gain_nats, norm, style.VISITS_MAP)
         star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
-        axes.plot(*grid.centers_m[int(gain.argmax())], "*", color=style.BLUE, **star)
+        axes.plot(*grid.centers_m[int(gain_nats.argmax())], "*", color=style.BLUE, **star)
         colour_bar_below(figure, axes, cells, "expected information in nats")
         axes.set_title("a demonstration from the star teaches most", loc="left")
     return figure
@@ -107,11 +105,10 @@ def draw_features(
 ) -> Figure:
     """features (S, A, F); available (S, A): a cell without the action stays empty. Panels of
     actions for which a feature is 0 everywhere are left out."""
-    table = float_array("features", features, (grid.n_states, len(Action), len(feature_names)))
     panels = [
         panel
         for i, name in enumerate(feature_names)
-        for panel in _panels(name, table[:, :, i], np.asarray(available))
+        for panel in _panels(name, features[:, :, i], np.asarray(available))
         if np.nan_to_num(panel[1]).any()
     ]
     with style.report_style():
@@ -143,11 +140,10 @@ def draw_policy_map(
 
     whose: policy that is trapped, for the title, where the arrows are not its own.
     """
-    values = float_array("value", value, (grid.n_states,))
     with style.report_style():
-        elsewhere = np.delete(values, goal_states)
-        norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
-        figure, axes, cells = cell_map(grid, layout, values, norm, style.VALUE_MAP)
+        elsewhere = np.delete(value, goal_states)
+        norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else value))
+        figure, axes, cells = cell_map(grid, layout, value, norm, style.VALUE_MAP)
         draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_traps(axes, grid, trapped)
         colour_bar_below(
@@ -208,13 +204,12 @@ def draw_flow_map(
     layout: plan of the place where one is known. scenario_flow: (S,) that of the scenario; arrows
     that differ from it are red.
     """
-    shades = float_array("order", order, (grid.n_states,))
     differing = np.zeros(grid.n_states, dtype=bool)
     if scenario_flow is not None:
         differing = (flow != scenario_flow) & (flow != NO_FLOW)
     with style.report_style():
         norm = Normalize(0, 1)
-        figure, axes, cells = cell_map(grid, layout, shades, norm, style.VALUE_MAP, areas=False)
+        figure, axes, cells = cell_map(grid, layout, order, norm, style.VALUE_MAP, areas=False)
         arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
         draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
         colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_bag.files import read_text
 
 SHORTEST_TOKEN = 16

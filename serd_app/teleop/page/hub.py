@@ -13,7 +13,7 @@ from collections.abc import Callable
 from itertools import count
 from typing import Literal
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.page.requests import Away, EmergencyStop, PageRequest, parse_request
 
 SILENCE_S = 2.0

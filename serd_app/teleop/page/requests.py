@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from serd_app.errors import TeleopError
 from serd_app.teleop.direction_choice import Mode
-from serd_app.teleop.errors import TeleopError
 from serd_files.yaml_config import StrictModel
 
 LARGEST_REQUEST_BYTES = 4096

@@ -17,7 +17,7 @@ from aiohttp import WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 from aiohttp.log import server_logger
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess, admits_origin
 from serd_app.teleop.page.hub import Hub, OpenPage
 from serd_app.teleop.page.requests import LARGEST_REQUEST_BYTES, PageRequest

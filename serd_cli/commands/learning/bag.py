@@ -23,8 +23,7 @@ from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
 from serd_bag.topic import selected_topics
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, option, validated
-from serd_cli.output.paths import require_suffix
+from serd_cli.options import AsJson, option, require_suffix, validated
 from serd_cli.output.terminal import console, print_json, progress_console
 from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import require_free, run_alone

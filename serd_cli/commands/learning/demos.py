@@ -30,7 +30,7 @@ from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.places.free_area import read_area_m, require_area_file
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson
+from serd_cli.options import AsJson, require_apart, require_suffix
 from serd_cli.output.demonstrations import (
     decisions_table,
     flow_in_words,
@@ -38,7 +38,6 @@ from serd_cli.output.demonstrations import (
     remarks,
     save_pictures,
 )
-from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NO_FLOW

@@ -22,9 +22,8 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.files import require_file_place, require_folder
 from serd_cli.errors import FAILED, UsageError
-from serd_cli.options import AsJson, validated, with_settings
+from serd_cli.options import AsJson, require_apart, require_suffix, validated, with_settings
 from serd_cli.output.fit import learned_values, print_learned
-from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, can_draw, console, print_json
 from serd_sim.scenario.goal import point_of
 
@@ -128,7 +127,7 @@ def learn(
         from serd_app.report.write import write_report
 
         page = write_report(
-            inputs_of_model(output, scenario=scenario, demonstrations=table), report
+            inputs_of_model(output, scenario=scenario, demonstrations=[table]), report
         )
     certainty = certainty_of(problem, decisions, outcome.fit)
     if as_json:

@@ -18,8 +18,8 @@ from serd_sim.scenario.goal import point_of
 def report(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     demonstrations: Annotated[
-        Path | None,
-        typer.Option(help="table of decisions, bag or table of trajectories to compare with it"),
+        list[Path] | None,
+        typer.Option(help="table of decisions, or bag or table of trajectories to score, repeat"),
     ] = None,
     mapping: Annotated[
         Path | None, typer.Option(help="YAML file as for 'serd demos', not for decisions")
@@ -39,7 +39,8 @@ def report(
 ) -> None:
     """Write the HTML page of a learned model.
 
-    It shows policy, value, flow, outcomes, forecast, surprises and advice.
+    It shows policy, value, flow, outcomes, forecast and advice, and how usual
+    demonstrations are for the model (compared.csv has a row for each).
 
     serd report model.yaml --demonstrations decisions.csv
 
@@ -47,8 +48,8 @@ def report(
     """
     require_folder(output)
     chosen = None
-    if mapping is not None and demonstrations is not None:
-        kind = TableMapping if is_table(demonstrations) else BagMapping
+    if mapping is not None and demonstrations:
+        kind = TableMapping if all(map(is_table, demonstrations)) else BagMapping
         chosen = load_yaml_model(mapping, kind)
     from serd_app.report.model_inputs import inputs_of_model
     from serd_app.report.page import summary_rows
@@ -58,7 +59,7 @@ def report(
     inputs = inputs_of_model(
         model,
         scenario=scenario,
-        demonstrations=demonstrations,
+        demonstrations=demonstrations or (),
         mapping=chosen,
         episodes=episodes,
         starts_m=tuple(point_of(each, what="start") for each in start or ()),

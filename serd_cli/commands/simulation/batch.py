@@ -10,8 +10,7 @@ from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.resume_notice import run_episodes
-from serd_cli.output.terminal import console, finite_values, print_json, table_of
+from serd_cli.output.terminal import console, finite_values, print_json, run_episodes, table_of
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.batch_summary import ConditionSummary, summarise
@@ -24,7 +23,7 @@ MOST_SEEDS = 100_000
 
 
 def batch(
-    output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
+    output: Annotated[Path, typer.Option(help="table of episodes, ending in .csv")],
     scenario: Annotated[
         list[str],
         typer.Option(

@@ -9,8 +9,7 @@ import typer
 
 from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, option, validated
-from serd_cli.output.paths import require_suffix
+from serd_cli.options import AsJson, option, require_suffix, validated
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel

@@ -14,8 +14,7 @@ from serd_app.places.ros_map import read_map
 from serd_bag.files import atomic_write_text, read_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, validated, with_settings
-from serd_cli.output.paths import require_apart, require_suffix
+from serd_cli.options import AsJson, require_apart, require_suffix, validated, with_settings
 from serd_cli.output.terminal import console, print_json
 from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.goal import point_of
@@ -207,7 +206,7 @@ def _sentence(values: dict[str, Any]) -> str:
 def _save_plan(scenario: Scenario, path: Path) -> None:
     """Write the plan as PNG and make its folder; UsageError for another suffix."""
     require_suffix(path, ".png")
-    from serd_app.report.figures.scenario_plan import draw_scenario_plan
+    from serd_app.report.figures.hallway import draw_scenario_plan
     from serd_app.report.style import save_figure
 
     save_figure(path, draw_scenario_plan(scenario))

@@ -23,8 +23,7 @@ from serd_app.places.kept_scenario import scenario_of_model
 from serd_bag.files import require_folder
 from serd_bag.quantities import counted
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
-from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import console, counting_bar, print_json
+from serd_cli.output.terminal import console, counting_bar, print_json, results_kept_in
 from serd_cli.processes.stack_run import run_stack, stack_environment
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.model_file import CrossingTimes, load_model

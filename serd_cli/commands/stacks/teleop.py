@@ -15,15 +15,14 @@ import typer
 from rich.text import Text
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.drives.episode_mark import DISCARDED
+from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
-from serd_cli.output.paths import free_folder
+from serd_cli.options import AsJson, free_folder, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
 from serd_cli.processes.stack_run import log_of_nodes, require_free_domain

@@ -8,7 +8,7 @@ from typing import Any
 
 from sensor_msgs.msg import Joy
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.requests import (
     Away,

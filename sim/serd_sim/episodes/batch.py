@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from serd_bag.files import read_text
-from serd_files.row_table import Key, Row, RowTable
-from serd_files.table import Column, cell_text, columns_of
+from serd_files.table import Column, Key, Row, RowTable, cell_text, columns_of
 from serd_sim.drivers.catalogue import MODEL_SUFFIXES, make_driver
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.execution import Execution
@@ -137,19 +136,19 @@ def run_batch(
     """
     wanted = list(dict.fromkeys(tasks))
     require_runnable(wanted)
-    with RowTable(path, columns, key_columns) as table:
-        _require_same_inputs(wanted, table)
-        missing = [task for task in wanted if task.key not in table.rows]
-        done, total = len(wanted) - len(missing), len(wanted)
-        if on_progress is not None:
-            on_progress(done, total)
-        with closing((execution or Execution()).results(run, missing)) as results:
-            for row in results:
-                table.append(row)
-                done += 1
-                if on_progress is not None:
-                    on_progress(done, total)
-        return [table.rows[task.key] for task in wanted]
+    table = RowTable(path, columns, key_columns)
+    _require_same_inputs(wanted, table)
+    missing = [task for task in wanted if task.key not in table.rows]
+    done, total = len(wanted) - len(missing), len(wanted)
+    if on_progress is not None:
+        on_progress(done, total)
+    with closing((execution or Execution()).results(run, missing)) as results:
+        for row in results:
+            table.append(row)
+            done += 1
+            if on_progress is not None:
+                on_progress(done, total)
+    return [table.rows[task.key] for task in wanted]
 
 
 def scenario_of(name: str, n_people: int | None) -> Scenario:

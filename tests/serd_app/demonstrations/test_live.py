@@ -82,11 +82,6 @@ def test_live_messages_give_the_decisions_of_the_bag(messages):
     assert drive.n_ended == len(offline.decisions.episodes)
 
 
-def test_a_bag_played_twice_counts_once(messages):
-    _, sent = messages
-    assert same(live_drive(sent + sent).gathered(), live_drive(sent).gathered())
-
-
 def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, tmp_path):
     bag, _ = messages
     target = tmp_path / "restarted"
@@ -190,23 +185,6 @@ def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(
     finished, everything = drive.gathered(unfinished=False), drive.gathered()
     assert len(finished.decisions.episodes) == 1
     assert len(everything.decisions.episodes) == 2
-
-
-@pytest.mark.parametrize("ahead", TOPICS)
-def test_one_topic_may_come_long_before_the_others(messages, ahead):
-    _, sent = messages
-    first = [each for each in sent if each[0] == ahead]
-    rest = [each for each in sent if each[0] != ahead]
-    assert same(live_drive(first + rest).gathered(), live_drive(sent).gathered())
-
-
-def test_two_worlds_one_after_the_other_are_kept_apart(messages, root):
-    _, sent = messages
-    bags = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))
-    wanted = [f"/{topic}" for topic in TOPICS]
-    other = [(each.topic[1:], each.data) for each in BagReader(bags[1]).messages(wanted)]
-    both = live_drive(sent + other).gathered()
-    assert same(both, joined([live_drive(sent).gathered(), live_drive(other).gathered()]))
 
 
 def test_a_world_restarted_before_it_had_many_decisions_gets_a_session_of_its_own(messages):

@@ -60,12 +60,6 @@ def test_grids_survive_a_round_trip(tmp_path_factory, walkable, origin_m, cell_s
     assert load_grid(path).fingerprint() == grid.fingerprint()
 
 
-def test_the_picture_in_the_file_has_north_at_the_top(tmp_path):
-    save_grid(tmp_path / "grid.yaml", Grid((0, 0), 1.0, np.array([[1, 1], [0, 1]], dtype=bool)))
-    text = (tmp_path / "grid.yaml").read_text()
-    assert text.index("#.") < text.index("..")
-
-
 def test_an_edited_grid_is_noticed(tmp_path):
     path = tmp_path / "grid.yaml"
     save_grid(path, Grid((0, 0), 1.0, np.array([[1, 1], [0, 1]], dtype=bool)))

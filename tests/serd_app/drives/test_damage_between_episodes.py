@@ -13,7 +13,6 @@ POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 GRID = Grid((0.0, 0.0), 1.0, [[True] * 12])
-EPISODE_S = 10.0
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.episode_mark import EpisodeMark
-from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_spans import EpisodeMark, marks_of, spans_of_marks
 from serd_bag.errors import BagError
 
 GAP_S = 0.5
@@ -85,11 +84,6 @@ def test_a_number_that_comes_again_is_another_episode():
     ]
 
 
-def test_of_two_episodes_with_one_number_the_later_is_taken_back():
-    marks = (start(0.0, 0), end(2.0, 0), start(4.0, 0), end(6.0, 0), end(7.0, 0, "discarded"))
-    assert spans(*marks) == [(0, 0.0, 2.0, "arrived"), (1, 4.0, 6.0, "discarded")]
-
-
 def test_marks_sent_again_count_once():
     marks = (start(0.0, 0), end(2.0, 0), start(4.0, 1), end(6.0, 1))
     assert spans(*(each for mark in marks for each in (mark, mark))) == spans(*marks)
@@ -131,12 +125,6 @@ def test_marks_are_read_by_name_and_their_numbers_checked(messages):
     assert marks_of(messages.mark(1.5, "pause", 7)) == []
     with pytest.raises(BagError, match=r"must carry the episode's number, .*, got '12345678901'"):
         marks_of(messages.mark(1.5, "end", 12345678901))
-
-
-def test_a_span_says_what_it_is():
-    assert spans_of_marks([start(0.0, 3), end(1.0, 3)], STEADY_S, GAP_S) == (
-        EpisodeSpan(3, 0.0, 1.0, "arrived"),
-    )
 
 
 def test_an_episode_that_was_discarded_is_kept_by_a_later_mark_that_saves_it():

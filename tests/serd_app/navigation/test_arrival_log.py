@@ -48,31 +48,6 @@ def test_a_drive_that_did_not_arrive_has_no_time(tmp_path):
     assert back.reason == "no progress"
 
 
-@pytest.mark.parametrize("cut", [1, 5, 40])
-def test_a_last_row_cut_short_is_dropped_and_the_next_one_whole(tmp_path, cut):
-    path = tmp_path / "arrivals.csv"
-    append_arrival(path, row(0))
-    append_arrival(path, row(1))
-    path.write_bytes(path.read_bytes()[:-cut])
-    assert load_arrivals(path) == (row(0),)
-    append_arrival(path, row(2))
-    assert load_arrivals(path) == (row(0), row(2))
-
-
-def test_a_file_that_is_just_being_begun_has_no_rows(tmp_path):
-    path = tmp_path / "arrivals.csv"
-    for begun in ("", "episode,se"):
-        path.write_text(begun)
-        assert load_arrivals(path) == ()
-
-
-def test_names_cut_short_are_written_again(tmp_path):
-    path = tmp_path / "arrivals.csv"
-    path.write_text("episode,se")
-    append_arrival(path, row(0))
-    assert load_arrivals(path) == (row(0),)
-
-
 _WRITE_FOR_EVER = """
 import sys
 from itertools import count

@@ -12,7 +12,7 @@ from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
-from serd_files.model_file import OutcomeModel, load_model
+from serd_files.model_file import OutcomeModel
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
@@ -55,15 +55,6 @@ def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_mod
     assert navigator.decide(observation_at(4.5, 9.5, time_s=4.0)) == Action.NORTH
 
 
-def test_another_goal_is_planned_for_even_when_the_models_file_is_gone(save_model_of):
-    path = save_model_of()
-    navigator = navigator_of(path)
-    path.unlink()
-    navigator.set_goal(1.5, 2.5)
-    navigator.begin(0)
-    assert navigator.decide(observation_at(1.5, 4.5)) == Action.SOUTH
-
-
 def test_a_goal_in_a_wall_is_refused_and_changes_nothing(save_model_of):
     navigator = navigator_of(save_model_of())
     before = navigator.strategy
@@ -99,15 +90,6 @@ def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model
             assert changed.strategy is not before
         here = observation_at(3.5, 9.5, time_s=2.0 * step)
         assert kept.decide(here) == changed.decide(here)
-
-
-def test_the_same_model_again_keeps_the_plan(save_model_of):
-    path = save_model_of()
-    navigator = navigator_of(path)
-    before = navigator.strategy
-    navigator.use_model(load_model(path), "model of the learner")
-    assert navigator.strategy is before
-    assert navigator.model == "model of the learner"
 
 
 def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
@@ -214,10 +196,6 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(save_model_of):
         assert navigator.forecast.needs_attention == trapped
 
 
-def test_a_plan_without_traps_has_no_text_about_them(save_model_of):
-    assert traps_text(navigator_of(save_model_of()).strategy.traps) == ""
-
-
 def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(save_model_of):
     navigator = navigator_of(save_model_of())
     navigator.begin(0)
@@ -250,10 +228,6 @@ def rules(patience_periods, minimum_arrival_probability):
 def reasons(settings, states, left=10):
     monitor = ProgressMonitor(settings)
     return [monitor.update(ARRIVAL, state, left) for state in states]
-
-
-def test_means_of_this_case_are_what_they_are_meant_to_be():
-    assert ARRIVAL.mean_periods.tolist() == [3, 2, 1, 0]
 
 
 def test_going_to_and_fro_is_no_progress():

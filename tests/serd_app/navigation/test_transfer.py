@@ -67,13 +67,6 @@ def test_what_cannot_be_used_is_said_with_the_file(changes, sentence, save_model
         load_strategy(str(path), HALLWAY, "optimal", transfer=True)
 
 
-def test_a_missing_outcome_model_is_named(save_model_of):
-    models = load_model(save_model_of()).outcome_models
-    path = save_model_of(name="short.yaml", outcome_models=models[1:])
-    with pytest.raises(FileError, match="but 'with_flow' is missing; learn the model again"):
-        load_strategy(str(path), HALLWAY, "optimal", transfer=False)
-
-
 def test_cells_of_another_size_are_refused(save_model_of):
     grid = load_model(save_model_of()).grid
     coarse = GridSummary(**{**grid.model_dump(), "cell_size_m": 2.0, "fingerprint": "other"})

@@ -19,14 +19,6 @@ from serd_core.policies.solved_policy import optimal_policy
 from support.episodes import episode_result
 
 
-def test_all_arrived(inputs: ReportInputs) -> None:
-    episodes = tuple(episode_result(i, "arrived", 20.0 + i) for i in range(5))
-    sentence = headline_of(summary_of(replace(inputs, episodes=episodes)))
-    assert "reached the goal in 5 of 5 new episodes" in sentence
-    assert "(100 %; predicted" in sentence
-    assert "half of them within 22 s (predicted" in sentence
-
-
 def test_nobody_arrived(inputs: ReportInputs) -> None:
     episodes = (episode_result(0, "timeout"), episode_result(1, "aborted"))
     summary = summary_of(replace(inputs, episodes=episodes))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_app.report.inputs import CrowdSnapshot, snapshot_from_history
+from serd_app.report.inputs import snapshot_from_history
 from serd_core.errors import SerdError
 
 TIMES = np.arange(0.0, 10.0, 0.5)
@@ -27,17 +27,3 @@ def test_the_moment_is_the_last_one_not_later_than_asked() -> None:
 def test_a_moment_before_the_recording_is_refused() -> None:
     with pytest.raises(SerdError, match="at_s must not lie before the first recorded time"):
         snapshot_from_history(**HISTORY, at_s=-1.0)
-
-
-def test_a_person_at_nan_is_refused(snapshot: CrowdSnapshot) -> None:
-    position = snapshot.people_position_m.copy()
-    position[1, 0] = np.nan
-    with pytest.raises(SerdError, match=r"people_position_m\[1, 0\] must be finite, got nan"):
-        CrowdSnapshot(
-            time_s=1.0,
-            robot_pose=snapshot.robot_pose,
-            people_position_m=position,
-            people_velocity_mps=snapshot.people_velocity_mps,
-            people_trail_m=snapshot.people_trail_m,
-            robot_trail_m=snapshot.robot_trail_m,
-        )

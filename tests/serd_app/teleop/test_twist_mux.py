@@ -66,13 +66,6 @@ def test_a_lock_engages_after_its_timeout_and_not_at_it():
     assert engaged == {0.9: ("gone",), 1.0: (), 1.5: (), 1.5001: ("gone",)}
 
 
-def test_without_an_engaged_lock_an_input_of_the_lowest_priority_drives():
-    topics = {"planner": MuxTopic(topic="cmd_vel", timeout=0.5, priority=0)}
-    mux = TwistMux(MuxSettings(topics=topics), UNLIMITED)
-    mux.receive("planner", SLOW, 1.0)
-    assert mux.step(1.0).active == "planner"
-
-
 def test_a_lock_lets_inputs_of_its_own_priority_pass():
     locks = {"gone": MuxLock(topic="gone", timeout=0.0, priority=SETTINGS.topics["keys"].priority)}
     mux = TwistMux(MuxSettings(topics=SETTINGS.topics, locks=locks), UNLIMITED)
@@ -217,17 +210,6 @@ def test_whatever_comes_the_output_is_finite_within_limits_and_reachable(happeni
         else:
             assert got == STOP
         before, stepped_s = got, now_s
-
-
-@given(st.permutations(["a", "b", "c", "d"]))
-def test_priority_decides_whatever_the_order_of_arrival(order):
-    topics = {
-        name: MuxTopic(topic=name, timeout=0.5, priority=rank) for rank, name in enumerate("abcd")
-    }
-    mux = TwistMux(MuxSettings(topics=topics), UNLIMITED)
-    for name in order:
-        mux.receive(name, FAST, 1.0)
-    assert mux.step(1.0).active == "d"
 
 
 def test_the_built_in_settings_let_a_driver_override_the_planner_and_lock_it_without_one():

@@ -9,7 +9,6 @@ import pytest
 from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.table_drives import drives_of_table
 from serd_bag.errors import FileError
-from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
 
@@ -77,12 +76,6 @@ def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_p
     assert any(f"robot demonstrates among {n_people} people" in each for each in found.assumed)
 
 
-def test_numbered_x_and_y_beside_those_of_the_robot_are_of_people(tmp_path):
-    """The second layout of NavWareSet, with columns of people who are not there."""
-    table = wide(people=[("x1", "y1"), ("x2", "y2"), ("x3", "y3")]).assign(x4=np.nan, y4=np.nan)
-    assert_robot_among_people(drives(tmp_path, table), 3)
-
-
 @pytest.mark.parametrize(
     ("robot", "people"),
     [
@@ -94,7 +87,6 @@ def test_numbered_x_and_y_beside_those_of_the_robot_are_of_people(tmp_path):
         (("mobile_robot_x", "mobile_robot_y"), [("x", "y"), ("x2", "y2")]),
         (("robot_pose_x", "robot_pose_y"), [("px_0", "py_0"), ("px_1", "py_1")]),
         (("robot_map_x", "robot_map_y"), [("ped_x", "ped_y"), ("x", "y")]),
-        (("robot_x", "robot_y"), [("agent_x", "agent_y"), ("x", "y")]),
         (("x_robot", "y_robot"), [("x_human1", "y_human1"), ("x_human2", "y_human2")]),
         (("x", "y"), [("ped_x", "ped_y")]),
         (("pos_x", "pos_y"), [("x1", "y1"), ("x2", "y2")]),
@@ -138,35 +130,11 @@ def mappings_in(error):
 
 
 @pytest.mark.parametrize(
-    "other",
-    [
-        ("pos_x", "pos_y"),
-        ("x_est", "y_est"),
-        ("global_x", "global_y"),
-        ("position.x", "position.y"),
-        ("odom_x", "odom_y"),
-        ("turtlebot_x", "turtlebot_y"),
-        ("x_filtered", "y_filtered"),
-    ],
-)
-def test_two_candidates_for_x_and_y_are_an_error_that_shows_right_mappings(tmp_path, other):
-    table = wide(("x", "y"), [other])
-    with pytest.raises(FileError, match=rf"has x, y and {other[0]}, {other[1]}, whose") as raised:
-        drives(tmp_path, table)
-    first, second = mappings_in(raised.value)
-    (drive,) = drives(tmp_path, table, first).drives
-    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-    found = drives(tmp_path, table, second)
-    np.testing.assert_allclose(found.drives[0].position_m, PEOPLE[0], atol=1e-9)
-    assert any("columns x, y are not used" in sentence for sentence in found.assumed)
-
-
-@pytest.mark.parametrize(
     ("robot", "people"),
     [
         (("robot_x", "robot_y"), [("ego_x", "ego_y")]),
         (("robot_x", "robot_y"), [("robot_odom_x", "robot_odom_y")]),
-        (("x", "y"), [("agent_x", "agent_y")]),
+        (("x", "y"), [("pos_x", "pos_y")]),
         (("spot_x", "spot_y"), [("ped_x", "ped_y")]),
     ],
 )
@@ -174,7 +142,7 @@ def test_two_candidates_for_the_robot_are_an_error_that_shows_right_mappings(
     tmp_path, robot, people
 ):
     table = wide(robot, people)
-    with pytest.raises(FileError, match=r"whose values differ; write one of them into") as raised:
+    with pytest.raises(FileError, match=r"has .* and .*; write one of them into a") as raised:
         drives(tmp_path, table)
     candidates = {robot: ROBOT, people[0]: PEOPLE[0]}
     places = {f"{{x: {x}, y: {y}}}": each for (x, y), each in candidates.items()}
@@ -190,35 +158,13 @@ def test_people_are_kept_beside_the_columns_of_a_robot_of_any_name_that_a_mappin
 
 
 @pytest.mark.parametrize("names", [("x1", "y1", "x2", "y2"), ("spot_x", "spot_y", "it_x", "it_y")])
-def test_columns_of_which_it_is_not_known_what_they_are_get_mappings_too(tmp_path, names):
+def test_columns_of_which_it_is_not_known_what_they_are_get_a_mapping_too(tmp_path, names):
     table = wide(names[:2], [names[2:]])
     with pytest.raises(FileError, match="x and y are not among timestamp, ") as raised:
         drives(tmp_path, table)
-    first, second = mappings_in(raised.value)
-    assert len(drives(tmp_path, table, second).drives) == 1
-    (drive,) = drives(tmp_path, table, first).drives
+    (mapping,) = mappings_in(raised.value)
+    (drive,) = drives(tmp_path, table, mapping).drives
     np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-
-
-def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
-    path = tmp_path / "table.csv"
-    table = np.column_stack([np.arange(N_STEPS) / 10, ROBOT, PEOPLE[0]])
-    np.savetxt(path, table, "%.4f", ",", header="t,x,y,x,y", comments="")
-    with pytest.raises(FileError, match=r"has x, y and x, y, whose values differ") as raised:
-        read_trajectories(path)
-    _, second = mappings_in(raised.value)
-    assert second == "{x: '4', y: '5'}"
-    wanted = yaml_model(second, TableMapping, name="mapping")
-    (track,) = read_trajectories(path, wanted).tracks
-    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
-
-
-@pytest.mark.parametrize("again", [("pos_x", "pos_y"), ("x_cm", "y_cm")])
-def test_columns_that_hold_the_same_places_are_no_two_candidates(tmp_path, again):
-    scale = 100.0 if "cm" in again[0] else 1.0
-    table = wide(("x_m", "y_m")).assign(**dict(zip(again, scale * ROBOT.T, strict=True)))
-    found = drives(tmp_path, table)
-    np.testing.assert_allclose(found.drives[0].position_m, ROBOT, atol=1e-9)
 
 
 def test_x_and_y_that_repeat_those_of_the_robot_are_no_person(tmp_path):
@@ -228,19 +174,12 @@ def test_x_and_y_that_repeat_those_of_the_robot_are_no_person(tmp_path):
     assert found.assumed[0].startswith("columns x, y are not used")
 
 
-def test_columns_without_numbers_are_no_candidates(tmp_path):
-    table = wide(("x", "y")).assign(pos_x=np.nan, pos_y=np.nan)[
-        ["timestamp", "pos_x", "pos_y", "x", "y"]
-    ]
-    np.testing.assert_allclose(drives(tmp_path, table).drives[0].position_m, ROBOT, atol=1e-9)
-
-
 def test_columns_of_places_that_are_not_used_are_named(tmp_path):
     table = wide(people=[("x", "y")]).assign(
-        goal_x=9.0, goal_y=0.0, vel_x=0.6, cmd_y=0.0, lidar_x=1
+        spot_x=9.0, spot_y=0.0, goal_x=9.0, vel_x=0.6, cmd_y=0.0, it_x=1
     )
     (sentence,) = [each for each in drives(tmp_path, table).assumed if "not used" in each]
-    assert sentence.startswith("columns goal_x, goal_y, lidar_x are not used; 'x:' and 'y:'")
+    assert sentence.startswith("columns spot_x, spot_y, it_x are not used; 'x:' and 'y:'")
 
 
 def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_drives(tmp_path):
@@ -248,14 +187,6 @@ def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_d
     found = drives(tmp_path, table, "{x: robot_x, y: robot_y}")
     assert_robot_among_people(found, 3)
     assert found.assumed[0].startswith("columns ego_x, ego_y are not used")
-
-
-def test_rows_that_repeat_the_place_of_an_agent_are_of_one_agent(tmp_path):
-    table = rows_of_people(PEOPLE).rename(columns={"robot_x": "spot_x", "robot_y": "spot_y"})
-    found = drives(tmp_path, table, "{x: spot_x, y: spot_y}")
-    (drive,) = found.drives
-    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-    assert found.assumed[0].startswith("columns x, y are not used")
 
 
 def test_the_robot_in_a_table_of_people_is_no_person(tmp_path):
@@ -293,10 +224,3 @@ def test_a_time_is_preferred_to_frames(tmp_path):
     table = wide().assign(frame=np.arange(N_STEPS))[["frame", "timestamp", "robot_x", "robot_y"]]
     (track,) = read(tmp_path, table).tracks
     np.testing.assert_allclose(np.diff(track.time_s), 0.1, rtol=1e-5)
-
-
-def test_the_mapping_of_a_table_of_one_agent_is_as_before(tmp_path):
-    wanted = TableColumns(x="4", y="5", time="1", agent="", time_unit="ns", unit="m")
-    table = wide(("x", "y"), [("pos_x", "pos_y")])
-    (track,) = read(tmp_path, table, wanted).tracks
-    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-9)

@@ -91,14 +91,6 @@ def test_two_agents_are_read_from_every_layout(tmp_path, layout):
     assert found.n_bad == 0
 
 
-def test_a_parquet_file_is_read_by_its_names(tmp_path):
-    pytest.importorskip("pyarrow")
-    path = tmp_path / "tracks.parquet"
-    pd.DataFrame(rows(), columns=["timestamp", "ped_id", "x", "y"]).to_parquet(path)
-    found = read_trajectories(path)
-    assert [len(track.time_s) for track in found.tracks] == [N_STEPS, N_STEPS]
-
-
 def test_a_tum_trajectory_is_one_agent(tmp_path):
     lines = [f"{1305031102.1 + 0.1 * n:.4f} {0.1 * n} 2.0 0.3 0 0 0.6 0.8" for n in range(30)]
     path = tmp_path / "groundtruth.txt"
@@ -138,10 +130,6 @@ def mappings_in(error):
         (petrack(""), "has frames in the column frame and does not state how many there are per"),
         (stamped("when,who,east,north", float), "time and x and y are not among when, who, east,"),
         (named("id,rosbag_time,x,y", ","), "time is not among id, rosbag_time, x, y; name the col"),
-        (
-            stamped("Zeit,Nr,X-Ort,Y-Ort", float),
-            "time and x and y are not among Zeit, Nr, X-Ort, Y-Ort",
-        ),
         (named("who,t,x,y", ","), "is in two places at time 0, in row 1 and row 2, as do 1"),
         (
             stamped("0.0,1,0,1", float),
@@ -155,27 +143,9 @@ def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, t
     with pytest.raises(FileError, match=sentence) as raised:
         read_trajectories(path)
     (advised,) = mappings_in(raised.value)
-    if "Zeit" in text:  # the ids are asked for next
-        with pytest.raises(FileError, match=r"name the column of ids in a .*: \{agent: Nr\}"):
-            read_trajectories(path, advised)
-        advised = advised.model_copy(update={"agent": "Nr"})
     first, second = read_trajectories(path, advised).tracks
     np.testing.assert_allclose(second.position_m[:, 0], 3.0)
     np.testing.assert_allclose(first.position_m[:, 1], 1.0)
-
-
-def test_frames_of_other_steps_are_not_taken_as_eth(tmp_path):
-    path = tmp_path / "table.txt"
-    path.write_text(eth().replace("780", "781"))
-    with pytest.raises(FileError, match="time and x and y are not among 1, 2, 3, 4; name the"):
-        read_trajectories(path)
-
-
-def test_columns_are_named_by_their_numbers(tmp_path):
-    path = tmp_path / "uo.txt"
-    path.write_text(petrack(""))
-    swapped = TableColumns(time="2", agent="1", x="4", y="3", fps=25.0, unit="cm")
-    np.testing.assert_allclose(read_trajectories(path, swapped).tracks[0].position_m[:, 0], 1.0)
 
 
 def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_path):

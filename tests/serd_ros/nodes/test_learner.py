@@ -6,7 +6,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
-from serd_app.drives.episode_mark import EpisodeMark
+from serd_app.drives.episode_spans import EpisodeMark
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_bag.errors import FileError

@@ -9,8 +9,7 @@ import pytest
 from distributed import LocalCluster
 
 from serd_files.errors import USER_ERRORS
-from serd_files.row_table import RowTable, new_rows_path
-from serd_files.table import read_table, records
+from serd_files.table import RowTable
 from serd_files.yaml_config import model_yaml
 from serd_sim.drivers.catalogue import driver_names, make_driver
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
@@ -104,29 +103,16 @@ def is_running(pid):
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_a_batch_that_is_killed_leaves_no_worker_behind_and_goes_on_where_it_was(tmp_path):
-    path = tmp_path / "rows.parquet"
+    path = tmp_path / "rows.csv"
     command = [sys.executable, "-c", KILLED_PROGRAM, str(path)]
     with subprocess.Popen(command) as process:
-        lines = new_rows_path(path)
-        wait_until(lambda: lines.exists() and len(lines.read_text().splitlines()) > 1)
+        wait_until(lambda: path.exists() and len(path.read_text().splitlines()) > 1)
         workers = children_of(process.pid)
         process.kill()
     assert len(workers) >= 2
     wait_until(lambda: not any(is_running(pid) for pid in workers))
-    assert not path.exists()
-    with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
-        assert len(table.rows) >= 1
-    assert not new_rows_path(path).exists()
-    assert {row["outcome"] for row in records(read_table(path, COLUMNS))} == {"arrived"}
-
-
-def test_a_parquet_file_holds_the_rows_that_a_csv_file_holds(table, tmp_path):
-    _, rows, _ = table
-    path = tmp_path / "episodes.parquet"
-    run_batch(TASKS[:1], path, execution=ONE)
-    assert run_batch(TASKS, path, execution=ONE) == rows
-    assert records(read_table(path, COLUMNS)) == rows
-    assert [each.name for each in tmp_path.iterdir()] == ["episodes.parquet"]
+    rows = RowTable(path, COLUMNS, TASK_COLUMNS).rows.values()
+    assert {row["outcome"] for row in rows} == {"arrived"}
 
 
 @pytest.mark.slow

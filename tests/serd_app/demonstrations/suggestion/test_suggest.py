@@ -10,7 +10,6 @@ import pytest
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
-from serd_app.demonstrations.suggestion.candidates import robot_frames
 from serd_app.demonstrations.suggestion.suggest import suggest_mapping
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recording import read_recording
@@ -111,15 +110,6 @@ def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
     assert suggested(bag, tmp_path).mapping.action_from == "velocity"
 
 
-def test_a_topic_whose_name_a_terminal_obeys_gives_a_mapping_that_is_yaml(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(0))
-    topic = "/\x1b[31m\u202eodom"
-    bag.add_odometry(topic, Robot().drive(commands, commands[-1][0] + 5.0))
-    found = suggested(bag, tmp_path)
-    assert found.mapping.pose_topic == topic
-    assert "\x1b" not in found.yaml(tmp_path / "mapping.yaml")
-
-
 def test_without_commands_actions_are_hidden(bag, tmp_path):
     bag.add_odometry("/odom", Robot().drive(key_presses(np.random.default_rng(4)), 70.0))
     found = suggested(bag, tmp_path)
@@ -181,11 +171,6 @@ def test_of_frames_with_names_of_their_own_the_one_that_travels_is_the_robot(bag
     bag.add_commands("/cmd_vel", commands)
     mapping = suggested(bag, tmp_path).mapping
     assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", "chassis")
-
-
-def test_frames_of_a_body_are_ranked():
-    frames = ("map", "r1/base_footprint", "laser", "base_link", "odom")
-    assert robot_frames(frames) == ["base_link", "r1/base_footprint"]
 
 
 @pytest.mark.parametrize(

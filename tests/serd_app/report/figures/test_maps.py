@@ -22,7 +22,6 @@ from serd_app.report.figures.maps import (
 from serd_app.report.inputs import CrowdSnapshot
 from serd_app.report.style import png_bytes, svg_bytes
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.scenario import load_scenario
@@ -62,12 +61,6 @@ def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, layout: Hall
     np.testing.assert_allclose(wall.get_xy()[:-1], layout.outline_m)
     for name in ("goal", "start\ntrain", "start\ntransfer"):
         assert len(artists(hallway, Polygon, f"area {name}")) == 1
-
-
-def test_maps_are_in_metres_with_equal_scales(hallway: Figure) -> None:
-    axes = hallway.axes[0]
-    assert axes.get_aspect() == 1.0
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x in m", "y in m")
 
 
 def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
@@ -135,18 +128,6 @@ def test_features_have_one_panel_per_action_only_where_the_action_matters(
     np.testing.assert_array_equal(cell_values(figure), problem.features[:, 0, 0])
     north = np.where(available, problem.features[:, :, 1], np.nan)[:, Action.NORTH]
     np.testing.assert_array_equal(cell_values(figure, 2), north)
-
-
-def test_a_nan_value_is_refused_with_its_place(
-    layout: HallwayLayout, problem: NavigationProblem
-) -> None:
-    value = np.zeros(problem.grid.n_states)
-    value[4] = np.nan
-    greedy = np.zeros(problem.grid.n_states, dtype=int)
-    with pytest.raises(SerdError, match=r"value\[4\] must be finite, got nan"):
-        draw_policy_map(
-            layout, problem.grid, value, greedy, problem.goal_states, greedy.astype(bool)
-        )
 
 
 def test_pictures_are_the_same_bytes_each_time(

@@ -4,7 +4,7 @@ import pytest
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
 
-from serd_app.report.figures.scenario_plan import draw_scenario_plan
+from serd_app.report.figures.hallway import draw_scenario_plan
 from serd_app.report.style import png_bytes
 from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess, admits_origin, read_token
 from serd_app.teleop.page.requests import Hold, Joystick, parse_request
 

@@ -8,7 +8,7 @@ import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.hub import Hub
 from serd_app.teleop.page.requests import Away, Hold

@@ -12,7 +12,6 @@ from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
-from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
@@ -51,19 +50,6 @@ def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):
     assert [each.n_decisions for each in record.bags] == [5]
     assert values["flow"] is None
     assert not table.with_suffix(".flow.csv").exists()
-
-
-def test_a_scenario_of_the_user_beside_the_table_is_not_deleted(serd, drive_bag, tmp_path):
-    mine = tmp_path / "office.scenario.yaml"
-    mine.write_text("# My office.\nname: office\n")
-    words = ("demos", drive_bag(), "--scenario", "hallway", "--output", tmp_path / "office.csv")
-    refused = serd(*words)
-    assert refused.code == 2
-    assert "move it to another name" in refused.err
-    assert mine.read_text() == "# My office.\nname: office\n"
-    assert not list(tmp_path.glob("office*.csv"))
-    mine.rename(tmp_path / "mine.yaml")
-    assert serd(*words).code == 0
 
 
 @pytest.mark.usefixtures("whole_pictures")
@@ -127,14 +113,6 @@ def test_bags_without_a_single_decision_are_refused_with_the_counts(serd, drive_
     assert not list((tmp_path / "here").iterdir())
 
 
-def test_a_mapping_file_reads_a_foreign_bag(serd, drive_bag, tmp_path):
-    mapping = tmp_path / "mapping.yaml"
-    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\naction_from: intent\n")
-    bag = drive_bag(pose="/amcl", intent="/wish")
-    ended = serd("demos", bag, "--scenario", "hallway", "--mapping", mapping, "--json")
-    assert json.loads(ended.out)["bags"][0]["n_decisions"] == 5
-
-
 def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     bag = drive_bag()
     file = next(bag.glob("*.mcap"))
@@ -155,38 +133,6 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert f"drive: {damage[0]}" in serd(*words).out
     (bag / "metadata.yaml").unlink()
     assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
-
-
-def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
-    bag = drive_bag()
-    file = next(bag.glob("*.mcap"))
-    content = bytearray(file.read_bytes())
-    content[len(content) // 3] ^= 1
-    file.write_bytes(bytes(content))
-    words = ("demos", bag, "--scenario", "hallway", "--tolerant")
-    values = json.loads(serd(*words, "--json").out)["bags"][0]
-    assert values["damage"]
-    assert (values["n_lost"] >= 10, values["all_lost_known"]) == (True, True)
-    assert f"drive: {values['n_lost']} messages lost" in serd(*words).out
-
-
-def test_a_sound_bag_tells_of_no_damage(serd, drive_bag):
-    ended = serd("demos", drive_bag(), "--scenario", "hallway", "--tolerant", "--json")
-    values = json.loads(ended.out)["bags"][0]
-    assert (values["damage"], values["n_lost"]) == ([], 0)
-
-
-def test_a_damaged_foreign_bag_is_used_when_asked_to(serd, drive_bag, tmp_path):
-    mapping = tmp_path / "mapping.yaml"
-    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
-    bag = drive_bag(pose="/amcl", intent="/wish")
-    file = next(bag.glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    words = ("demos", bag, "--scenario", "hallway", "--mapping", mapping)
-    assert "serd bag recover" in serd(*words).err
-    values = json.loads(serd(*words, "--tolerant", "--json").out)["bags"][0]
-    assert 0 < values["n_decisions"] < 5
-    assert values["damage"]
 
 
 def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, tmp_path):
@@ -235,25 +181,6 @@ def test_of_tables_of_a_robot_among_people_the_robot_is_learned_from(serd, tmp_p
     assert serd("learn", table, "--output", model).code == 0
     grid_of_model = load_yaml_model(model, ModelFile).grid
     assert grid_of_model.fingerprint == grid.fingerprint()
-
-
-def test_the_mapping_that_a_table_of_two_candidates_asks_for_is_right(serd, tmp_path):
-    (file, robot), *_ = runs_among_people(tmp_path, 1)
-    shifted = pd.read_csv(file).assign(ego_x=lambda table: table.robot_x + 9.0, ego_y=0.4)
-    shifted.to_csv(file, index=False)
-    table, mapping = tmp_path / "decisions.csv", tmp_path / "mapping.yaml"
-    words = ("--cell-size-m", "0.8", "--period-s", "1", "--output", table)
-    refused = serd("demos", file, *words)
-    assert refused.code == 2
-    assert "it has robot_x, robot_y and ego_x, ego_y, whose values differ" in refused.err
-    mapping.write_text(refused.err.split("--mapping file: ")[1].split(" or ")[0])
-    ended = serd("demos", file, *words, "--mapping", mapping)
-    assert ended.code == 0
-    assert "columns ego_x, ego_y are not used" in ended.out
-    assert "robot demonstrates among 2 people" in ended.out
-    states = load_decisions(table).state
-    grid = load_grid(table.with_suffix(".grid.yaml"))
-    assert states.tolist() == grid.states_at(robot[: 10 * len(states) : 10]).tolist()
 
 
 def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, tmp_path):
@@ -358,20 +285,6 @@ def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
     assert "while the robot moves" not in ended.out
 
 
-def test_the_page_of_sources_names_every_key_of_a_mapping(root):
-    page = (root / "docs" / "sources.md").read_text(encoding="utf-8")
-    keys = {*BagMapping.model_fields, *TableMapping.model_fields}
-    assert {key for key in keys if f"| `{key}` |" not in page} == set()
-
-
-def test_of_a_bag_of_which_nothing_is_left_the_damage_is_told(serd, tmp_path):
-    file = tmp_path / "zeros.mcap"
-    file.write_bytes(bytes(200))
-    ended = serd("demos", file, "--scenario", "hallway", "--tolerant")
-    assert ended.code == 2
-    assert f"nothing in bag {file} is readable: {file}: at byte 0" in ended.err
-
-
 def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
@@ -386,14 +299,6 @@ def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp
     ended = serd("demos", tmp_path / "gaps", *options)
     assert "gaps: cut into 2 episodes at 1 gap of more than 0.5 s between poses; " in ended.out
     assert "cut into" not in serd("demos", bag, *options).out
-
-
-def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_bag, tmp_path):
-    mapping = tmp_path / "mapping.yaml"
-    mapping.write_text("pose_topik: /amcl\n")
-    ended = serd("demos", drive_bag(), "--scenario", "hallway", "--mapping", mapping)
-    assert ended.code == 2
-    assert "did you mean 'pose_topic'?" in ended.err
 
 
 def test_actions_can_be_hidden(serd, drive_bag, tmp_path):
@@ -473,23 +378,6 @@ def robot_among_people(path, names=("robot", "anna", "ben")):
         rows += [f"{name},{time_s},{10 - 0.5 * time_s:.3f},2.5" for name in names[1:]]
     path.write_text("id,t,x,y\n" + "\n".join(rows))
     return path
-
-
-def test_of_a_robot_among_people_the_robot_alone_demonstrates(serd, tmp_path):
-    path, table = robot_among_people(tmp_path / "walk.csv"), tmp_path / "decisions.csv"
-    words = ("demos", path, "--cell-size-m", 1, "--period-s", 2, "--output", table)
-    values = json.loads(serd(*words, "--json").out)
-    assert values["bags"][0]["n_episodes"] == 1
-    assert "robot demonstrates among 2 people ('experts:')" in values["bags"][0]["assumed"]
-    mapping = tmp_path / "mapping.yaml"
-    mapping.write_text("experts: [anna]\n")
-    assert serd(*words, "--mapping", mapping).code == 0
-    grid = load_grid(tmp_path / "decisions.grid.yaml")
-    assert set(grid.centers_m[load_decisions(table).state][:, 1]) == {2.5}
-    mapping.write_text("experts: [carl]\n")
-    ended = serd(*words, "--mapping", mapping)
-    assert ended.code == 2
-    assert "experts must be agents of the table (anna, ben, robot), got 'carl'" in ended.err
 
 
 def test_times_in_cells_are_written_and_learned_from(serd, tmp_path):

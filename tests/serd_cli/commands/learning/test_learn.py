@@ -244,12 +244,6 @@ def test_a_model_never_overwrites_what_it_is_learned_from(
     assert after == before
 
 
-def test_a_goal_given_cuts_the_episodes_there(serd, demonstrations):
-    found = learned(serd("learn", demonstrations(), "--goal", "4.5,10.5", "--json"))
-    assert found["goals_m"] == [[4.5, 10.5]]
-    assert found["n_after_goal"] > 0
-
-
 def test_too_little_before_the_goal_is_refused_with_what_lies_behind_it(serd, demonstrations):
     words = ("--goal", "4.5,10.5", "--minimum-decisions", "100000")
     ended = serd("learn", demonstrations(), *words)
@@ -280,15 +274,6 @@ def test_it_states_from_how_many_cells_the_learned_policy_never_arrives(serd, de
     share = f"{elsewhere['n_looping_cells']} of 176 cells"
     words = " ".join(serd("learn", table, "--goal", "0.5,23.5").out.split())
     assert f"the learned policy never reaches the goal from {share}" in words
-
-
-def test_outcome_models_that_apply_nowhere_are_left_out(serd, demonstrations):
-    table = demonstrations(flow=np.full(GRID.n_states, -1))
-    ended = serd("learn", table, "--flow", "none")
-    assert ended.code == 0
-    assert "flow of people: none, so every move is across it" in ended.out
-    assert "across flow" in ended.out
-    assert "against flow" not in ended.out + ended.err
 
 
 def test_a_bag_in_place_of_a_table_is_refused_with_the_command_that_makes_one(serd, tmp_path):

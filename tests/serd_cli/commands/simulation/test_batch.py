@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from serd_files.row_table import RowTable
+from serd_files.table import RowTable
 from serd_sim.episodes.batch import COLUMNS
 from support.waiting import PATIENCE_S, wait_until
 
@@ -27,18 +27,17 @@ def test_a_batch_writes_a_table_and_tells_what_came_of_it(serd, tmp_path):
 
 
 def test_more_seeds_add_to_the_table_and_keep_what_is_there(serd, tmp_path):
-    output = tmp_path / "episodes.parquet"
+    output = tmp_path / "episodes.csv"
     serd(*SMALL, "--seeds", "1", "--output", output)
     ended = serd(*SMALL, "--seeds", "2", "--output", output)
     assert "2 of 2" in ended.out
-    with RowTable(output, COLUMNS, ["seed"]) as table:
-        assert list(table.rows) == [("1",), ("2",)]
+    assert list(RowTable(output, COLUMNS, ["seed"]).rows) == [("1",), ("2",)]
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--output", "rows.txt"), "must end in .csv or .parquet, got rows.txt"),
+        (("--output", "rows.txt"), "must end in .csv, got rows.txt; rename it to rows.csv"),
         (("--output", "r.csv", "--policy", "expart"), "did you mean 'expert'?"),
         (("--output", "r.csv", "--policy", "none.yaml"), "none.yaml"),
         (("--output", "r.csv", "--planner", "dva"), "did you mean 'dwa'?"),

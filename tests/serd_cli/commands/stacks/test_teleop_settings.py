@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from serd_app.teleop.errors import TeleopError
+from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
 from serd_cli.commands.stacks.teleop import (
     SessionSummary,
@@ -14,7 +14,7 @@ from serd_cli.commands.stacks.teleop import (
     summarise_session,
 )
 from serd_cli.errors import UsageError
-from serd_cli.output.paths import free_folder
+from serd_cli.options import free_folder
 from serd_cli.processes.node_commands import stack_processes
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, report_address

@@ -1,0 +1,124 @@
+"""How usual trajectories are for a model: its own kind of episodes is, another kind is not."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.drives.mapped.mapping import TableMapping
+from serd_app.errors import AppError
+from serd_app.navigation.evaluation.familiarity import familiarity_of
+from serd_bag.errors import FileError
+from serd_files.yaml_config import model_yaml
+from serd_sim.scenario.scenario import load_scenario
+
+
+def walks(path, y_m, seed, n=30):
+    """People walk 10 m east within a corridor, each in a lane around y."""
+    rng, lines = np.random.default_rng(seed), ["id,t,x,y"]
+    for agent in range(n):
+        lane_m, time_s, x_m = np.clip(y_m + rng.normal(0, 0.2), 0.1, 2.9), 100.0 * agent, 0.5
+        while x_m < 10.5:
+            lines.append(f"{agent},{time_s:.1f},{x_m:.3f},{lane_m:.3f}")
+            x_m += 0.1 * (1.0 + rng.normal(0, 0.1))
+            time_s += 0.1
+    # Two who walk across show the whole width of the corridor.
+    for agent in (n, n + 1):
+        start_s, x_m = 1e4 * agent, 5 * (agent - n) + 0.5
+        lines += [f"{agent},{start_s + y / 10:.1f},{x_m},{y / 10}" for y in range(30)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    """Where the model and its table are made once."""
+    return tmp_path_factory.mktemp("learned")
+
+
+@pytest.fixture
+def model(serd, learned, tmp_path):
+    """Learned from people who keep to the southern side; this test's own copy, with its table."""
+    table, file = learned / "decisions.csv", learned / "model.yaml"
+    if not file.exists():
+        people = walks(learned / "people.csv", 0.5, seed=0)
+        words = ("--cell-size-m", 1, "--period-s", 1)
+        assert serd("demos", people, *words, "--output", table).code == 0
+        assert serd("learn", table, "--output", file).code == 0
+    shutil.copytree(learned, tmp_path, dirs_exist_ok=True)
+    return tmp_path / file.name
+
+
+def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, model, tmp_path):
+    same = walks(tmp_path / "same.csv", 0.5, seed=1)
+    other = walks(tmp_path / "other.csv", 2.5, seed=2)
+    usual, unusual = (familiarity_of(model, [each]).as_json() for each in (same, other))
+    assert usual["n_hidden"] == usual["n_decisions"] > 0
+    assert f"decisions in {usual['n_episodes']} episodes" in usual["discretised"]
+    assert usual["mean_rank"] > unusual["mean_rank"]
+    assert usual["log_likelihood"] > unusual["log_likelihood"]
+    ended = serd("report", model, "--demonstrations", other, "--json")
+    assert ended.code == 0, ended.err
+    shown = json.loads(ended.out)
+    assert shown["familiarity"] == unusual
+    rows = Path("report/compared.csv").read_text().splitlines()
+    assert rows[0] == "episode,decisions,log_likelihood,simulated,rank,surprising"
+    ranks = [float(row.split(",")[4]) for row in rows[1:]]
+    assert ranks == sorted(ranks)
+    assert np.mean(ranks) == pytest.approx(unusual["mean_rank"])
+    assert sum(int(row.split(",")[5]) for row in rows[1:]) == unusual["n_surprising"] > 0
+    page = Path("report/report.html").read_text(encoding="utf-8")
+    assert "Least usual demonstrations" in page
+    assert f"mean rank {unusual['mean_rank']:.2f}" in page
+
+
+def test_several_recordings_are_scored_together_and_decisions_alone(model, tmp_path):
+    recordings = [walks(tmp_path / f"run{n}.csv", 0.5, seed=n, n=n) for n in (5, 6)]
+    alone = [familiarity_of(model, [each]).as_json() for each in recordings]
+    both = familiarity_of(model, recordings).as_json()
+    for name in ("n_episodes", "n_decisions"):
+        assert both[name] == sum(each[name] for each in alone)
+    assert "places in m are assumed" in both["discretised"]
+    table = tmp_path / "decisions.csv"
+    found = familiarity_of(model, [table])
+    assert found.discretised == ""
+    assert len(found.decisions) + found.files.n_after_goal == len(load_decisions(table))
+    assert f"decisions left out: {found.files.left_out()}" in found.sentence()
+    with pytest.raises(AppError, match="a table of decisions must be compared alone"):
+        familiarity_of(model, [recordings[0], table])
+    with pytest.raises(AppError, match="--mapping must be left out for a table of decisions"):
+        familiarity_of(model, [table], mapping=TableMapping(unit="m"))
+
+
+def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
+    people = walks(tmp_path / "again.csv", 0.5, seed=3)
+    table = tmp_path / "fine.csv"
+    assert serd("demos", people, "--cell-size-m", 0.5, "--output", table).code == 0
+    far = tmp_path / "far.csv"
+    far.write_text("t,x,y\n" + "".join(f"{n / 10},{500 + n / 10},900\n" for n in range(100)))
+    for trajectories, sentence in (
+        (table, "was learned with cells of 1 m, but"),
+        (far, "holds no decision on the grid of"),
+    ):
+        with pytest.raises((AppError, FileError), match=sentence):
+            familiarity_of(model, [trajectories])
+    model.with_suffix(".grid.yaml").unlink()
+    with pytest.raises(FileError, match=r"model\.grid\.yaml, which is written with it, must be be"):
+        familiarity_of(model, [people])
+
+
+def test_a_scenario_of_a_file_is_found_beside_the_model_and_the_table(serd, root, tmp_path):
+    scenario, table = tmp_path / "place.yaml", tmp_path / "decisions.csv"
+    model = tmp_path / "model.yaml"
+    scenario.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    place = ("--scenario", scenario)
+    assert serd("demos", bag, *place, "--output", table).code == 0
+    learned = serd("learn", table, *place, "--method", "mdce_irl", "--output", model)
+    assert learned.code == 0, learned.err
+    for trajectories in (table, bag):
+        assert len(familiarity_of(model, [trajectories]).decisions) > 0
+        assert len(familiarity_of(model, [trajectories], scenario=str(scenario)).decisions) > 0
