@@ -48,11 +48,6 @@ def test_the_page_of_the_library_runs_and_finds_the_truth(root, capsys):
     assert "std. error" in capsys.readouterr().out
 
 
-def test_frozen_lake_takes_at_most_twenty_lines(root):
-    first = blocks_of(root / "docs" / "library.md")[0]
-    assert len([line for line in first.splitlines() if line.strip()]) <= 20
-
-
 def test_the_readme_of_the_distribution_runs(root, capsys):
     (block,) = blocks_of(root / "serd_core" / "README.md")
     exec(block, {})

@@ -53,13 +53,6 @@ def test_what_is_no_positive_number_is_rejected(gridworld, wrong):
             call()
 
 
-def test_a_number_is_positive_where_numpy_has_no_type_for_it():
-    [start] = PolicyMatchingPolicy(2**70).initial_parameters.tolist()
-    assert (start, type(start)) == (2.0**70, float)
-    with pytest.raises(sc.SerdError, match="start_temperature must be finite and above 0, got -1"):
-        PolicyMatchingPolicy(-(2**70))
-
-
 @pytest.mark.parametrize("size", [1e308, 1e300])
 @pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
 def test_weights_whose_values_overflow_are_rejected(gridworld, solve, size):
@@ -80,21 +73,6 @@ def test_two_decisions_of_one_episode_and_time_are_rejected(gridworld):
     twice = given.select(np.append(np.arange(len(given)), 3))
     with pytest.raises(sc.SerdError, match=r"got decisions\[3\] and decisions\[300\] both in epis"):
         sc.fit_mdce_serd(gridworld.problem, twice)
-
-
-def test_a_feature_that_no_decision_depends_on_is_named(gridworld):
-    problem = gridworld.problem
-    features = np.concatenate([problem.features, np.zeros((25, 5, 1))], axis=2)
-    wider = sc.TabularProblem(problem.mdp, features, (*problem.feature_names, "never visited"))
-    fit = sc.fit_mdce_irl_by_likelihood(
-        wider, gridworld.decisions, initial_weights=np.zeros(3), dynamics=gridworld.probabilities
-    )
-    assert not fit.converged
-    assert fit.message.endswith(
-        "nothing determines +1.00 reward never visited; give these numbers a prior"
-    ) or fit.message.endswith(
-        "nothing determines -1.00 reward never visited; give these numbers a prior"
-    )
 
 
 def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
@@ -159,25 +137,6 @@ def test_limits_that_are_no_numbers_are_rejected(gridworld, wrong):
             call()
 
 
-def test_dynamics_that_are_no_numbers_are_rejected(gridworld):
-    with pytest.raises(sc.SerdError, match=r"^dynamics must be an array of numbers, got <U4"):
-        sc.fit_mdce_irl_by_likelihood(
-            gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), dynamics="true"
-        )
-
-
-def test_a_truth_value_is_no_number_of_episodes(gridworld):
-    with pytest.raises(sc.SerdError, match=r"n_episodes must be a whole number .* got True"):
-        sc.sample_decisions(
-            gridworld.problem.mdp,
-            np.full((25, 5), 0.2),
-            gridworld.probabilities,
-            n_episodes=True,
-            n_steps=3,
-            rng=np.random.default_rng(0),
-        )
-
-
 def test_one_text_is_no_sequence_of_names():
     stays = np.ones((1, 1, 1))
     message = r"feature_names must be a sequence of names, got 'goal'; use \['goal'\]"
@@ -214,13 +173,16 @@ def test_shares_and_numbers_of_things_that_are_no_numbers_are_rejected(gridworld
     calls = {
         "coverage": lambda: sc.confidence_interval(np.ones(1), np.ones(1), wrong),
         "mass": lambda: sc.credible_intervals(None, wrong),
+        "dynamics": lambda: sc.fit_mdce_irl_by_likelihood(
+            problem, decisions, initial_weights=np.zeros(2), dynamics=f"{wrong}"
+        ),
         "n_types": lambda: sc.fit_expert_types(problem, decisions, wrong),
         "n_models": lambda: sc.OutcomeModels(
             models.successors, models.model_of, models.available, wrong
         ),
     }
     for name, call in calls.items():
-        with pytest.raises(sc.SerdError, match=f"^{name} must be .* got {wrong!r}"):
+        with pytest.raises(sc.SerdError, match=f"^{name} must be .* got ({wrong!r}|<U)"):
             call()
 
 

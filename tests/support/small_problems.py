@@ -5,14 +5,82 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NavigationProblem, build_navigation_problem
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.parameters import Block
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.gaussian import GaussianPrior
+
+#: A density over rewards and dynamics.
+PROPER = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.7)
+
+
+def sampled(
+    problem: TabularProblem,
+    policy: FloatArray,
+    table: FloatArray | None,
+    n_episodes: int,
+    n_steps: int,
+    seed: int | np.random.Generator = 0,
+    starts: ArrayLike | None = None,
+) -> Decisions:
+    """Episodes by a policy, which start in any state alike or by the (S,) chances of starts."""
+    n_states, rng = problem.mdp.n_states, np.random.default_rng(seed)
+    starts = np.full(n_states, 1.0 / n_states) if starts is None else np.asarray(starts)
+    return sample_decisions(
+        problem.mdp, policy, table, starts, n_episodes=n_episodes, n_steps=n_steps, rng=rng
+    )
+
+
+def apart(state: ArrayLike, action: ArrayLike, next_state: ArrayLike) -> Decisions:
+    """Decisions of one episode each."""
+    n = len(np.atleast_1d(next_state))
+    columns = (np.broadcast_to(column, n) for column in (state, action, next_state))
+    return Decisions(np.arange(n), np.zeros(n), *columns)
+
+
+def room(
+    rows: int, columns: int, goal: int, flow: ArrayLike = Action.NORTH, discount: float = 0.95
+) -> NavigationProblem:
+    """Cells of 1 m without walls in between, and people who walk north or by the flow."""
+    grid = Grid((0.0, 0.0), 1.0, np.ones((rows, columns), bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.broadcast_to(flow, grid.n_states),
+        goal_states=[goal],
+        wall_distance_m=np.ones(grid.n_states),
+        discount=discount,
+    )
+
+
+def always(problem: NavigationProblem, action: int) -> FloatArray:
+    """The policy that takes one action and waits at the goal."""
+    policy = np.tile(np.eye(5)[action], (problem.mdp.n_states, 1))
+    policy[problem.goal_states] = np.eye(5)[Action.WAIT]
+    return policy
+
+
+def one_choice(n_first: int, n_second: int) -> tuple[TabularProblem, Decisions]:
+    """One state, two actions, one feature of the first action, discount 0: a logistic model.
+
+    A second state, which is never left, makes outcomes: both actions share one model of two.
+    """
+    successors = np.zeros((2, 2, 2), int)
+    successors[0], successors[1] = [0, 1], 1
+    models = OutcomeModels(successors, np.zeros((2, 2), int), np.ones((2, 2), bool), 1)
+    features = np.array([[[1.0], [0.0]], [[0.0], [0.0]]])
+    actions = np.repeat([0, 1], [n_first, n_second])
+    decisions = apart(0, actions, (np.arange(len(actions)) % 3 == 0) * 1)
+    return TabularProblem(Mdp(models, 0.0), features, ("first",)), decisions
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +129,7 @@ def make_gridworld() -> Callable[..., Case]:
         problem = gridworld_problem(side, discount)
         weights, truth = np.array([2.0, 3.0]), gridworld_truth()
         policy = soft_policy(problem, weights, truth).probabilities
-        starts = np.full(side * side, 1.0 / side**2)
-        decisions = sample_decisions(
-            problem.mdp,
-            policy,
-            truth,
-            starts,
-            n_episodes=n_episodes,
-            n_steps=n_steps,
-            rng=np.random.default_rng(seed),
-        )
+        decisions = sampled(problem, policy, truth, n_episodes, n_steps, seed)
         return Case(problem, weights, truth, decisions)
 
     return make
@@ -129,6 +188,4 @@ def counted():
     successors[0, 0], successors[1, 0] = [0, 1], 1
     models = OutcomeModels(successors, np.zeros((2, 1), int), np.ones((2, 1), bool), 1)
     problem = TabularProblem(Mdp(models, 0.5), np.ones((2, 1, 1)), ("constant",))
-    zeros = np.zeros(12, int)
-    following = np.repeat([0, 1], [9, 3])
-    return problem, Decisions(np.arange(12), zeros * 1.0, zeros, zeros, following)
+    return problem, apart(0, 0, np.repeat([0, 1], [9, 3]))

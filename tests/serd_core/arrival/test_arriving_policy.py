@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.arrival.arriving_policy import (
@@ -97,15 +97,6 @@ def test_moves_that_nearly_never_succeed_are_counted_and_not_lost():
     assert periods == pytest.approx([2e6, 1e6, 0.0], rel=0.01)
 
 
-def test_a_learned_policy_that_arrives_is_driven_as_it_is():
-    problem, outcomes = problem_of(np.ones((3, 4)), [11]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
-    learned = optimal_policy(problem, np.array([1.0, 0.0]), outcomes)
-    found = driven_by(problem, learned, outcomes)
-    assert found.policy is learned
-    assert not found.by_time.any()
-    assert not len(found.traps.states)
-
-
 def test_where_staying_at_a_wall_is_best_the_way_of_least_time_leads_to_the_goal():
     problem, outcomes = problem_of(np.ones((3, 4)), [11]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
     learned = loves_walls(problem, outcomes)
@@ -144,9 +135,9 @@ def test_where_the_goal_cannot_be_reached_in_time_both_kinds_of_policy_are_trapp
     assert found.by_time[:4].all()
 
 
-@given(st.data())
-def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_time(data):
-    seed = data.draw(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_time(seed):
     rng = np.random.default_rng(seed)
     flow = rng.integers(0, 5, 12)
     problem = problem_of(np.ones((3, 4)), [int(rng.integers(12))], np.where(flow == 0, -1, flow))

@@ -4,30 +4,10 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.chain import arrival_time_distribution
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import build_navigation_problem
-
-
-def corridor(length: int = 6):
-    grid = Grid(origin_m=(0, 0), cell_size_m=1.0, walkable=np.ones((length, 1), bool))
-    return build_navigation_problem(
-        grid=grid,
-        flow=np.full(length, Action.NORTH),
-        goal_states=[length - 1],
-        wall_distance_m=np.ones(length),
-        discount=0.95,
-    )
-
-
-def always(problem, action):
-    policy = np.zeros(problem.mdp.available.shape)
-    policy[:, action] = 1.0
-    policy[problem.goal_states] = np.eye(5)[Action.WAIT]
-    return policy
+from serd_core.grid.grid import Action
+from support.small_problems import always, room
 
 
 def outcomes(forward):
@@ -36,7 +16,7 @@ def outcomes(forward):
 
 
 def test_certain_moves_arrive_after_as_many_periods_as_cells():
-    problem = corridor()
+    problem = room(6, 1, 5)
     arrival = arrival_time_distribution(
         problem, always(problem, Action.NORTH), outcomes(1.0), np.eye(6)[0], 7
     )
@@ -45,25 +25,16 @@ def test_certain_moves_arrive_after_as_many_periods_as_cells():
 
 
 def test_one_step_to_go_gives_the_geometric_distribution():
-    problem = corridor()
+    problem = room(6, 1, 5)
     arrival = arrival_time_distribution(
         problem, always(problem, Action.NORTH), outcomes(0.3), np.eye(6)[4], 20
     )
     np.testing.assert_allclose(arrival.cdf, 1 - 0.7 ** np.arange(21), atol=1e-12)
 
 
-def test_walking_away_never_arrives():
-    problem = corridor()
-    arrival = arrival_time_distribution(
-        problem, always(problem, Action.SOUTH), outcomes(0.5), np.eye(6)[2], 50
-    )
-    assert arrival.cdf[-1] == 0
-    assert arrival.arrival_probability == 0
-
-
 def test_a_trap_is_left_out_of_the_probability_of_ever_arriving():
     """Forward 0.6, back 0.4; below cell 2 the policy walks away: gambler's ruin."""
-    problem = corridor()
+    problem = room(6, 1, 5)
     table = np.tile([0, 0.6, 0, 0.4, 0], (4, 1))
     policy = always(problem, Action.NORTH)
     policy[:2] = np.eye(5)[Action.WAIT]
@@ -74,36 +45,8 @@ def test_a_trap_is_left_out_of_the_probability_of_ever_arriving():
     assert arrival.cdf[-1] == pytest.approx(arrival.arrival_probability)
 
 
-def test_starting_at_the_goal_has_arrived_at_once():
-    problem = corridor()
-    arrival = arrival_time_distribution(
-        problem, always(problem, Action.NORTH), outcomes(0.5), np.eye(6)[5], 0
-    )
-    np.testing.assert_allclose(arrival.cdf, [1.0])
-
-
-def test_sampled_episodes_stay_within_the_predicted_band():
-    problem = corridor()
-    policy = always(problem, Action.NORTH)
-    arrival = arrival_time_distribution(problem, policy, outcomes(0.4), np.eye(6)[0], 40)
-    decisions = sample_decisions(
-        problem.mdp,
-        policy,
-        outcomes(0.4),
-        np.eye(6)[0],
-        n_episodes=500,
-        n_steps=400,
-        rng=np.random.default_rng(7),
-    )
-    lengths = np.bincount(decisions.episode)
-    measured = empirical_arrival_cdf(lengths, lengths > 40, 40.0)
-    lower, upper = sampling_band(arrival.cdf, 500, coverage=0.999)
-    shares = [measured.cdf[measured.times_s <= period][-1] for period in arrival.periods]
-    assert np.all((shares >= lower) & (shares <= upper))
-
-
 def test_wrong_arguments_are_refused_by_name():
-    problem = corridor()
+    problem = room(6, 1, 5)
     good = always(problem, Action.NORTH)
     start = np.eye(6)[0]
     with pytest.raises(SerdError, match=r"start_distribution must sum to 1, got a sum of 2.0"):
@@ -119,9 +62,11 @@ def test_wrong_arguments_are_refused_by_name():
 
 
 def test_what_starts_at_the_goal_has_arrived_once_and_for_all():
-    problem, policy = corridor(), always(corridor(), Action.NORTH)
+    problem = room(6, 1, 5)
     half = np.array([0.5, 0, 0, 0, 0, 0.5])
-    arrival = arrival_time_distribution(problem, policy, outcomes(1.0), half, 6)
+    arrival = arrival_time_distribution(
+        problem, always(problem, Action.NORTH), outcomes(1.0), half, 6
+    )
     np.testing.assert_allclose(arrival.cdf, [0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0])
 
 

@@ -14,27 +14,8 @@ from serd_core.arrival.crossing_chain import (
 )
 from serd_core.arrival.semi_markov import DwellTimes, semi_markov_arrival
 from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import build_navigation_problem
 from serd_core.policies.solved_policy import soft_policy
-
-
-def problem_of(rows, columns, goal, flow=None):
-    grid = Grid((0.0, 0.0), 1.0, np.ones((rows, columns), dtype=bool))
-    return build_navigation_problem(
-        grid=grid,
-        flow=np.full(grid.n_states, Action.EAST) if flow is None else flow,
-        goal_states=[goal],
-        wall_distance_m=np.ones(grid.n_states),
-        discount=0.95,
-    )
-
-
-def go(problem, action):
-    policy = np.zeros((problem.grid.n_states, len(Action)))
-    policy[:, action] = 1.0
-    policy[problem.goal_states] = np.eye(len(Action))[Action.WAIT]
-    return policy
-
+from support.small_problems import always, room
 
 TABLE = np.array(
     [
@@ -57,7 +38,7 @@ def test_directions_lead_to_the_neighbour_and_other_moves_have_none():
 
 
 def test_moves_are_those_of_the_chain_given_that_the_cell_is_left():
-    problem = problem_of(3, 4, goal=7)
+    problem = room(3, 4, 7, Action.EAST)
     policy = soft_policy(problem, [3.0, 0.5, 0.0], TABLE).probabilities
     dense = policy_chain(problem.mdp, policy, TABLE).toarray()
     moves = crossing_moves(problem, policy, TABLE)
@@ -72,8 +53,8 @@ def test_moves_are_those_of_the_chain_given_that_the_cell_is_left():
 
 def test_stays_of_the_periodic_law_are_geometric_dwell_times():
     """In a lane whose cells are left ahead only, both laws are the same in every period."""
-    problem, table = problem_of(1, 6, goal=5), np.tile([0.3, 0.7, 0.0, 0.0, 0.0], (4, 1))
-    policy, n = go(problem, Action.EAST), 40
+    problem, table = room(1, 6, 5, Action.EAST), np.tile([0.3, 0.7, 0.0, 0.0, 0.0], (4, 1))
+    policy, n = always(problem, Action.EAST), 40
     periods = arrival_by_state(problem, policy, table, n)
     geometric = 0.7 * 0.3 ** np.arange(-1.0, n)
     geometric[0] = 0.0
@@ -84,8 +65,8 @@ def test_stays_of_the_periodic_law_are_geometric_dwell_times():
 
 
 def test_a_cell_that_is_never_left_never_arrives():
-    problem = problem_of(1, 4, goal=3)
-    policy = go(problem, Action.EAST)
+    problem = room(1, 4, 3, Action.EAST)
+    policy = always(problem, Action.EAST)
     policy[1] = np.eye(len(Action))[Action.WAIT]
     table = TABLE.copy()
     table[3] = [1.0, 0.0, 0.0, 0.0, 0.0]
@@ -101,7 +82,7 @@ def test_arrival_agrees_with_simulated_crossings():
     """Another dwell time for each class, so that a wrong class, turn or first move would differ."""
     flow = np.full(9, Action.EAST)
     flow[::2] = Action.NORTH
-    problem = problem_of(3, 3, goal=8, flow=flow)
+    problem = room(3, 3, 8, flow)
     policy = soft_policy(problem, [3.0, 0.5, 0.0], TABLE).probabilities
     moves = crossing_moves(problem, policy, TABLE)
     own_time, first_time = np.arange(1, N_CLASSES + 1), 9

@@ -46,15 +46,8 @@ def test_entry_times_spread_each_arrival_evenly_over_the_gaps_between_them():
     shares = np.array([1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6, 1, 4 / 3, 5 / 3, 2])
     expected = np.where(shares <= 1, 0.4 * shares, 0.4 + 0.6 * (shares - 1))
     np.testing.assert_allclose(law.probability_by(asked), expected)
-
-
-def test_a_law_with_entry_times_has_forty_steps_per_period_and_one_at_each_entry():
-    law = law_in_seconds(counted([0.0, 0.4, 0.6]), period_s=2.0, entry_times_s=(1.51, 0.5))
-    within_s = np.sort([*np.arange(0.05, 2.01, 0.05), 1.51])
+    within_s = np.arange(0.05, 2.01, 0.05)
     np.testing.assert_allclose(law.times_s, [0.0, *within_s, *(2.0 + within_s)])
-
-
-def test_equal_entry_times_are_one_jump_of_the_law():
     law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=(1.0, 1.0, 1.0))
     np.testing.assert_allclose(law.probability_by([0.999, 1.0, 2.0]), [0.2375, 0.75, 1.0])
 
@@ -96,6 +89,8 @@ def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
     assert law.quantile_s(0.4) == 1.0
     assert law.quantile_s(0.41) == 3.0
     assert law.quantile_s(0.81) is None
+    certain = ArrivalLaw(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), 1.0)
+    assert (certain.quantile_s(0.5), certain.quantile_s(1.0)) == (1.0, 2.0)
 
 
 @settings(deadline=None, max_examples=30)
@@ -113,18 +108,6 @@ def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
         assert largest_gap(law, measured) == pytest.approx(expected)
 
 
-def test_the_law_of_one_that_starts_at_the_goal_is_compared_at_its_only_step():
-    law = law_in_seconds(counted([0.75], ever=1.0), period_s=2.0)
-    assert law.times_s.tolist() == [0.0]
-    assert largest_gap(law, [0.0, 3.0]) == pytest.approx(0.25)
-
-
-def test_those_who_never_arrive_leave_a_gap_at_the_end():
-    law = ArrivalLaw(np.array([0.0, 2.0, 4.0]), np.array([0.0, 0.5, 1.0]), 1.0)
-    assert largest_gap(law, [2.0, np.inf]) == 0.5
-    assert largest_gap(law, [2.0, 4.0]) == 0.0
-
-
 def test_entry_times_are_what_exceeds_the_whole_periods_before():
     np.testing.assert_allclose(entry_times_s([0.5, 2.0, 51.05, 4.0], 2.0), [0.5, 2.0, 1.05, 2.0])
 
@@ -138,47 +121,6 @@ def test_entry_times_stay_within_the_period_where_arrivals_miss_its_ends_by_roun
         np.testing.assert_allclose(entry_s[[0, 3, 4]], [1e-10, 5e-9, 1.0 - 5e-10], rtol=1e-6)
 
 
-def test_wrong_shapes_of_times_are_refused_by_name():
-    with pytest.raises(SerdError, match=r"^arrival_times_s must "):
-        entry_times_s([[1.0]], 2.0)
-    with pytest.raises(SerdError, match=r"^entry_times_s must "):
-        law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=[[1.0]])
-
-
-def test_wrong_arguments_are_refused_by_name():
-    arrival = counted([0.0, 1.0])
-    for period_s in (0.0, float("nan"), float("inf")):
-        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
-            law_in_seconds(arrival, period_s=period_s)
-        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
-            entry_times_s([1.0], period_s)
-    for entry_s in (2.5, 0.0, -0.5):
-        with pytest.raises(
-            SerdError, match=rf"entry_times_s\[1\] must be above 0 and at most .* got {entry_s}"
-        ):
-            law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, entry_s))
-
-
-@pytest.mark.parametrize("time_s", [0.0, -1.0])
-def test_an_arrival_before_the_first_period_has_no_entry_time(time_s):
-    with pytest.raises(SerdError, match=rf"arrival_times_s\[1\] must be above 0, got {time_s}"):
-        entry_times_s([3.0, time_s], 2.0)
-
-
-def test_a_law_takes_the_entry_times_of_measured_arrivals_as_they_come():
-    measured_s = [0.5, 3.0, 7.5, 2.0 + 5e-10]
-    entry_s = entry_times_s(measured_s, 2.0)
-    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=entry_s)
-    np.testing.assert_allclose(law.probability_by([0.5, 1.0, 1.5, 2.0]), [0.2, 0.4, 0.6, 1.0])
-
-
-@pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])
-def test_a_gap_to_no_measurement_is_refused(times_s):
-    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0)
-    with pytest.raises(SerdError, match=r"^arrival_times_s must hold at least one time and no NaN"):
-        largest_gap(law, times_s)
-
-
 def test_the_largest_gap_counts_arrivals_between_the_last_two_steps_and_no_later_one():
     law = ArrivalLaw(np.array([0.0, 1.0, 10.0]), np.array([0.0, 0.4, 1.0]), 1.0)
     # At 5 s all measured robots have arrived, of the law's 40 %.
@@ -186,12 +128,10 @@ def test_the_largest_gap_counts_arrivals_between_the_last_two_steps_and_no_later
     early = ArrivalLaw(np.array([0.0, 1.0]), np.array([0.0, 0.4]), 0.4)
     # After the last step nothing is compared.
     assert largest_gap(early, [2.0, 3.0]) == pytest.approx(0.4)
-
-
-def test_a_quantile_is_reached_where_the_law_equals_it():
-    law = ArrivalLaw(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), 1.0)
-    assert law.quantile_s(0.5) == 1.0
-    assert law.quantile_s(1.0) == 2.0
+    # One of two never arrives.
+    assert largest_gap(ArrivalLaw(law.times_s, law.cdf, 1.0), [1.0, np.inf]) == pytest.approx(0.5)
+    at_the_goal = law_in_seconds(counted([0.75], ever=1.0), period_s=2.0)
+    assert largest_gap(at_the_goal, [0.0, 3.0]) == pytest.approx(0.25)
 
 
 def test_steps_within_a_time_are_the_fewest_that_last_as_long_up_to_rounding():
@@ -218,3 +158,28 @@ def test_each_draw_of_a_posterior_has_the_law_of_its_own_arrival():
     np.testing.assert_allclose(law.cdf_draws, alone)
     np.testing.assert_allclose(law.cdf, alone.mean(axis=0))
     assert law_in_seconds(each[0], **given).cdf_draws is None
+
+
+def of_one(*entry_times_s, period_s=2.0):
+    """A law of who arrives in the first period."""
+    return law_in_seconds(counted([0.0, 1.0]), period_s=period_s, entry_times_s=entry_times_s)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: of_one(period_s=np.nan), "^period_s must be above 0 and finite, got nan"),
+        (lambda: entry_times_s([1.0], 0.0), "^period_s must be above 0 and finite, got 0.0"),
+        (lambda: entry_times_s([[1.0]], 2.0), "^arrival_times_s must "),
+        (lambda: entry_times_s([3.0, 0.0], 2.0), r"^arrival_times_s\[1\] must be above 0, got"),
+        (lambda: entry_times_s([3.0, -1.0], 2.0), r"^arrival_times_s\[1\] must be above 0, got"),
+        (lambda: of_one([1.0]), "^entry_times_s must "),
+        (lambda: of_one(1.0, 2.5), r"^entry_times_s\[1\] must be above 0 and at most .* got 2.5"),
+        (lambda: of_one(1.0, 0.0), r"^entry_times_s\[1\] must be above 0 and at most .* got 0.0"),
+        (lambda: largest_gap(of_one(), []), "^arrival_times_s must hold at least one time"),
+        (lambda: largest_gap(of_one(), [1.0, np.nan]), "^arrival_times_s must .* no NaN"),
+    ],
+)
+def test_wrong_arguments_are_refused_by_name(call, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        call()

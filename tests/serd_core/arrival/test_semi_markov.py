@@ -13,19 +13,7 @@ from serd_core.arrival.semi_markov import (
     semi_markov_arrival,
 )
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import build_navigation_problem
-
-
-def hallway(rows=7, columns=3):
-    grid = Grid((0, 0), 1.0, np.ones((rows, columns), bool))
-    return build_navigation_problem(
-        grid=grid,
-        flow=np.full(grid.n_states, Action.NORTH),
-        goal_states=[grid.n_states - 1],
-        wall_distance_m=np.ones(grid.n_states),
-        discount=0.95,
-    )
+from support.small_problems import room
 
 
 def line(n_moves, dwell=None):
@@ -43,9 +31,9 @@ def any_policy(problem, seed):
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_equal_periods_give_the_arrival_of_decision_periods(seed):
-    problem = hallway()
+def test_equal_periods_give_the_arrival_of_decision_periods():
+    seed = 2
+    problem = room(7, 3, 20)
     table = np.random.default_rng(seed).dirichlet(np.ones(5), 4)
     policy = any_policy(problem, seed)
     expected = arrival_by_state(problem, policy, table, 60)
@@ -80,7 +68,7 @@ def test_each_class_of_moves_has_its_own_time():
 
 
 def test_classes_follow_the_outcome_models():
-    problem = hallway()
+    problem = room(7, 3, 20)
     policy, table = any_policy(problem, 1), np.random.default_rng(1).dirichlet(np.ones(5), 4)
     classes = np.tile([1, 0, 0, 0, 0], (4, 1))
     dwell = DwellTimes(1.0, np.array([[0, 1.0, 0], [0, 0, 1.0]]))
@@ -98,7 +86,7 @@ def test_classes_follow_the_outcome_models():
 
 
 def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    problem = hallway()
+    problem = room(7, 3, 20)
     chain = renewal_chain(
         problem,
         problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True),
@@ -110,42 +98,6 @@ def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
     assert semi_markov_arrival(chain, DwellTimes.periodic(1.0), 50).cdf.shape == (51, 21)
 
 
-def test_states_that_never_arrive_have_probability_zero():
-    chain = RenewalChain(
-        np.array([0, 1]), np.array([0, 2]), np.ones(2), np.zeros(2, int), np.arange(3) == 2
-    )
-    found = semi_markov_arrival(chain, DwellTimes.periodic(1.0), 20)
-    np.testing.assert_allclose(found.cdf[:, 0], 0.0, atol=1e-7)
-    assert found.arrival_probability.tolist() == [0.0, 1.0, 1.0]
-
-
-def test_moves_that_do_not_sum_to_one_are_rejected():
-    with pytest.raises(SerdError, match=r"moves from state 1 must sum to 1, got 0\.5"):
-        RenewalChain(
-            np.array([0, 1]),
-            np.array([1, 2]),
-            np.array([1, 0.5]),
-            np.zeros(2, int),
-            np.arange(3) == 2,
-        )
-
-
-def test_negative_probabilities_are_rejected():
-    with pytest.raises(SerdError, match=r"probability\[1\] must not be negative, got -0\.5"):
-        RenewalChain(
-            np.array([0, 0]),
-            np.array([1, 0]),
-            np.array([1.5, -0.5]),
-            np.zeros(2, int),
-            np.arange(2) == 1,
-        )
-
-
-def test_masses_that_are_no_probabilities_are_rejected():
-    with pytest.raises(SerdError, match=r"mass\[1\] must be probabilities"):
-        DwellTimes(0.1, np.array([[0, 1.0], [0.7, 0.7]]))
-
-
 def test_a_certain_loop_that_takes_no_time_is_rejected():
     chain = RenewalChain([0, 1], [0, 1], [1.0, 1.0], [0, 0], [False, True])
     with pytest.raises(SerdError, match="moves of the chain must take time"):
@@ -154,8 +106,26 @@ def test_a_certain_loop_that_takes_no_time_is_rejected():
 
 @pytest.mark.parametrize("goals", [[2], [False, False, True]])
 def test_goals_are_numbers_or_a_mask(goals):
-    problem = hallway(rows=3, columns=1)
+    problem = room(3, 1, 2)
     given = SimpleNamespace(mdp=problem.mdp, goal_states=goals)
     outcomes = np.full((4, 5), 0.2)
     chain = renewal_chain(given, any_policy(problem, 0), outcomes)
     assert chain.goal.tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"probability": [1.0, 0.5]}, r"moves from state 1 must sum to 1, got 0\.5"),
+        (
+            {"state": [0, 0], "probability": [1.5, -0.5]},
+            r"probability\[1\] must not be negative, got",
+        ),
+    ],
+)
+def test_moves_that_are_no_distribution_are_rejected(change, sentence):
+    given = {"state": [0, 1], "successor": [1, 2], "dwell": [0, 0], "goal": np.arange(3) == 2}
+    with pytest.raises(SerdError, match=sentence):
+        RenewalChain(**{key: np.array(value) for key, value in (given | change).items()})
+    with pytest.raises(SerdError, match=r"mass\[1\] must be probabilities"):
+        DwellTimes(0.1, np.array([[0, 1.0], [0.7, 0.7]]))

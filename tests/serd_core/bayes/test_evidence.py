@@ -16,9 +16,8 @@ from serd_core.bayes.laplace import laplace, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.sparse_model import learned_transitions
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
@@ -39,35 +38,25 @@ from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
+from support.small_problems import PROPER, apart, one_choice, sampled
 
 BY_EVIDENCE = PriorByEvidence()
 #: Stay, and one cell up, right, down or left: rows and columns.
 OUTCOMES = ((0, 0), (1, 0), (0, 1), (-1, 0), (0, -1))
-PROPER = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.7)
+
+
+@pytest.fixture(scope="module")
+def by_evidence(gridworld):
+    """The fit of the gridworld with its strengths by evidence."""
+    return fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
 
 
 def scaled(problem: TabularProblem, factors: list[float]) -> TabularProblem:
     return TabularProblem(problem.mdp, problem.features * np.array(factors), problem.feature_names)
 
 
-def one_state_choices(n_first: int, n_second: int) -> tuple[TabularProblem, Decisions]:
-    """One state, two actions, one feature of the first action, discount 0: a logistic model.
-
-    A second state, which is never left, makes outcomes: both actions share one model of two.
-    """
-    successors = np.zeros((2, 2, 2), int)
-    successors[0], successors[1] = [0, 1], 1
-    models = OutcomeModels(successors, np.zeros((2, 2), int), np.ones((2, 2), bool), 1)
-    features = np.array([[[1.0], [0.0]], [[0.0], [0.0]]])
-    n = n_first + n_second
-    actions = np.repeat([0, 1], [n_first, n_second])
-    outcome = np.arange(n) % 3 == 0
-    decisions = Decisions(np.arange(n), np.zeros(n), np.zeros(n, int), actions, outcome * 1)
-    return TabularProblem(Mdp(models, 0.0), features, ("first",)), decisions
-
-
 def test_the_evidence_agrees_with_numerical_integration():
-    problem, decisions = one_state_choices(9, 4)
+    problem, decisions = one_choice(9, 4)
     fit = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=PROPER)
     found = laplace(problem, decisions, fit)
 
@@ -92,7 +81,7 @@ def test_the_evidence_of_dynamics_that_choices_inform_is_close_to_the_integral(s
     state, action = np.repeat([0, 0, 1, 1], [7, 3, 2, 4]), np.repeat([0, 1, 0, 1], [7, 3, 2, 4])
     following = np.where(action == 1, state, 0)
     following[:5] = 1
-    decisions = Decisions(np.arange(16), np.zeros(16), state, action, following)
+    decisions = apart(state, action, following)
     fit = fit_mdce_serd(problem, decisions, initial_weights=np.ones(1), prior=PROPER)
     found = laplace(problem, decisions, fit)
     objective = log_posterior_of(problem, decisions, fit)
@@ -120,31 +109,15 @@ def test_no_direction_is_wider_than_under_the_prior(gridworld):
 
 def test_a_belief_around_the_truth_does_not_bias_it():
     """Choices that depend on no dynamics leave the truth where counts have it, and the belief."""
-    problem, decisions = one_state_choices(9, 4)
-    fit = fit_mdce_serd(
-        problem,
-        decisions,
-        initial_weights=np.zeros(1),
-        belief=BeliefAroundTruth(0.8),
-        prior=PROPER,
-    )
+    problem, decisions = one_choice(9, 4)
+    start = {"initial_weights": np.zeros(1), "prior": PROPER}
+    fit = fit_mdce_serd(problem, decisions, belief=BeliefAroundTruth(0.8), **start)
     counted = np.array([[8 + 0.7, 5 + 0.7]]) / (13 + 1.4)
     np.testing.assert_allclose(fit.outcome_probabilities, counted, atol=1e-6)
     np.testing.assert_allclose(fit.believed_outcome_probabilities, counted, atol=1e-6)
-    alone = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=PROPER)
+    alone = fit_mdce_serd(problem, decisions, **start)
     evidences = [laplace(problem, decisions, each).log_evidence for each in (fit, alone)]
     assert evidences[0] == pytest.approx(evidences[1], abs=1e-6)
-
-
-def test_a_belief_around_the_truth_needs_its_deviation_where_the_prior_is_given(gridworld):
-    with pytest.raises(SerdError, match="deviation of BeliefAroundTruth must be a number"):
-        fit_mdce_serd(
-            gridworld.problem,
-            gridworld.decisions,
-            initial_weights=np.zeros(2),
-            belief=BeliefAroundTruth(),
-            prior=PROPER,
-        )
 
 
 def test_a_large_constant_in_a_feature_does_not_matter(gridworld):
@@ -159,19 +132,10 @@ def test_a_large_constant_in_a_feature_does_not_matter(gridworld):
 
 
 def test_dynamics_without_outcome_models_are_rejected_before_the_fit():
-    model = SparseModel(
-        n_pairs=(1, 1),
-        state=[0],
-        action=[0],
-        next_state=[0],
-        parameter_count=1,
-        probabilities=lambda _: np.ones(1),
-        vector_jacobian=lambda *_: np.zeros(1),
-    )
-    problem = TabularProblem(Mdp(model, 0.5), np.ones((1, 1, 1)), ("one",))
-    decisions = Decisions(np.zeros(1, int), np.zeros(1), *np.zeros((3, 1), int))
+    model = learned_transitions((2, 1), [0, 0, 1], [0, 0, 0], [0, 1, 1])
+    problem = TabularProblem(Mdp(model, 0.5), np.ones((2, 1, 1)), ("one",))
     with pytest.raises(SerdError, match="PriorByEvidence is a prior of OutcomeModels, got Sparse"):
-        fit_mdce_serd(problem, decisions, dynamics=np.zeros(1))
+        fit_mdce_serd(problem, apart(0, 0, [0, 1]), dynamics=np.zeros(1))
 
 
 def test_counted_transitions_have_their_exact_evidence(random_problem):
@@ -183,41 +147,14 @@ def test_counted_transitions_have_their_exact_evidence(random_problem):
     rng = np.random.default_rng(0)
     state, action = np.argwhere(model.available)[rng.integers(model.available.sum(), size=30)].T
     k = rng.integers(model.n_outcomes, size=30)
-    decisions = Decisions(
-        np.arange(30), np.zeros(30), state, action, model.successors[state, action, k]
-    )
-    prior = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.4)
-    tied = laplace(
-        problem,
-        decisions,
-        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), prior=prior),
-    )
-    alone = laplace(
-        problem,
-        decisions,
-        fit_mdce_serd(
-            problem,
-            decisions,
-            initial_weights=np.zeros(2),
-            belief=FixedBelief(),
-            prior=GaussianPrior(2.0, Block.REWARD),
-        ),
-    )
-    by_policy = alone.log_evidence - fit_value(problem, decisions)
+    decisions = apart(state, action, model.successors[state, action, k])
+    reward, start = GaussianPrior(2.0, Block.REWARD), {"initial_weights": np.zeros(2)}
+    tied = fit_mdce_serd(problem, decisions, prior=reward + DirichletPrior(0.4), **start)
+    alone = fit_mdce_serd(problem, decisions, belief=FixedBelief(), prior=reward, **start)
+    evidence, of_rewards = (laplace(problem, decisions, fit).log_evidence for fit in (tied, alone))
+    by_policy = of_rewards - alone.dynamics_log_likelihood
     exact = dirichlet_multinomial(problem, decisions, 0.4)
-    assert tied.log_evidence - by_policy == pytest.approx(exact, abs=1e-6)
-
-
-def fit_value(problem: TabularProblem, decisions: Decisions) -> float:
-    """Log-likelihood of the transitions under the M-estimate, which fixed dynamics have."""
-    fit = fit_mdce_serd(
-        problem,
-        decisions,
-        initial_weights=np.zeros(2),
-        belief=FixedBelief(),
-        prior=GaussianPrior(2.0, Block.REWARD),
-    )
-    return fit.dynamics_log_likelihood
+    assert evidence - by_policy == pytest.approx(exact, abs=1e-6)
 
 
 def dirichlet_multinomial(problem: TabularProblem, decisions: Decisions, count: float) -> float:
@@ -236,9 +173,8 @@ def dirichlet_multinomial(problem: TabularProblem, decisions: Decisions, count: 
     return total
 
 
-@pytest.mark.parametrize("factors", [[1e8, 1.0], [1e-8, 1e8]])
-def test_units_of_features_do_not_matter(gridworld, factors):
-    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+def test_units_of_features_do_not_matter(gridworld, by_evidence):
+    fit, factors = by_evidence, [1e-8, 1e8]
     other = scaled(gridworld.problem, factors)
     same = fit_mdce_serd(other, gridworld.decisions, prior=BY_EVIDENCE)
     found = laplace(gridworld.problem, gridworld.decisions, fit)
@@ -251,8 +187,8 @@ def test_units_of_features_do_not_matter(gridworld, factors):
     assert again.log_evidence == pytest.approx(found.log_evidence, abs=1e-6)
 
 
-def test_the_gauge_of_the_energies_does_not_matter(gridworld):
-    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+def test_the_gauge_of_the_energies_does_not_matter(gridworld, by_evidence):
+    fit = by_evidence
     shifted = fit.parameters.truth + np.repeat(np.arange(9.0), 5)
     moved = replace(fit, parameters=replace(fit.parameters, truth=shifted, belief=shifted))
     first = laplace(gridworld.problem, gridworld.decisions, fit)
@@ -260,7 +196,7 @@ def test_the_gauge_of_the_energies_does_not_matter(gridworld):
     assert second.log_evidence == pytest.approx(first.log_evidence, abs=1e-8)
 
 
-def test_names_of_actions_do_not_matter(gridworld):
+def test_names_of_actions_do_not_matter(gridworld, by_evidence):
     order = np.array([3, 0, 4, 1, 2])
     given, model = gridworld.problem, gridworld.problem.mdp.transitions
     models = OutcomeModels(
@@ -271,9 +207,8 @@ def test_names_of_actions_do_not_matter(gridworld):
     )
     seen = gridworld.decisions
     renamed = replace(seen, action=np.argsort(order)[seen.action])
-    first = fit_mdce_serd(given, seen, prior=BY_EVIDENCE)
     second = fit_mdce_serd(problem, renamed, prior=BY_EVIDENCE)
-    np.testing.assert_allclose(second.reward_weights, first.reward_weights, rtol=1e-7)
+    np.testing.assert_allclose(second.reward_weights, by_evidence.reward_weights, rtol=1e-7)
 
 
 def test_an_outcome_model_that_no_one_uses_adds_no_evidence(gridworld):
@@ -292,8 +227,8 @@ def test_an_outcome_model_that_no_one_uses_adds_no_evidence(gridworld):
     assert values[1] == pytest.approx(values[0], abs=1e-8)
 
 
-def test_strengths_are_where_the_evidence_is_highest(gridworld):
-    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+def test_strengths_are_where_the_evidence_is_highest(gridworld, by_evidence):
+    fit = by_evidence
     found = strengths_of(fit.assumptions.prior, gridworld.problem)
     strengths = BY_EVIDENCE.strengths(fit.assumptions.belief)
     best = np.log([found["deviation"], found["pseudo_count"]])
@@ -309,26 +244,10 @@ def test_strengths_are_where_the_evidence_is_highest(gridworld):
         assert worth(best + np.array(move)) < highest - 1e-3
 
 
-def test_fits_start_without_chance(gridworld):
-    seeds = [np.random.default_rng(seed) for seed in (1, 2)]
-    fits = [
-        fit_mdce_serd(gridworld.problem, gridworld.decisions, rng=rng, prior=BY_EVIDENCE)
-        for rng in seeds
-    ]
-    np.testing.assert_array_equal(fits[0].reward_weights, fits[1].reward_weights)
-
-
-@pytest.mark.parametrize("belief", [FreeBelief(), BeliefAroundTruth(), FixedBelief()])
-def test_every_relation_of_belief_and_truth_has_evidence(gridworld, belief):
-    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, belief=belief, prior=BY_EVIDENCE)
-    assert fit.converged
-    assert np.isfinite(laplace(gridworld.problem, gridworld.decisions, fit).log_evidence)
-
-
-def test_inverse_reinforcement_learning_has_evidence_too(gridworld):
-    fit = fit_mdce_irl_by_likelihood(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
-    assert fit.converged
-    assert fit.gradient_norm <= 1e-7
+def test_fits_start_without_chance(gridworld, by_evidence):
+    rng = np.random.default_rng(1)
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, rng=rng, prior=BY_EVIDENCE)
+    np.testing.assert_array_equal(fit.reward_weights, by_evidence.reward_weights)
 
 
 def without_walls(gridworld) -> tuple[TabularProblem, Decisions]:
@@ -340,10 +259,7 @@ def without_walls(gridworld) -> tuple[TabularProblem, Decisions]:
     mdp = Mdp(replace(models, successors=successors), given.mdp.discount)
     problem = TabularProblem(mdp, given.features, given.feature_names)
     policy = soft_policy(problem, gridworld.weights, gridworld.probabilities).probabilities
-    rng = np.random.default_rng(0)
-    return problem, sample_decisions(
-        mdp, policy, gridworld.probabilities, n_episodes=20, n_steps=15, rng=rng
-    )
+    return problem, sampled(problem, policy, gridworld.probabilities, 20, 15)
 
 
 def test_draws_have_the_moments_of_the_approximation(gridworld):
@@ -374,7 +290,7 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
     n = int(seen.sum())
     following = np.repeat([1, 2, 3], seen)
     actions = np.arange(n) % 2
-    decisions = Decisions(np.arange(n), np.zeros(n), np.zeros(n, int), actions, following)
+    decisions = apart(0, actions, following)
     fit = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=prior)
     found = laplace(problem, decisions, fit)
     draws = laplace_draws(found, np.random.default_rng(0), 4000)
@@ -394,9 +310,8 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
     np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, atol=1e-9)
 
 
-def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld):
-    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
-    found = laplace(gridworld.problem, gridworld.decisions, fit)
+def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld, by_evidence):
+    found = laplace(gridworld.problem, gridworld.decisions, by_evidence)
     draws = laplace_draws(found, np.random.default_rng(0), 6)
     each = [
         soft_policy(gridworld.problem, w, p).probabilities
@@ -407,9 +322,8 @@ def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld):
 
 
 @pytest.mark.parametrize("belief", [FreeBelief(), BeliefAroundTruth(5.0), FixedBelief()])
-def test_coordinates_have_the_right_derivatives(gridworld, belief):
-    prior = BY_EVIDENCE.strengths(belief)
-    start = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE).parameters
+def test_coordinates_have_the_right_derivatives(gridworld, by_evidence, belief):
+    prior, start = BY_EVIDENCE.strengths(belief), by_evidence.parameters
     posterior = Posterior(
         gridworld.problem,
         observe(gridworld.problem.mdp, gridworld.decisions),
@@ -438,17 +352,16 @@ def test_coordinates_have_the_right_derivatives(gridworld, belief):
         (PROPER + DirichletPrior(3.0, Block.BELIEF), "belief or truth must have one prior, got 2"),
     ],
 )
-def test_priors_that_are_no_densities_have_no_evidence(gridworld, prior, message):
-    fit = fit_mdce_serd(
-        gridworld.problem, gridworld.decisions, initial_weights=np.ones(2), prior=PROPER
-    )
-    assumed = replace(fit, assumptions=replace(fit.assumptions, prior=prior))
+def test_priors_that_are_no_densities_have_no_evidence(gridworld, by_evidence, prior, message):
+    assumed = replace(by_evidence, assumptions=replace(by_evidence.assumptions, prior=prior))
     with pytest.raises(SerdError, match=message):
         laplace(gridworld.problem, gridworld.decisions, assumed)
 
 
 def test_a_prior_of_what_is_not_learned_is_rejected(gridworld):
     fit = fit_mdce_irl_by_likelihood(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    assert fit.converged
+    assert fit.gradient_norm <= 1e-7
     assumed = replace(fit, assumptions=replace(fit.assumptions, prior=PROPER))
     with pytest.raises(SerdError, match="which FixedBelief does not learn; leave it out"):
         laplace(gridworld.problem, gridworld.decisions, assumed)
@@ -456,8 +369,7 @@ def test_a_prior_of_what_is_not_learned_is_rejected(gridworld):
 
 def test_a_direction_that_bends_up_is_named(minimum_example):
     """Between the two explanations of section 4.6.1 the posterior has a saddle."""
-    zeros = np.zeros(30, int)
-    decisions = Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
+    decisions = apart(0, 0, [0, 1, 1] * 10)
     observations = observe(minimum_example.mdp, decisions)
     posterior = Posterior(minimum_example, observations, MdcePolicy(), PROPER)
     start = fit_mdce_serd(minimum_example, decisions, prior=BY_EVIDENCE).parameters
@@ -484,11 +396,11 @@ def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
         fit_mdce_serd(*case, belief=CoupledBelief(1.0), prior=BY_EVIDENCE)
     with pytest.raises(SerdError, match="policy model with a temperature"):
         fit_pm_serd(*case, prior=BY_EVIDENCE)
+    with pytest.raises(SerdError, match="deviation of BeliefAroundTruth must be a number"):
+        fit_mdce_serd(*case, initial_weights=np.zeros(2), belief=BeliefAroundTruth(), prior=PROPER)
     for wrong in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(SerdError, match="deviation of PriorByEvidence must be finite and"):
             PriorByEvidence(deviation=wrong)
-        with pytest.raises(SerdError, match="pseudo_count of DirichletPrior must be finite and"):
-            DirichletPrior(wrong)
 
 
 def test_a_callback_follows_and_stops_the_search(gridworld):

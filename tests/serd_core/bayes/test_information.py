@@ -5,8 +5,6 @@ import scipy.stats
 
 from serd_core.bayes.information import outcome_information
 from serd_core.bayes.laplace import laplace
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
@@ -17,9 +15,9 @@ from serd_core.posterior.beliefs import FreeBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianPrior
+from support.small_problems import PROPER, apart
 
 C = 0.7
-PROPER = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(C)
 
 
 def two_ways(discount: float, n_models: int = 3, features: int = 1) -> TabularProblem:
@@ -42,12 +40,6 @@ def two_ways(discount: float, n_models: int = 3, features: int = 1) -> TabularPr
     )
 
 
-def first_way_taken(n: int, arrived: int) -> Decisions:
-    following = (np.arange(n) < arrived).astype(int)
-    zero = np.zeros(n, int)
-    return Decisions(np.arange(n), np.zeros(n), zero, zero, following)
-
-
 def known(problem, decisions, **options):
     fit = fit_mdce_serd(
         problem, decisions, initial_weights=np.ones(len(problem.feature_names)), prior=PROPER
@@ -56,7 +48,7 @@ def known(problem, decisions, **options):
 
 
 def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distributions():
-    fit, found = known(two_ways(0.0), first_way_taken(12, 9))
+    fit, found = known(two_ways(0.0), apart(0, 0, np.arange(12) < 9))
     assert fit.converged
     after, before = scipy.stats.beta(9 + C, 3 + C), scipy.stats.beta(C, C)
 
@@ -72,7 +64,7 @@ def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distribut
 
 
 def test_a_way_that_is_avoided_is_known_from_choices_alone():
-    fit, found = known(two_ways(0.95), first_way_taken(40, 20))
+    fit, found = known(two_ways(0.95), apart(0, 0, np.arange(40) < 20))
     assert fit.reward_weights[0] > 0
     assert found.from_transitions[1] == 0.0
     assert found.from_choices[1] > 0.1
@@ -82,7 +74,7 @@ def test_a_way_that_is_avoided_is_known_from_choices_alone():
 
 
 def test_a_feature_that_explains_the_same_takes_the_information_and_is_named():
-    decisions = first_way_taken(40, 20)
+    decisions = apart(0, 0, np.arange(40) < 20)
     alone = known(two_ways(0.95), decisions)[1]
     problem = two_ways(0.95, features=2)
     both = known(problem, decisions)[1]
@@ -92,7 +84,7 @@ def test_a_feature_that_explains_the_same_takes_the_information_and_is_named():
 
 
 def test_information_does_not_depend_on_the_scale_of_features():
-    problem, decisions = two_ways(0.95, features=2), first_way_taken(20, 15)
+    problem, decisions = two_ways(0.95, features=2), apart(0, 0, np.arange(20) < 15)
     other = TabularProblem(problem.mdp, problem.features * [1e5, 1e-4], problem.feature_names)
     ours, theirs = (
         outcome_information(laplace(each, decisions, fit_mdce_serd(each, decisions)))
@@ -104,7 +96,7 @@ def test_information_does_not_depend_on_the_scale_of_features():
 
 
 def test_choices_by_a_belief_of_its_own_say_nothing_of_the_truth():
-    problem, decisions = two_ways(0.95), first_way_taken(30, 20)
+    problem, decisions = two_ways(0.95), apart(0, 0, np.arange(30) < 20)
     prior = PROPER + DirichletPrior(C, Block.BELIEF)
     fit = fit_mdce_serd(
         problem, decisions, initial_weights=np.ones(1), belief=FreeBelief(), prior=prior
@@ -115,7 +107,7 @@ def test_choices_by_a_belief_of_its_own_say_nothing_of_the_truth():
 
 
 def test_intervals_hold_the_mass_they_state_and_widen_with_it():
-    problem, decisions = two_ways(0.0), first_way_taken(200, 150)
+    problem, decisions = two_ways(0.0), apart(0, 0, np.arange(200) < 150)
     _, narrow = known(problem, decisions, mass=0.5)
     _, wide = known(problem, decisions, mass=0.95)
     exact = scipy.stats.beta(150 + C, 50 + C)
@@ -134,9 +126,7 @@ def test_where_all_outcomes_lead_to_one_state_nothing_is_learned_of_them():
     )
     features = np.array([[[1.0]], [[0.0]]])
     problem = TabularProblem(Mdp(models, 0.9), features, ("one",))
-    zero = np.zeros(5, int)
-    decisions = Decisions(np.arange(5), np.zeros(5), zero, zero, np.ones(5, int))
-    found = known(problem, decisions)[1]
+    found = known(problem, apart(0, 0, np.ones(5, int)))[1]
     np.testing.assert_allclose(found.median, 0.5, atol=0.02)
     np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
 
@@ -152,19 +142,3 @@ def test_a_fit_of_rewards_alone_is_rejected(gridworld):
     )
     with pytest.raises(SerdError, match=r"must have learned outcome models, got one of rewards"):
         outcome_information(laplace(gridworld.problem, gridworld.decisions, fit))
-
-
-def test_more_transitions_give_more_information(gridworld):
-    problem, truth = gridworld.problem, gridworld.probabilities
-    policy = np.full(problem.mdp.available.shape, 1.0 / problem.mdp.n_actions)
-    starts = np.full(problem.mdp.n_states, 1.0 / problem.mdp.n_states)
-    rng = np.random.default_rng(4)
-    every = sample_decisions(problem.mdp, policy, truth, starts, n_episodes=40, n_steps=15, rng=rng)
-    few = every.select_episodes(range(4))
-    less, more = (
-        outcome_information(laplace(problem, each, fit_mdce_serd(problem, each)))
-        for each in (few, every)
-    )
-    assert np.all(more.from_transitions > less.from_transitions)
-    width = more.upper - more.lower
-    assert width.mean() < (less.upper - less.lower).mean()

@@ -5,22 +5,16 @@ from serd_core.bayes.draws import laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
+from support.small_problems import apart
 
 GIVEN = PriorByEvidence(deviation=3.0, pseudo_count=1.0)
 
 
-@pytest.fixture
-def always_a():
-    """Thirty decisions for a, two thirds of which led on."""
-    zeros = np.zeros(30, int)
-    return Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
-
-
-def test_both_explanations_of_the_minimum_example_have_their_weight(minimum_example, always_a):
+def test_both_explanations_of_the_minimum_example_have_their_weight(minimum_example):
     """Section 4.6.1; the weights are those of a grid over all three numbers."""
+    always_a = apart(0, 0, [0, 1, 1] * 10)
     fit = fit_mdce_serd(minimum_example, always_a, prior=GIVEN)
     modes = posterior_modes(minimum_example, always_a, fit, np.random.default_rng(0))
     assert len(modes.approximations) == 2

@@ -14,7 +14,6 @@ from serd_core.bayes.draws import (
     credible_intervals,
     draws_at,
     laplace_draws,
-    posterior_policy,
 )
 from serd_core.bayes.information import outcome_information
 from serd_core.bayes.laplace import Laplace, laplace
@@ -23,12 +22,10 @@ from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bayes.surrogate import Surrogate
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood, state_action_occupancy
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
@@ -37,6 +34,7 @@ from serd_core.posterior.beliefs import Belief, BeliefAroundTruth, FreeBelief, T
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianPrior
+from support.small_problems import apart, sampled
 
 N_CELLS = 6
 
@@ -59,20 +57,13 @@ def moves(problem: TabularProblem, seed: int = 0, n_steps: int = 20) -> Decision
     """Ten episodes of a robot that mostly takes the first outcome."""
     rest = problem.mdp.transitions.n_outcomes - 1
     table = np.array([[0.9] + [0.1 / rest] * rest])
-    return sample_decisions(
-        problem.mdp,
-        np.ones((N_CELLS, 1)),
-        table,
-        np.full(N_CELLS, 1 / N_CELLS),
-        n_episodes=10,
-        n_steps=n_steps,
-        rng=np.random.default_rng(seed),
-    )
+    return sampled(problem, np.ones((N_CELLS, 1)), table, 10, n_steps, seed)
 
 
-@pytest.mark.parametrize("pseudo_count", [0.3, 1.0])
 @pytest.mark.parametrize(
-    "places", [[1, 0, 0], [1, 0, 0, 0, 0], [1, 0, 1, 0], [1, 0, 0, 2]], ids=str
+    ("places", "pseudo_count"),
+    [([1, 0, 0], 0.3), ([1, 0, 0, 0, 0], 1.0), ([1, 0, 1, 0], 0.3), ([1, 0, 0, 2], 1.0)],
+    ids=str,
 )
 def test_what_is_identified_has_its_beta_posterior_and_what_is_not_keeps_its_prior(
     places, pseudo_count
@@ -149,7 +140,7 @@ def two_states(aliased: bool) -> tuple[TabularProblem, Decisions]:
     state, action = np.repeat([0, 0, 1, 1], [9, 5, 4, 6]), np.repeat([0, 1, 0, 1], [9, 5, 4, 6])
     following = state.copy()
     following[:3], following[14:17] = 1, 0
-    return problem, Decisions(np.arange(24), np.zeros(24), state, action, following)
+    return problem, apart(state, action, following)
 
 
 N_CHANGED, N_STAYED = 6, 7
@@ -265,8 +256,7 @@ def test_draws_of_hidden_actions_are_those_of_the_sum_over_the_actions():
     rows = [(a, s) for a, s, n in shown for _ in range(n)]
     rows += [(-1, s) for s, n in hidden for _ in range(n)]
     action, following = np.array(rows).T
-    n = len(rows)
-    decisions = Decisions(np.arange(n), np.zeros(n), np.zeros(n, int), action, following)
+    decisions = apart(0, action, following)
     fit = fit_mdce_serd(
         problem,
         decisions,
@@ -293,7 +283,7 @@ def test_draws_of_hidden_actions_are_those_of_the_sum_over_the_actions():
     require_marginal(odds[:, 1], grid, density.sum(axis=(0, 1)))
 
 
-@pytest.mark.parametrize("n_copies", [1, 2, 5])
+@pytest.mark.parametrize("n_copies", [2, 5])
 def test_points_that_are_solved_together_have_the_policy_of_each(gridworld, monkeypatch, n_copies):
     monkeypatch.setattr(surrogate_module, "STACKED", n_copies * 25)
     found = fitted(gridworld.problem, gridworld.decisions)
@@ -337,12 +327,7 @@ def ring(rng: np.random.Generator) -> tuple[TabularProblem, np.ndarray, Decision
     problem = TabularProblem(Mdp(models, 0.9), features, ("goal", "back"))
     truth = rng.dirichlet(np.full(4, 1.0), 4)
     policy = soft_policy(problem, rng.normal(0.0, 2.0, 2), truth).probabilities
-    starts = np.full(n, 1 / n)
-    return (
-        problem,
-        truth,
-        sample_decisions(problem.mdp, policy, truth, starts, n_episodes=40, n_steps=15, rng=rng),
-    )
+    return problem, truth, sampled(problem, policy, truth, 40, 15, rng)
 
 
 def test_intervals_of_aliased_outcomes_hold_the_truth_as_often_as_they_state():
@@ -357,66 +342,14 @@ def test_intervals_of_aliased_outcomes_hold_the_truth_as_often_as_they_state():
     assert 0.83 <= np.mean(inside) <= 0.97
 
 
-def chain(rng: np.random.Generator) -> tuple[TabularProblem, np.ndarray, np.ndarray]:
-    """Cells in a row to a goal, with weights and outcomes of a fast and a careful move.
-
-    A move leads ahead, nowhere, back, or rarely to a pit from which nothing leads.
-    """
-    n, goal, pit = 13, 11, 12
-    cells = np.arange(n)
-    ahead, back = np.minimum(cells + 1, goal), np.maximum(cells - 1, 0)
-    successors = np.stack([ahead, cells, back, np.full(n, pit)], axis=1)[:, None].repeat(3, axis=1)
-    successors[:, 2], successors[[goal, pit]] = cells[:, None], np.array([goal, pit])[:, None, None]
-    available = np.ones((n, 3), bool)
-    available[[goal, pit], :2] = False
-    features = np.zeros((n, 3, 3))
-    features[goal, :, 0] = features[pit, :, 1] = features[:goal, 1, 2] = 1.0
-    models = OutcomeModels(successors, np.tile([0, 1, 2], (n, 1)), available, 3)
-    problem = TabularProblem(Mdp(models, 0.95), features, ("goal", "pit", "careful"))
-    truth = np.array([[0.85, 0.05, 0.07, 0.03], [0.6, 0.295, 0.1, 0.005], [0.25] * 4])
-    weights = [rng.uniform(0.5, 1.5), -rng.uniform(1.0, 4.0), -rng.uniform(0.0, 0.5)]
-    return problem, np.array(weights), truth
-
-
-def test_averages_over_swept_draws_predict_as_well_as_the_mode():
-    """25 demonstrations each in ten chains; averages over mapped draws lose 0.004 nats."""
-    lost = []
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        problem, weights, truth = chain(rng)
-        policy = soft_policy(problem, weights, truth).probabilities
-        decisions = sample_decisions(
-            problem.mdp, policy, truth, np.full(13, 1 / 13), n_episodes=25, n_steps=20, rng=rng
-        )
-        found = fitted(problem, decisions)
-        at = found.coordinates.parameters(found.mode)
-        table = problem.mdp.transitions.local_probabilities(at.belief)
-        mode = soft_policy(problem, at.reward, table).probabilities
-        average = posterior_policy(problem, laplace_draws(found, np.random.default_rng(0), 64))
-        visits = state_action_occupancy(
-            problem.mdp,
-            transitions_of(problem.mdp.transitions, truth),
-            policy,
-            np.full(13, 1 / 13),
-        )
-        seen = visits > 0
-        lost.append(np.sum(visits[seen] * np.log(mode[seen] / average[seen])) / visits.sum())
-    assert np.mean(lost) < 0.001
-
-
 def test_a_seed_gives_the_same_draws_and_another_seed_others():
     problem = one_way([1, 0, 0])
     found = fitted(problem, moves(problem))
     first, same, other = (found.sample(100, np.random.default_rng(seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, same)
     assert not np.any(first == other)
-
-
-@pytest.mark.parametrize("n", [1, 2, 63, 65, 200])
-def test_as_many_draws_come_as_are_asked_for(n):
-    problem = one_way([1, 0, 0])
-    found = fitted(problem, moves(problem))
-    assert found.sample(n, np.random.default_rng(0)).shape == (n, len(found.mode))
+    for n in (1, 63, 65):
+        assert found.sample(n, np.random.default_rng(0)).shape == (n, len(found.mode))
 
 
 def test_units_of_features_do_not_matter():

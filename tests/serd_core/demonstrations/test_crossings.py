@@ -59,11 +59,8 @@ def test_each_move_leads_to_a_neighbour_and_times_do_not_decrease(steps, hystere
     assert np.all(np.diff(found.entered_s) >= 0)
 
 
-def test_times_out_of_order_are_rejected():
+def test_times_out_of_order_and_a_hysteresis_of_half_a_cell_are_rejected():
     with pytest.raises(SerdError, match=r"time_s must increase, got 0\.5 after 1\.0"):
         cell_crossings(GRID, np.array([0.0, 1.0, 0.5]), np.ones((3, 2)))
-
-
-def test_a_hysteresis_of_half_a_cell_is_rejected():
     with pytest.raises(SerdError, match=r"hysteresis_m must be at least 0 and below half a cell"):
         cell_crossings(GRID, np.array([0.0, 1.0]), np.ones((2, 2)), 0.5)

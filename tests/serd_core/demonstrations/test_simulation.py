@@ -8,20 +8,13 @@ from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+from support.small_problems import sampled
 
 
 def test_sampled_frequencies_approach_policy_and_dynamics(minimum_example):
     policy = np.array([[0.8, 0.2, 0.0], [0.0, 0.0, 1.0]])
     table = np.array([[1 / 3, 2 / 3], [0.9, 0.1]])
-    decisions = sample_decisions(
-        minimum_example.mdp,
-        policy,
-        table,
-        np.array([1.0, 0.0]),
-        n_episodes=20_000,
-        n_steps=1,
-        rng=np.random.default_rng(0),
-    )
+    decisions = sampled(minimum_example, policy, table, 20_000, 1, 0, [1.0, 0.0])
     counts = state_action_counts(decisions, 2, 3)
     assert counts[0, 0] / 20_000 == pytest.approx(0.8, abs=0.01)
     chose_a = decisions.action == 0
@@ -33,15 +26,8 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
     same = decisions.episode[1:] == decisions.episode[:-1]
     assert np.all(decisions.next_state[:-1][same] == decisions.state[1:][same])
     observe(gridworld.problem.mdp, decisions)
-    ended = sample_decisions(
-        minimum_example.mdp,
-        np.array([[1.0, 0, 0], [0, 0, 1.0]]),
-        np.full((2, 2), 0.5),
-        np.array([0.5, 0.5]),
-        n_episodes=50,
-        n_steps=100,
-        rng=np.random.default_rng(0),
-    )
+    policy = np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    ended = sampled(minimum_example, policy, np.full((2, 2), 0.5), 50, 100)
     assert np.all(ended.state == 0)
 
 
@@ -49,19 +35,6 @@ def test_one_seed_gives_one_sample(make_gridworld):
     np.testing.assert_array_equal(
         make_gridworld(seed=5).decisions.state, make_gridworld(seed=5).decisions.state
     )
-
-
-def test_no_episodes_are_refused(minimum_example):
-    with pytest.raises(SerdError, match="n_episodes must be a whole number of at least 1, got 0"):
-        sample_decisions(
-            minimum_example.mdp,
-            np.array([[1.0, 0, 0], [0, 0, 1.0]]),
-            np.full((2, 2), 0.5),
-            np.array([1.0, 0.0]),
-            n_episodes=0,
-            n_steps=5,
-            rng=np.random.default_rng(0),
-        )
 
 
 def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
@@ -86,6 +59,8 @@ def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
+        ({"n_episodes": 0}, "n_episodes must be a whole number of at least 1, got 0"),
+        ({"n_episodes": True}, "n_episodes must be a whole number of at least 1, got True"),
         ({"n_episodes": 3.0}, "n_episodes must be a whole number of at least 1, got 3.0"),
         ({"n_steps": "5"}, "n_steps must be a whole number of at least 1, got '5'"),
         ({"mdp": None}, "mdp must be a Mdp object, got None; use for example problem.mdp"),

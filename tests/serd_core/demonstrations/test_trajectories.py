@@ -2,13 +2,11 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import (
     feature_counts,
     trajectories_of,
 )
 from serd_core.learners.maxent_irl import fit_maxent_irl
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy
 
 
 def one_way(dropped: tuple[int, ...] = (), period_s: float = 2.0) -> Decisions:
@@ -34,17 +32,6 @@ def test_rows_in_any_order_are_the_same_trajectories(gridworld):
     np.testing.assert_allclose(
         feature_counts(gridworld.problem, mixed), feature_counts(gridworld.problem, decisions)
     )
-
-
-def test_weights_do_not_depend_on_the_order_of_rows(gridworld):
-    decisions = gridworld.decisions
-    learned = [
-        fit_mdce_irl_by_entropy(
-            gridworld.problem, rows, initial_weights=np.zeros(2), slack=0.01
-        ).reward_weights
-        for rows in (decisions, decisions.select(np.arange(len(decisions))[::-1]))
-    ]
-    np.testing.assert_allclose(learned[0], learned[1], rtol=1e-4)
 
 
 def test_whole_episodes_are_one_trajectory_each():
@@ -80,24 +67,6 @@ def test_a_pause_without_a_change_of_place_is_no_missing_decision():
 def test_without_times_a_trajectory_begins_wherever_states_do_not_follow():
     timeless = with_rows(one_way((2,)), time_s=np.zeros(5))
     np.testing.assert_array_equal(trajectories_of(timeless).start, [0, 3])
-
-
-def test_features_after_a_gap_are_discounted_from_where_the_piece_begins(gridworld):
-    decisions = sample_decisions(
-        gridworld.problem.mdp,
-        gridworld.problem.mdp.available / gridworld.problem.mdp.available.sum(1, keepdims=True),
-        gridworld.probabilities,
-        np.eye(25)[7],
-        n_episodes=1,
-        n_steps=12,
-        rng=np.random.default_rng(3),
-    )
-    moved = np.flatnonzero(decisions.state != decisions.next_state)
-    middle = int(moved[len(moved) // 2])
-    rest = decisions.select(np.arange(12) != middle)
-    halves = [rest.select(rest.time_s < middle), rest.select(rest.time_s > middle)]
-    expected = [feature_counts(gridworld.problem, half)[0] for half in halves]
-    np.testing.assert_allclose(feature_counts(gridworld.problem, rest), expected)
 
 
 def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):

@@ -28,8 +28,7 @@ def demonstrations(problem, n_steps, n_decisions=20_000, seed=2):
     )
 
 
-@pytest.mark.parametrize("n_steps", [1, 2, 5, 20, 60])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("n_steps", "seed"), [(1, 1), (2, 2), (20, 1), (60, 2)])
 def test_the_weights_do_not_depend_on_where_episodes_were_cut_off(n_steps, seed):
     problem = random_problem(seed)
     decisions = demonstrations(problem, n_steps)

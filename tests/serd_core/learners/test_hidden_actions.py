@@ -8,7 +8,6 @@ from serd_core.bayes.laplace import laplace
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import explained
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -28,6 +27,7 @@ from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import validation_log_likelihood
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
+from support.small_problems import apart, sampled
 
 PRIOR = GaussianPrior(3.0, Block.REWARD) + DirichletPrior(1.0)
 #: Stay, forward, right, back, left on open ground and in the forest.
@@ -42,14 +42,6 @@ def ring(discount=0.8):
     features = np.zeros((6, 2, 2))
     features[0, :, 0], features[:, 1, 1] = 1.0, 1.0
     return TabularProblem(Mdp(models, discount), features, ("home", "back"))
-
-
-def demonstrations(problem, policy, table, *, n_episodes, n_steps, seed=0):
-    starts = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
-    rng = np.random.default_rng(seed)
-    return sample_decisions(
-        problem.mdp, policy, table, starts, n_episodes=n_episodes, n_steps=n_steps, rng=rng
-    )
 
 
 def terrain_world(side):
@@ -71,13 +63,17 @@ def terrain_world(side):
 
 
 @pytest.mark.parametrize(
-    "belief", [TiedBelief(), FreeBelief(), CoupledBelief(2.0)], ids=lambda each: type(each).__name__
+    ("fit", "belief"),
+    [
+        (fit_mdce_serd, TiedBelief()),
+        (fit_mdce_serd, CoupledBelief(2.0)),
+        (fit_pm_serd, FreeBelief()),
+    ],
 )
-@pytest.mark.parametrize("fit", [fit_mdce_serd, fit_pm_serd])
 def test_where_states_reveal_actions_the_optimum_is_that_of_shown_actions(fit, belief):
     problem, table = ring(), np.array([[0.7, 0.3], [0.6, 0.4]])
     policy = soft_policy(problem, np.array([1.5, -0.5]), table).probabilities
-    decisions = demonstrations(problem, policy, table, n_episodes=40, n_steps=10)
+    decisions = sampled(problem, policy, table, 40, 10)
     prior = PRIOR + DirichletPrior(1.0, Block.BELIEF)
     if fit is fit_pm_serd:
         prior = prior + GaussianPrior(0.1, Block.POLICY, 1.0)
@@ -102,11 +98,9 @@ def test_where_states_reveal_actions_the_optimum_is_that_of_shown_actions(fit, b
 
 def test_rewards_and_dynamics_are_recovered_from_states_alone():
     """Intervals of 99 % hold the truth, and are not so wide as to hold everything."""
-    problem, weights = terrain_world(10), np.array([4.0, 2.0])
+    problem, weights = terrain_world(7), np.array([4.0, 2.0])
     policy = soft_policy(problem, weights, TERRAINS).probabilities
-    hidden = demonstrations(
-        problem, policy, TERRAINS, n_episodes=300, n_steps=15
-    ).with_hidden_actions()
+    hidden = sampled(problem, policy, TERRAINS, 300, 15).with_hidden_actions()
     fit = fit_mdce_serd(problem, hidden)
     assert fit.converged
     draws = laplace_draws(laplace(problem, hidden, fit), np.random.default_rng(0), 1000)
@@ -125,7 +119,7 @@ def test_temperature_and_dynamics_are_learned_from_states_alone():
     """PM SERD: states after known certain moves reveal the actions of a Boltzmann expert."""
     problem, table = ring(), np.array([[0.7, 0.3], [0.6, 0.4]])
     policy = boltzmann_policy(problem, np.array([2.0, -1.0]), table, 1.0).probabilities
-    hidden = demonstrations(problem, policy, table, n_episodes=300, n_steps=10)
+    hidden = sampled(problem, policy, table, 300, 10)
     fit = fit_pm_serd(
         problem,
         hidden.with_hidden_actions(),
@@ -139,9 +133,7 @@ def test_temperature_and_dynamics_are_learned_from_states_alone():
 
 def test_what_states_alone_do_not_determine_is_named(minimum_example):
     """Moves from state 1 show one mixture of two outcome models under an unknown policy."""
-    decisions = Decisions(
-        np.arange(10), np.zeros(10), np.zeros(10, int), [HIDDEN] * 10, [0] * 4 + [1] * 6
-    )
+    decisions = apart(0, HIDDEN, [0] * 4 + [1] * 6)
     fit = fit_mdce_serd(
         minimum_example,
         decisions,
@@ -198,7 +190,7 @@ def test_rewards_are_learned_from_states_under_given_dynamics():
     """IRL by likelihood needs no counts where the dynamics are given."""
     problem, table = ring(), np.array([[0.7, 0.3], [0.6, 0.4]])
     policy = soft_policy(problem, np.array([1.5, -0.5]), table).probabilities
-    decisions = demonstrations(problem, policy, table, n_episodes=40, n_steps=10)
+    decisions = sampled(problem, policy, table, 40, 10)
     shown, hidden = (
         fit_mdce_irl_by_likelihood(
             problem, each, dynamics=table, initial_weights=np.zeros(2), prior=PRIOR
@@ -213,11 +205,6 @@ def test_hidden_moves_that_no_action_explains_are_found():
     np.testing.assert_array_equal(explained(ring().mdp, decisions), [True, False])
     with pytest.raises(SerdError, match=r"decisions\[1\] reaches state 3 .* by any action"):
         fit_mdce_serd(ring(), decisions, dynamics=np.full((2, 2), 0.5))
-
-
-def test_decisions_accept_one_marker_for_hidden_actions():
-    with pytest.raises(SerdError, match=r"action\[0\] must be an index or -1"):
-        Decisions([0], [0.0], [0], [-2], [1])
 
 
 @pytest.mark.parametrize("prior", [UniformPrior(), PriorByEvidence()])

@@ -5,12 +5,14 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transition_model import transitions_at, transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.solved_policy import soft_policy
+from support.small_problems import sampled
 
 
 def brute_force(problem, table, weights, start, length):
@@ -46,39 +48,6 @@ def test_the_recursion_sums_over_all_trajectories(minimum_example, length):
         naive_log_z, naive_features = brute_force(minimum_example, table, weights, start, length)
         assert log_z == pytest.approx(naive_log_z)
         np.testing.assert_allclose(expected, naive_features)
-
-
-def test_the_weights_of_a_maximum_entropy_agent_are_recovered(gridworld):
-    """Under deterministic dynamics the causal and the plain model differ only by the horizon."""
-    problem = gridworld.problem
-    certain = np.eye(5)[[0, 1, 2, 3, 4, 1, 2, 3, 4]]
-    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, certain))
-    weights, length = np.array([2.0, 3.0]), 12
-    log_z, step_policies = np.zeros(25), []
-    for step in reversed(range(length)):
-        onward, _ = model._expected_exponential(log_z)
-        q = 0.9**step * (problem.features @ weights) + onward
-        log_z = np.log(np.exp(q).sum(axis=1))
-        step_policies.append(np.exp(q - log_z[:, None]))
-    step_policies.reverse()
-    decisions = _walk(problem, certain, step_policies, np.random.default_rng(0))
-    fit = fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2), dynamics=certain)
-    assert fit.converged
-    np.testing.assert_allclose(fit.reward_weights, weights, atol=0.15)
-
-
-def _walk(problem, table, step_policies, rng):
-    n_episodes = 3000
-    state = rng.integers(25, size=n_episodes)
-    columns = []
-    for step, policy in enumerate(step_policies):
-        action = np.array([rng.choice(5, p=row) for row in policy[state]])
-        model = problem.mdp.transitions
-        outcome = table[model.model_of[state, action]].argmax(axis=1)
-        following = model.successors[state, action, outcome]
-        columns.append((np.arange(n_episodes), np.full(n_episodes, step), state, action, following))
-        state = following
-    return Decisions(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
 def test_large_rewards_do_not_overflow(gridworld):
@@ -136,23 +105,32 @@ def test_what_cannot_be_reached_is_worth_nothing_however_large_its_reward():
         np.testing.assert_array_equal(expected, 0.0)
 
 
-def test_stochastic_demonstrations_give_a_finite_converged_fit(make_gridworld):
-    case = make_gridworld(side=4, n_episodes=50, n_steps=10)
-    fit = fit_maxent_irl(case.problem, case.decisions, rng=np.random.default_rng(0))
+@pytest.mark.parametrize("certain", [False, True])
+def test_at_the_optimum_the_model_expects_the_features_of_the_demonstrations(gridworld, certain):
+    """(3.22), with a partition function for each length of episodes."""
+    problem, decisions, table = gridworld.problem, gridworld.decisions, gridworld.probabilities
+    if certain:
+        table = np.eye(5)[[0, 1, 2, 3, 4, 1, 2, 3, 4]]
+        policy = soft_policy(problem, gridworld.weights, table).probabilities
+        decisions = sampled(problem, policy, table, 40, 12)
+    fit = fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2), dynamics=table)
     assert fit.converged
-    sampled = sample_decisions(
-        case.problem.mdp,
-        case.problem.mdp.available / 5,
-        case.probabilities,
-        np.full(16, 1 / 16),
-        n_episodes=400,
-        n_steps=10,
-        rng=np.random.default_rng(1),
+    episodes = trajectories_of(decisions)
+    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
+    starts = np.bincount(episodes.start, minlength=25) / len(episodes)
+    (length,) = np.unique(episodes.length)
+    expected = model.partition(fit.reward_weights, starts, int(length))[1]
+    wanted = feature_counts(problem, decisions).mean(axis=0)
+    np.testing.assert_allclose(expected, wanted, atol=1e-5)
+
+
+def test_uniform_demonstrations_under_known_dynamics_have_no_reward(make_gridworld):
+    case = make_gridworld(side=4, n_episodes=1)
+    decisions = sampled(case.problem, np.full((16, 5), 0.2), case.probabilities, 400, 10, 1)
+    fit = fit_maxent_irl(
+        case.problem, decisions, initial_weights=np.ones(2), dynamics=case.probabilities
     )
-    indifferent = fit_maxent_irl(
-        case.problem, sampled, initial_weights=np.ones(2), dynamics=case.probabilities
-    )
-    np.testing.assert_allclose(indifferent.reward_weights, 0, atol=0.3)
+    np.testing.assert_allclose(fit.reward_weights, 0, atol=0.3)
 
 
 def test_an_unavailable_action_has_no_part_where_the_future_is_worth_nothing():

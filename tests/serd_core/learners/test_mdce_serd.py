@@ -3,8 +3,6 @@ import pytest
 
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
@@ -19,6 +17,7 @@ from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
+from support.small_problems import apart, sampled
 
 
 def test_rewards_and_dynamics_are_recovered_from_many_decisions(make_gridworld):
@@ -49,9 +48,7 @@ def test_the_optimum_does_not_depend_on_where_the_weights_start(gridworld):
 @pytest.mark.parametrize("start", [-3.0, 3.0])
 def test_both_explanations_of_the_minimum_example_are_found(minimum_example, start):
     """Section 4.6.1: the expert always takes a; what b does is learned from the choice alone."""
-    state = np.zeros(30, int)
-    following = np.array([0, 1, 1] * 10)
-    decisions = Decisions(np.arange(30), state.astype(float), state, state, following)
+    decisions = apart(0, 0, [0, 1, 1] * 10)
     fit = fit_mdce_serd(
         minimum_example, decisions, initial_weights=np.array([start]), prior=KldPrior(1e-3)
     )
@@ -86,21 +83,12 @@ def test_a_heavy_divergence_prior_turns_serd_into_irl_with_the_estimated_dynamic
 def test_an_expert_with_a_wrong_belief_is_recovered_as_such(make_gridworld):
     """Belief and truth are estimated apart: choices show the one, transitions the other."""
     case = make_gridworld(side=6, n_episodes=1)
-    mdp = case.problem.mdp
     believed = np.clip(case.probabilities, 0.02, None)
     believed[5:] = 0.02
     believed[np.arange(5, 9), np.arange(1, 5)] = 0.92
     believed /= believed.sum(axis=1, keepdims=True)
     policy = soft_policy(case.problem, case.weights, believed).probabilities
-    decisions = sample_decisions(
-        mdp,
-        policy,
-        case.probabilities,
-        np.full(36, 1 / 36),
-        n_episodes=2000,
-        n_steps=60,
-        rng=np.random.default_rng(0),
-    )
+    decisions = sampled(case.problem, policy, case.probabilities, 2000, 60)
     fit = fit_mdce_serd(
         case.problem,
         decisions,
@@ -200,15 +188,7 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     problem = TabularProblem(Mdp(model, 0.9), features, ("goal",))
     truth = entries(np.array([0.4]))
     policy = soft_policy(problem, np.array([1.5]), truth).probabilities
-    decisions = sample_decisions(
-        problem.mdp,
-        policy,
-        truth,
-        np.array([1.0, 0, 0]),
-        n_episodes=4000,
-        n_steps=20,
-        rng=np.random.default_rng(1),
-    )
+    decisions = sampled(problem, policy, truth, 4000, 20, 1, [1.0, 0, 0])
     fits = [
         fit_mdce_serd(
             problem,
@@ -235,17 +215,17 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     np.testing.assert_allclose(entries(estimate)[0], share, rtol=1e-7)
 
 
-def test_wrong_starts_are_refused_by_name(gridworld):
-    problem, decisions = gridworld.problem, gridworld.decisions
-    with pytest.raises(SerdError, match="initial_weights or rng must be given, got neither"):
-        fit_mdce_serd(problem, decisions, prior=UniformPrior())
-    with pytest.raises(SerdError, match=r"initial_weights must have shape \(2\), got \(3,\)"):
-        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(3))
-    with pytest.raises(SerdError, match=r"initial_weights\[1\] must be finite, got nan"):
-        fit_mdce_serd(problem, decisions, initial_weights=np.array([0, np.nan]))
-    with pytest.raises(SerdError, match=r"outcome probabilities must have shape \(9, 5\)"):
-        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), dynamics=np.ones((2, 5)) / 5)
-    dynamics = gridworld.probabilities.copy()
-    dynamics[8] = 0.3
-    with pytest.raises(SerdError, match=r"outcome probabilities\[8\] must sum to 1, got 1.5"):
-        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), dynamics=dynamics)
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"prior": UniformPrior()}, "initial_weights or rng must be given, got neither"),
+        ({"initial_weights": np.zeros(3)}, r"initial_weights must have shape \(2\), got \(3,\)"),
+        ({"initial_weights": [0.0, np.nan]}, r"initial_weights\[1\] must be finite, got nan"),
+        ({"dynamics": np.full((2, 5), 0.2)}, r"outcome probabilities must have shape \(9, 5\)"),
+        ({"dynamics": np.full((9, 5), 0.3)}, r"outcome probabilities\[0\] must sum to 1, got 1.5"),
+    ],
+)
+def test_wrong_starts_are_refused_by_name(gridworld, given, sentence):
+    start = {"initial_weights": np.zeros(2)} if "dynamics" in given else {}
+    with pytest.raises(SerdError, match=sentence):
+        fit_mdce_serd(gridworld.problem, gridworld.decisions, **start, **given)

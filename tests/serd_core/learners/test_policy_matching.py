@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.policy_matching import fit_policy_matching, squared_loss
 from serd_core.policies.solved_policy import boltzmann_policy
+from support.small_problems import sampled
 
 
 def test_the_gradient_by_q_is_the_finite_difference():
@@ -30,15 +30,7 @@ def test_the_gradient_by_q_is_the_finite_difference():
 def test_the_weights_of_a_boltzmann_expert_are_recovered(make_gridworld):
     case = make_gridworld(side=5, n_episodes=1)
     policy = boltzmann_policy(case.problem, case.weights, case.probabilities, 1 / 0.7)
-    decisions = sample_decisions(
-        case.problem.mdp,
-        policy.probabilities,
-        case.probabilities,
-        np.full(25, 0.04),
-        n_episodes=2000,
-        n_steps=40,
-        rng=np.random.default_rng(0),
-    )
+    decisions = sampled(case.problem, policy.probabilities, case.probabilities, 2000, 40, 0)
     fit = fit_policy_matching(
         case.problem,
         decisions,

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import feature_counts
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
@@ -18,19 +17,12 @@ from serd_core.learners.relative_entropy_irl import (
     sample_from_estimates,
 )
 from serd_core.posterior.coordinates import feature_ranges
+from support.small_problems import sampled
 
 
 def uniform_samples(case, n_episodes, seed=0):
     policy = case.problem.mdp.available / 5.0
-    samples = sample_decisions(
-        case.problem.mdp,
-        policy,
-        case.probabilities,
-        np.full(16, 1 / 16),
-        n_episodes=n_episodes,
-        n_steps=8,
-        rng=np.random.default_rng(seed),
-    )
+    samples = sampled(case.problem, policy, case.probabilities, n_episodes, 8, seed)
     return samples, policy
 
 
@@ -39,18 +31,24 @@ def case(make_gridworld):
     return make_gridworld(side=4, n_episodes=60, n_steps=8)
 
 
-def test_with_exact_matching_the_weighted_samples_have_the_features_of_the_expert(case):
-    samples, policy = uniform_samples(case, 3000)
-    fit = fit_relative_entropy_irl(
+def fitted(case, n_samples, threshold, weights=(0.0, 0.0), **options):
+    """The fit by samples of a uniform policy."""
+    samples, policy = uniform_samples(case, n_samples)
+    return fit_relative_entropy_irl(
         case.problem,
         case.decisions,
         samples=samples,
         sampling_policy=policy,
-        thresholds=np.zeros(2),
-        initial_weights=np.zeros(2),
+        thresholds=np.full(2, threshold),
+        initial_weights=np.array(weights),
+        **options,
     )
+
+
+def test_with_exact_matching_the_weighted_samples_have_the_features_of_the_expert(case):
+    fit = fitted(case, 3000, 0.0)
     assert fit.converged
-    counts = feature_counts(case.problem, samples)
+    counts = feature_counts(case.problem, uniform_samples(case, 3000)[0])
     share = np.exp(counts @ fit.reward_weights)
     matched = share @ counts / share.sum()
     wanted = feature_counts(case.problem, case.decisions).mean(axis=0)
@@ -59,14 +57,11 @@ def test_with_exact_matching_the_weighted_samples_have_the_features_of_the_exper
 
 @pytest.mark.parametrize("unit", [1e-4, 1e5])
 def test_weights_are_the_inverse_of_the_unit_of_the_features(case, unit):
-    samples, policy = uniform_samples(case, 500)
-    given = {"samples": samples, "sampling_policy": policy, "thresholds": np.zeros(2)}
     fit, other = (
-        fit_relative_entropy_irl(
-            replace(case.problem, features=each * case.problem.features),
-            case.decisions,
-            initial_weights=np.zeros(2),
-            **given,
+        fitted(
+            replace(case, problem=replace(case.problem, features=each * case.problem.features)),
+            500,
+            0.0,
         )
         for each in (1.0, unit)
     )
@@ -93,15 +88,7 @@ def test_many_samples_approach_the_exact_sum_over_trajectories(case):
 
 
 def test_features_within_their_thresholds_get_no_weight(case):
-    samples, policy = uniform_samples(case, 500)
-    fit = fit_relative_entropy_irl(
-        case.problem,
-        case.decisions,
-        samples=samples,
-        sampling_policy=policy,
-        thresholds=np.full(2, 100.0),
-        initial_weights=np.array([3.0, -2.0]),
-    )
+    fit = fitted(case, 500, 100.0, [3.0, -2.0])
     assert fit.converged
     np.testing.assert_array_equal(fit.reward_weights, 0)
 
@@ -109,21 +96,14 @@ def test_features_within_their_thresholds_get_no_weight(case):
 def test_hoeffding_thresholds_shrink_with_the_root_of_the_episodes(case):
     few, many = (hoeffding_thresholds(case.problem, n) for n in (10, 1000))
     np.testing.assert_allclose(few / many, 10)
+    short = hoeffding_thresholds(case.problem, 10, horizon=8.0)
+    np.testing.assert_allclose(short / few, 1 - 0.9**8)
     spread = case.problem.features[..., 1].max() / (1 - 0.9)
     assert few[1] == pytest.approx(spread * np.sqrt(np.log(40) / 20))
 
 
 def test_features_that_no_sample_reaches_are_said_and_weights_stay_finite(case):
-    samples, policy = uniform_samples(case, 3)
-    fit = fit_relative_entropy_irl(
-        case.problem,
-        case.decisions,
-        samples=samples,
-        sampling_policy=policy,
-        thresholds=np.zeros(2),
-        initial_weights=np.zeros(2),
-        largest_weight=40.0,
-    )
+    fit = fitted(case, 3, 0.0, largest_weight=40.0)
     assert not fit.converged
     assert fit.message == (
         "not converged: weights reached largest_weight along -1.00 reward brightness, +1.00 reward"
@@ -131,12 +111,6 @@ def test_features_that_no_sample_reaches_are_said_and_weights_stay_finite(case):
     )
     ranges = feature_ranges(case.problem)
     assert np.max(np.abs(ranges * fit.reward_weights)) == pytest.approx(40.0, rel=1e-12)
-
-
-def test_a_shorter_horizon_narrows_the_thresholds(case):
-    ratio = hoeffding_thresholds(case.problem, 10, horizon=8.0)
-    ratio = ratio / hoeffding_thresholds(case.problem, 10)
-    np.testing.assert_allclose(ratio, 1 - 0.9**8)
 
 
 def test_importance_weights_are_ratios_of_action_probabilities(case):
@@ -163,58 +137,6 @@ def test_only_demonstrations_are_enough_with_samples_from_estimates(case):
     )
     assert fit.converged
     assert np.all(np.isfinite(fit.reward_weights))
-
-
-def test_wrong_arguments_are_refused_by_name(case):
-    samples, policy = uniform_samples(case, 5)
-    common = {"samples": samples, "initial_weights": np.zeros(2)}
-    with pytest.raises(SerdError, match="sampling_policy must be above 0 wherever"):
-        fit_relative_entropy_irl(
-            case.problem, case.decisions, sampling_policy=np.eye(5)[[0] * 16], **common
-        )
-    with pytest.raises(SerdError, match="thresholds must not be negative, got -1"):
-        fit_relative_entropy_irl(
-            case.problem,
-            case.decisions,
-            sampling_policy=policy,
-            thresholds=np.array([0.0, -1.0]),
-            **common,
-        )
-    with pytest.raises(SerdError, match="confidence must be between 0 and 1, got 1"):
-        hoeffding_thresholds(case.problem, 10, confidence=1.0)
-    with pytest.raises(SerdError, match="n_episodes must be at least 1, got 0"):
-        hoeffding_thresholds(case.problem, 0)
-
-
-@pytest.mark.parametrize("largest_weight", [-1.0, 0.0, float("nan")])
-def test_a_bound_that_holds_no_weights_is_refused(case, largest_weight):
-    samples, policy = uniform_samples(case, 5)
-    with pytest.raises(SerdError, match="largest_weight must be above 0, got"):
-        fit_relative_entropy_irl(
-            case.problem,
-            case.decisions,
-            samples=samples,
-            sampling_policy=policy,
-            initial_weights=np.zeros(2),
-            largest_weight=largest_weight,
-        )
-
-
-def test_samples_outside_the_mdp_are_refused_by_name(case):
-    samples, policy = uniform_samples(case, 5)
-    beyond = replace(samples, next_state=np.full(len(samples), 99))
-    for made, sentence in (
-        (beyond, r"samples\[0\] reaches state 99"),
-        (samples.select(np.zeros(len(samples), bool)), "samples must hold at least one decision"),
-    ):
-        with pytest.raises(SerdError, match=sentence):
-            fit_relative_entropy_irl(
-                case.problem,
-                case.decisions,
-                samples=made,
-                sampling_policy=policy,
-                initial_weights=np.zeros(2),
-            )
 
 
 def test_thresholds_cover_the_counts_of_episodes_of_any_of_their_lengths(case):
@@ -250,3 +172,33 @@ def test_a_fit_takes_its_thresholds_from_the_lengths_and_ends_of_its_episodes():
             for thresholds in (None, given)
         ]
         assert fits[0].objective == fits[1].objective
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"sampling_policy": np.eye(5)[[0] * 16]}, "sampling_policy must be above 0 wherever"),
+        ({"thresholds": np.array([0.0, -1.0])}, "thresholds must not be negative, got -1"),
+        ({"largest_weight": -1.0}, "largest_weight must be above 0, got -1"),
+        ({"largest_weight": np.nan}, "largest_weight must be above 0, got nan"),
+        ({"next_state": 99}, r"samples\[0\] reaches state 99"),
+        ({"rows": 0}, "samples must hold at least one decision"),
+    ],
+)
+def test_wrong_arguments_are_refused_by_name(case, change, sentence):
+    samples, policy = uniform_samples(case, 5)
+    if "next_state" in change:
+        samples = replace(samples, next_state=np.full(len(samples), change["next_state"]))
+    if "rows" in change:
+        samples = samples.select(np.arange(change["rows"]))
+    given = {"sampling_policy": policy, "initial_weights": np.zeros(2)}
+    given |= {key: value for key, value in change.items() if key not in ("next_state", "rows")}
+    with pytest.raises(SerdError, match=sentence):
+        fit_relative_entropy_irl(case.problem, case.decisions, samples=samples, **given)
+
+
+def test_thresholds_of_no_episodes_or_without_confidence_are_refused(case):
+    with pytest.raises(SerdError, match="confidence must be between 0 and 1, got 1"):
+        hoeffding_thresholds(case.problem, 10, confidence=1.0)
+    with pytest.raises(SerdError, match="n_episodes must be at least 1, got 0"):
+        hoeffding_thresholds(case.problem, 0)

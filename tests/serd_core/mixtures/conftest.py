@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
-from support.small_problems import gridworld_problem, gridworld_truth
+from support.small_problems import gridworld_problem, gridworld_truth, sampled
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +34,13 @@ def make_mixed():
         beliefs = beliefs or (truth,) * len(weights)
         rng, parts = np.random.default_rng(seed), []
         for number, each in enumerate(weights):
-            found = sample_decisions(
-                problem.mdp,
+            found = sampled(
+                problem,
                 soft_policy(problem, np.array(each), beliefs[number]).probabilities,
                 truth,
-                np.full(side * side, 1.0 / side**2),
-                n_episodes=experts * episodes,
-                n_steps=12,
-                rng=rng,
+                experts * episodes,
+                12,
+                rng,
             )
             parts.append(replace(found, episode=found.episode + number * experts * episodes))
         columns = {

@@ -1,4 +1,4 @@
-"""The likelihood of states alone against sums over actions and finite differences."""
+"""Derivatives by finite differences, and the likelihood of states alone as sums over actions."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import (
     BeliefAroundTruth,
@@ -32,6 +33,7 @@ from support.random_posteriors import (
     random_parameters,
     uniform_decisions,
 )
+from support.small_problems import sampled
 
 BELIEFS = [
     TiedBelief(),
@@ -59,13 +61,12 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
     return posterior, belief.unpack(belief.pack(like), like), decisions
 
 
-@pytest.mark.parametrize("share_hidden", [1.0, 0.5], ids=["all hidden", "mixed"])
 @pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)
 @pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
-@settings(deadline=None, max_examples=6)
-@given(seed=st.integers(0, 10_000))
+@settings(deadline=None, max_examples=12)
+@given(seed=st.integers(0, 10_000), share_hidden=st.sampled_from([0.0, 0.5, 1.0]))
 def test_gradient_and_hessian_are_the_finite_differences(
-    random_problem, policy_model, belief, share_hidden, seed
+    random_problem, policy_model, belief, seed, share_hidden
 ):
     made = posterior_of(random_problem, seed, policy_model, belief, share_hidden)
     if made is None:
@@ -110,15 +111,7 @@ def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_exa
     mdp = minimum_example.mdp
     uniform = mdp.available / mdp.available.sum(axis=1, keepdims=True)
     table = np.array([[1.0, 0.0], [0.0, 1.0]])
-    decisions = sample_decisions(
-        mdp,
-        uniform,
-        table,
-        np.array([1.0, 0.0]),
-        n_episodes=50,
-        n_steps=3,
-        rng=np.random.default_rng(0),
-    )
+    decisions = sampled(minimum_example, uniform, table, 50, 3)
     theta = mdp.transitions.fixed_parameters_of(table)
     at = Parameters(np.array([0.4]), theta, theta, np.zeros(0))
     shown, hidden = (
@@ -130,9 +123,6 @@ def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_exa
 
 
 def test_dynamics_that_explain_a_hidden_move_by_no_action_are_rejected(minimum_example):
-    from serd_core.demonstrations.decisions import HIDDEN, Decisions
-    from serd_core.errors import SerdError
-
     decisions = Decisions([0], [0.0], [0], [HIDDEN], [1])
     observations = observe(minimum_example.mdp, decisions)
     require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
@@ -151,9 +141,4 @@ def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
     for name in ("state_action", "group_count"):
         mean = np.mean([getattr(each, name) for each in drawn], axis=0)
         np.testing.assert_allclose(mean, getattr(expected, name), atol=5 * 3 / np.sqrt(n))
-        assert all(getattr(each, name).sum() == len_of(seen) for each in drawn)
-
-
-def len_of(seen) -> float:
-    """Decisions with and without their action."""
-    return float(seen.n_decisions)
+        assert all(getattr(each, name).sum() == seen.n_decisions for each in drawn)

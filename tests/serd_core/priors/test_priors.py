@@ -86,8 +86,9 @@ def test_second_derivatives_are_differences_of_the_gradient(prior, seed):
     np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-7)
 
 
-@pytest.mark.parametrize("smoothing", [1e-2, 1e-5, 1e-9])
-@pytest.mark.parametrize("p", [1.0, 1.5, 2.0, 7.0])
+@pytest.mark.parametrize(
+    ("p", "smoothing"), [(1.0, 1e-9), (1.5, 1e-2), (2.0, 1e-5), (7.0, 1e-2), (7.0, 1e-9)]
+)
 def test_second_derivatives_of_a_norm_hold_within_its_kinks(p, smoothing):
     """Differences by steps far below the smoothing, where the curvature is that of the kink."""
     prior = NormPrior(0.7, Block.TRUTH, p, smoothing)
@@ -115,26 +116,15 @@ def test_norms_are_those_of_the_textbook():
     for p, norm in ((1.0, 7.0), (2.0, 5.0), (3.0, 91 ** (1 / 3))):
         value = NormPrior(2.0, Block.REWARD, p=p).evaluate(MODEL, point).value
         assert value == pytest.approx(-2 * norm, abs=1e-6)
-
-
-def test_large_powers_of_large_parameters_stay_finite():
-    prior = NormPrior(2.0, Block.REWARD, p=400.0)
-    assert prior.evaluate(MODEL, at(reward=(3e3, -4e3))).value == pytest.approx(-8e3)
-
-
-def test_a_block_without_parameters_has_no_preference():
-    empty = Parameters(np.array([1.0]), np.zeros(3), np.zeros(3), np.zeros(0))
-    prior = NormPrior(0.7, Block.POLICY)
-    found = prior.evaluate(MODEL, empty)
-    assert found.value == 0.0
-    np.testing.assert_array_equal(found.gradient.vector, np.zeros(7))
-    np.testing.assert_array_equal(prior.hessian(MODEL, empty), np.zeros((7, 7)))
-
-
-def test_a_norm_of_zeros_has_a_gradient_of_zero():
+    large = NormPrior(2.0, Block.REWARD, p=400.0).evaluate(MODEL, at(reward=(3e3, -4e3)))
+    assert large.value == pytest.approx(-8e3)
     for p in (1.0, 2.0):
         found = NormPrior(1.0, Block.REWARD, p=p).evaluate(MODEL, at())
         np.testing.assert_array_equal(found.gradient.reward, 0)
+    empty = Parameters(np.array([1.0]), np.zeros(3), np.zeros(3), np.zeros(0))
+    prior = NormPrior(0.7, Block.POLICY)
+    assert prior.evaluate(MODEL, empty).value == 0.0
+    np.testing.assert_array_equal(prior.hessian(MODEL, empty), np.zeros((7, 7)))
 
 
 def test_entropy_sums_over_merged_transitions():
@@ -183,13 +173,6 @@ def test_a_weighted_mean_divides_by_the_weights_of_available_pairs():
         none.evaluate(model, EVENS)
 
 
-def test_weights_below_one_and_of_zero_are_allowed():
-    few = KldPrior(1.0, REFERENCE, Block.TRUTH, np.array([[0.25], [0.0]]), mean_over_pairs=True)
-    each = KldPrior(1.0, REFERENCE, Block.TRUTH, np.array([[1.0], [0.0]]))
-    assert few.evaluate(MODEL, at()).value == pytest.approx(each.evaluate(MODEL, at()).value)
-    assert each.evaluate(MODEL, at()).value < 0
-
-
 def test_transitions_that_the_reference_rules_out_do_not_count():
     prior = KldPrior(1.0, np.array([[1.0, 0.0, 0.0]]))
     value = prior.evaluate(MODEL, at(truth=(0.0, 0.0, 0.0))).value
@@ -229,20 +212,16 @@ def test_a_sum_anchors_terms_that_hold_arrays():
     )
 
 
-def test_coupling_is_zero_where_belief_and_truth_are_the_same():
-    same = np.array([0.3, -0.2, 1.0])
-    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same, truth=same)).value == 0
-    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same)).value < 0
-
-
 def test_coupling_is_the_sum_of_divergences_by_the_weights_of_pairs():
     belief, truth = REFERENCE[0], np.array([0.6, 0.1, 0.3])
     ends = [(truth[[0, 2]].sum(), belief[[0, 2]].sum()), (truth[1], belief[1])]
     divergence = sum(p * np.log(p / q) for p, q in ends)
     place = at(belief=np.log(belief), truth=np.log(truth))
-    for weights, total in ((None, 2.0), (np.array([[3.0], [0.25]]), 3.25)):
+    for weights, total in ((None, 2.0), (np.array([[3.0], [0.25]]), 3.25), (np.zeros((2, 1)), 0.0)):
         value = CouplingPrior(0.7, weights).evaluate(MODEL, place).value
         assert value == pytest.approx(-0.7 * total * divergence)
+    same = np.log(belief)
+    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same, truth=same)).value == 0
 
 
 class Quartic(Prior):
@@ -278,41 +257,25 @@ def test_no_preference_has_the_value_and_the_derivatives_zero():
         (lambda: GaussianPrior(0.0, Block.REWARD), "^standard_deviation of GaussianPrior"),
         (lambda: GaussianPrior(1.0, Block.REWARD, mean=float("inf")), "mean of GaussianPrior"),
         (
-            lambda: GaussianPrior("a", Block.REWARD),
-            "^standard_deviation of GaussianPrior must be an",
-        ),
-        (
             lambda: GaussianPrior(1e-300, Block.REWARD),
             "Prior must be from 1e-50 to 1e.50, got 1e-3",
         ),
         (lambda: GaussianPrior((1.0, 1e300), Block.REWARD), "must be from 1e-50 to 1e.50, got 1e+"),
-        (
-            lambda: GaussianPrior(1.0, Block.REWARD, mean=-1e300),
-            "from -1e.50 to 1e.50, got -1e.300",
-        ),
         (lambda: GaussianAroundTruth(1e-300), "Truth must be from 1e-50 to 1e.50, got 1e-300"),
         (
             lambda: GaussianPrior(1.0, "reward"),
             "^block of GaussianPrior .* Block object, got 'rewa",
         ),
-        (lambda: NormPrior(1.0, "reward"), "^block of NormPrior must be a Block object"),
-        (lambda: EntropyPrior(1.0, "truth"), "block of EntropyPrior must be a Block object"),
         (lambda: EntropyPrior("1"), "^weight of EntropyPrior must be finite .* got '1'"),
         (
             lambda: DirichletPrior(1.0) + 3,
             "^a term of a sum of priors must be a Prior object, got 3",
         ),
-        (lambda: EntropyPrior(float("inf")), "weight of EntropyPrior must be finite .* got inf"),
         (lambda: NormPrior(1.0, Block.REWARD, p=float("inf")), "p of NormPrior must be .* got inf"),
-        (lambda: NormPrior(1.0, Block.REWARD, p="2"), "p of NormPrior must be .* got '2'"),
-        (lambda: GaussianPrior(1.0, Block.REWARD, mean="0"), "mean of GaussianPrior .* got '0'"),
         (lambda: GaussianAroundTruth(0.0), "^standard_deviation of GaussianAroundTruth must be"),
-        (lambda: GaussianAroundTruth("a"), "^standard_deviation of GaussianAroundTruth must be an"),
         (lambda: DirichletPrior(0.0), "^pseudo_count of DirichletPrior must be finite and above 0"),
         (lambda: DirichletPrior(1.0, "truth"), "^block must be a Block object, got 'truth'"),
         (lambda: DirichletPrior(1.0, Block.REWARD), "must be BELIEF or TRUTH, got REWARD"),
-        (lambda: CouplingPrior(-2.0), "^weight of CouplingPrior must be finite"),
-        (lambda: NormPrior(-1.0, Block.REWARD), "^weight of NormPrior must be finite"),
     ],
 )
 def test_wrong_settings_are_refused_by_name(make, sentence):
@@ -334,31 +297,24 @@ def test_the_strongest_and_the_widest_normal_prior_have_finite_derivatives(devia
     assert np.isfinite(around.hessian(MODEL, here)).all()
 
 
-def test_a_weight_of_zero_is_allowed_and_leaves_no_preference():
-    assert EntropyPrior(0.0).evaluate(MODEL, at()).value == 0
-    assert NormPrior(0.0, Block.REWARD).evaluate(MODEL, at()).value == 0
-
-
-def test_wrong_pair_weights_are_refused():
-    prior = EntropyPrior(1.0, state_action_weights=np.ones(3))
-    with pytest.raises(SerdError, match=r"^state_action_weights must have shape \(2, 1\)"):
-        prior.evaluate(MODEL, at())
-
-
 def test_a_reference_that_is_no_distribution_and_negative_pair_weights_are_refused():
     at = blocks(np.zeros(9))
+    with pytest.raises(SerdError, match="one number or 2, one per parameter of the block reward"):
+        GaussianPrior((1.0, 2.0, 3.0), Block.REWARD).evaluate(MODEL, at)
+    with pytest.raises(SerdError, match=r"^state_action_weights must have shape \(2, 1\)"):
+        EntropyPrior(1.0, state_action_weights=np.ones(3)).evaluate(MODEL, at)
     with pytest.raises(SerdError, match=r"state 0, action 0 .* the row sums to 1.5"):
         KldPrior(1.0, np.array([[0.5, 0.5, 0.5]])).evaluate(MODEL, at)
     with pytest.raises(SerdError, match=r"state_action_weights\[1, 0\] must not be negative"):
         EntropyPrior(1.0, state_action_weights=np.array([[1.0], [-1.0]])).evaluate(MODEL, at)
 
 
-@pytest.mark.parametrize("beta", [1.0, 0.5])
 @pytest.mark.parametrize(
-    "prior", [DirichletPrior(0.7), DirichletPrior(2.0, Block.BELIEF), GaussianAroundTruth(0.8)]
+    "prior", [DirichletPrior(2.0, Block.BELIEF), GaussianAroundTruth(0.8)], ids=["count", "around"]
 )
-def test_priors_of_dynamics_are_densities_over_energies_without_gauge(prior, beta):
+def test_priors_of_dynamics_are_densities_over_energies_without_gauge(prior):
     """Integrated over the plane of energies that sum to 0."""
+    beta = 0.5
     model = OutcomeModels([[[0, 1, 0]]] * 2, [[0], [0]], np.ones((2, 1), bool), 1, beta)
     basis = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]])
     basis /= np.linalg.norm(basis, axis=1, keepdims=True)
@@ -371,18 +327,15 @@ def test_priors_of_dynamics_are_densities_over_energies_without_gauge(prior, bet
         value = prior.evaluate(model, at).value + prior.log_constant(model, at)
         return float(np.exp(value)) / beta**2
 
-    whole = scipy.integrate.dblquad(density, -25, 25, -25, 25, epsabs=1e-5)[0]
+    # Of what decays on either side, sums over a grid converge as fast as the spacing is small.
+    grid = np.linspace(-14.0, 14.0, 57)
+    whole = 0.25 * sum(density(second, first) for first in grid for second in grid)
     assert whole == pytest.approx(1.0, abs=1e-3)
 
 
 def test_the_maximum_under_a_dirichlet_prior_is_its_mean():
     slope = DirichletPrior(0.7).evaluate(MODEL, blocks(np.zeros(9))).gradient.truth
     np.testing.assert_allclose(slope, 0.0, atol=1e-12)
-
-
-def test_deviations_by_number_must_be_as_many_as_the_block_has():
-    with pytest.raises(SerdError, match="one number or 2, one per parameter of the block reward"):
-        GaussianPrior((1.0, 2.0, 3.0), Block.REWARD).evaluate(MODEL, blocks(np.zeros(9)))
 
 
 PLANE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])

@@ -94,26 +94,6 @@ def test_a_fit_carries_the_certificate_of_its_last_solve(gridworld):
         assert fit.residual / (1 - problem.mdp.discount) <= fit.error_bound < 1e-5
 
 
-def test_visits_without_any_visit_are_refused():
-    with pytest.raises(SerdError, match="visits must be non-negative with a positive sum"):
-        policy_divergence(np.ones((2, 1)), np.ones((2, 1)), np.zeros(2))
-
-
-def test_divergences_refuse_what_is_no_distribution(gridworld):
-    problem, table = gridworld.problem, gridworld.probabilities.copy()
-    table[2] *= 2
-    with pytest.raises(SerdError, match=r"state 0, action 2 .* the row sums to 2.0"):
-        dynamics_divergence(problem, gridworld.probabilities, table, np.ones((25, 5)))
-    with pytest.raises(SerdError, match=r"estimate must have shape \(2, 1\), got \(3, 1\)"):
-        policy_divergence(np.ones((2, 1)), np.ones((3, 1)), np.ones(2))
-    with pytest.raises(SerdError, match=r"truth\[0, 0\] must be finite"):
-        policy_divergence(np.full((2, 1), np.nan), np.ones((2, 1)), np.ones(2))
-    with pytest.raises(SerdError, match=r"truth\[0\] must sum to 1, got 5.0"):
-        policy_divergence(np.array([[2.0, 3.0]]), np.array([[0.5, 0.5]]), np.ones(1))
-    with pytest.raises(SerdError, match=r"estimate\[0, 0\] must be a probability, got -5.0"):
-        policy_divergence(np.array([[0.5, 0.5]]), np.array([[-5.0, 6.0]]), np.ones(1))
-
-
 def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_example):
     """As its log-likelihood is -inf; in states that are never visited it does not matter."""
     sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
@@ -124,3 +104,28 @@ def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_
     assert dynamics_divergence(minimum_example, sure, wrong, visits) == np.inf
     visits[0] = [0.0, 1.0, 0.0]
     assert dynamics_divergence(minimum_example, sure, wrong, visits) == 0.0
+
+
+EVEN = np.array([[0.5, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ("truth", "estimate", "visits", "sentence"),
+    [
+        (EVEN, EVEN, [0.0], "visits must be non-negative with a positive sum"),
+        (EVEN, np.ones((3, 1)), [1.0], r"estimate must have shape \(1, 2\), got \(3, 1\)"),
+        ([[np.nan, 1.0]], EVEN, [1.0], r"truth\[0, 0\] must be finite"),
+        ([[2.0, 3.0]], EVEN, [1.0], r"truth\[0\] must sum to 1, got 5.0"),
+        (EVEN, [[-5.0, 6.0]], [1.0], r"estimate\[0, 0\] must be a probability, got -5.0"),
+    ],
+)
+def test_divergences_refuse_what_is_no_distribution(truth, estimate, visits, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        policy_divergence(np.array(truth), np.array(estimate), np.array(visits))
+
+
+def test_dynamics_that_are_no_distribution_are_refused_by_state_and_action(gridworld):
+    table = gridworld.probabilities.copy()
+    table[2] *= 2
+    with pytest.raises(SerdError, match=r"state 0, action 2 .* the row sums to 2.0"):
+        dynamics_divergence(gridworld.problem, gridworld.probabilities, table, np.ones((25, 5)))

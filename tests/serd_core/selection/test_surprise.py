@@ -3,11 +3,11 @@ import pytest
 from scipy.stats import kstest
 
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.selection.evaluation import move_log_likelihood
 from serd_core.selection.surprise import episode_scores, tail_probabilities
+from support.small_problems import apart, sampled
 
 
 @pytest.mark.parametrize("hide", [False, True])
@@ -18,11 +18,8 @@ def test_ranks_of_the_models_own_episodes_are_uniform_and_those_of_others_are_no
     problem, table = case.problem, case.probabilities
     own = soft_policy(problem, case.weights, table).probabilities
     other = soft_policy(problem, -case.weights, table).probabilities
-    starts = np.full(25, 1 / 25)
     rng = np.random.default_rng(3)
-    strange = sample_decisions(
-        problem.mdp, other, table, starts, n_episodes=100, n_steps=12, rng=rng
-    )
+    strange = sampled(problem, other, table, 100, 12, rng)
     scores = []
     for decisions in (case.decisions, strange):
         shown = decisions.with_hidden_actions() if hide else decisions
@@ -54,11 +51,14 @@ def test_the_tail_counts_what_is_as_likely_or_less(minimum_example):
     table = np.array([[1.0, 0.0], [0.25, 0.75]])
     rows = [(0, 0), (1, 1), (1, 0), (0, 1), (HIDDEN, 0), (HIDDEN, 1)]
     action, following = zip(*rows, strict=True)
-    decisions = Decisions(range(6), np.zeros(6), np.zeros(6, int), action, following)
+    decisions = apart(0, action, following)
     found = tail_probabilities(minimum_example, decisions, policy, table)
     np.testing.assert_allclose(found, [1.0, 0.5, 0.125, 0.0, 1.0, 0.375])
     likelihood = np.exp(move_log_likelihood(minimum_example, decisions, policy, table))
     np.testing.assert_allclose(likelihood, [0.5, 0.375, 0.125, 0.0, 0.625, 0.375])
+    outside = Decisions([0], [0.0], [5], [0], [0])
+    with pytest.raises(SerdError, match=r"state\[0\] must be a state from 0 to 1, got 5"):
+        move_log_likelihood(minimum_example, outside, policy, table)
 
 
 def test_an_episode_that_the_model_rules_out_has_rank_zero_or_close(minimum_example):
@@ -84,10 +84,3 @@ def test_episodes_without_simulated_counterparts_are_rejected(gridworld, minimum
     choice = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
     with pytest.raises(SerdError, match=r"must not start in a final state.* got episode 7 in"):
         episode_scores(minimum_example, stays, choice, np.full((2, 2), 0.5), rng=rng)
-
-
-def test_states_outside_the_problem_are_rejected(minimum_example):
-    policy = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
-    outside = Decisions([0], [0.0], [5], [0], [0])
-    with pytest.raises(SerdError, match=r"state\[0\] must be a state from 0 to 1, got 5"):
-        move_log_likelihood(minimum_example, outside, policy, np.full((2, 2), 0.5))

@@ -10,7 +10,7 @@ from serd_core.selection.prior_weight import select_weight, split_episodes
 
 
 def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):
-    case = make_gridworld(side=5, n_episodes=12, n_steps=8)
+    case = make_gridworld(side=3, n_episodes=12, n_steps=8)
     training, validation = split_episodes(case.decisions, 0.3, np.random.default_rng(1))
     selection = select_weight(
         lambda weight: fit_mdce_serd(

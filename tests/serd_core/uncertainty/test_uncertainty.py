@@ -6,9 +6,7 @@ import pytest
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
@@ -27,28 +25,21 @@ from serd_core.uncertainty.standard_errors import (
     confidence_interval,
     standard_errors,
 )
+from support.small_problems import apart, sampled
 
 PRECISE = TrustRegion(gradient_tolerance=1e-9)
 
 
-def coin(n_heads: int, n_tails: int) -> Decisions:
-    following = np.array([1] * n_heads + [0] * n_tails)
-    zeros = np.zeros(len(following), int)
-    return Decisions(np.arange(len(following)), zeros.astype(float), zeros, zeros, following)
+def fitted(case, weights=(1.0, 1.0), fit=fit_mdce_serd, **options):
+    """A fit from weights, and its information."""
+    found = fit(case.problem, case.decisions, initial_weights=np.array(weights), **options)
+    return found, fit_information(case.problem, case.decisions, found)
 
 
 def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_example):
     """With the reward held fixed the transitions of a are coin flips: sqrt(p (1 - p) / n)."""
-    decisions = coin(30, 70)
-    state, action = np.zeros(60, int), np.array([0, 1] * 30)
-    zeros = np.zeros(160, int)
-    both = Decisions(
-        zeros,
-        np.arange(160.0),
-        np.concatenate([decisions.state, state]),
-        np.concatenate([decisions.action, action]),
-        np.concatenate([decisions.next_state, np.array([0, 1, 1, 0] * 15)]),
-    )
+    action = [0] * 100 + [0, 1] * 30
+    both = apart(0, action, [1] * 30 + [0] * 70 + [0, 1, 1, 0] * 15)
     fit = fit_mdce_serd(
         minimum_example,
         both,
@@ -76,9 +67,7 @@ def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model
         Newton(),
         SparseLu(),
     )
-    fit = fit_mdce_serd(
-        problem, gridworld.decisions, initial_weights=np.ones(2), ascent=TrustRegion(max_steps=2)
-    )
+    fit, _ = fitted(gridworld, ascent=TrustRegion(max_steps=2))
     at = fit.parameters.with_vector(fit.parameters.vector + 0.1 * rng.normal(size=92))
     parameters = type(at)(at.reward, at.belief, at.truth, policy_model.initial_parameters)
     found = posterior.evaluate(parameters)
@@ -94,17 +83,8 @@ def test_hessian_and_outer_product_agree_for_many_decisions_of_a_true_model(make
     table = np.clip(case.probabilities, 0.05, None)
     table /= table.sum(axis=1, keepdims=True)
     policy = soft_policy(case.problem, case.weights, table).probabilities
-    decisions = sample_decisions(
-        case.problem.mdp,
-        policy,
-        table,
-        np.full(16, 1 / 16),
-        n_episodes=4000,
-        n_steps=30,
-        rng=np.random.default_rng(0),
-    )
-    fit = fit_mdce_serd(case.problem, decisions, initial_weights=np.ones(2), ascent=TrustRegion())
-    information = fit_information(case.problem, decisions, fit)
+    case = replace(case, decisions=sampled(case.problem, policy, table, 4000, 30))
+    fit, information = fitted(case, ascent=TrustRegion())
     by_hessian = standard_errors(case.problem, information, information.observed)
     by_scores = standard_errors(case.problem, information, information.outer_product)
     np.testing.assert_allclose(by_hessian.reward, by_scores.reward, rtol=0.05)
@@ -124,24 +104,10 @@ def test_errors_say_how_much_estimates_scatter(make_gridworld):
     table /= table.sum(axis=1, keepdims=True)
     found, errors = [], []
     for seed in range(60):
-        decisions = sample_decisions(
-            case.problem.mdp,
-            policy,
-            case.probabilities,
-            np.full(16, 1 / 16),
-            n_episodes=60,
-            n_steps=20,
-            rng=np.random.default_rng(seed),
+        decisions = sampled(case.problem, policy, case.probabilities, 60, 20, seed)
+        fit, information = fitted(
+            replace(case, decisions=decisions), case.weights, dynamics=table, belief=FixedBelief()
         )
-        fit = fit_mdce_serd(
-            case.problem,
-            decisions,
-            initial_weights=case.weights,
-            dynamics=table,
-            belief=FixedBelief(),
-            ascent=TrustRegion(),
-        )
-        information = fit_information(case.problem, decisions, fit)
         found.append(fit.reward_weights)
         errors.append(standard_errors(case.problem, information, information.observed).reward)
     np.testing.assert_allclose(np.std(found, axis=0), np.mean(errors, axis=0), rtol=0.25)
@@ -149,7 +115,7 @@ def test_errors_say_how_much_estimates_scatter(make_gridworld):
 
 def test_an_action_never_taken_and_its_reward_cannot_be_told_apart(minimum_example):
     """The minimum example: one likelihood, many explanations."""
-    decisions = coin(20, 10)
+    decisions = apart(0, 0, [1] * 20 + [0] * 10)
     fit = fit_mdce_serd(
         minimum_example, decisions, initial_weights=np.array([0.5]), prior=KldPrior(1.0)
     )
@@ -162,27 +128,14 @@ def test_an_action_never_taken_and_its_reward_cannot_be_told_apart(minimum_examp
     errors = standard_errors(minimum_example, information, information.outer_product)
     assert np.isinf(errors.reward[0])
     assert np.all(np.isinf(errors.outcome_probabilities[1]))
-
-
-def test_a_prior_settles_what_the_data_leave_open(minimum_example):
-    decisions = coin(20, 10)
-    prior = KldPrior(1.0)
-    fit = fit_mdce_serd(minimum_example, decisions, initial_weights=np.array([0.5]), prior=prior)
-    information = fit_information(minimum_example, decisions, fit)
     with_prior = identifiability(information, matrix=information.observed)
-    assert len(with_prior.null) < len(identifiability(information).null)
+    assert len(with_prior.null) < len(diagnosis.null)
 
 
 def test_temperature_and_scale_of_rewards_are_one_null_direction(gridworld):
     """Theta_P and theta_R of the policy-matching model share a common factor."""
-    fit = fit_pm_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        belief=FixedBelief(),
-        ascent=TrustRegion(max_steps=20),
-    )
-    information = fit_information(gridworld.problem, gridworld.decisions, fit)
+    known = {"belief": FixedBelief(), "ascent": TrustRegion(max_steps=20)}
+    _, information = fitted(gridworld, fit=fit_pm_serd, **known)
     diagnosis = identifiability(information)
     assert len(diagnosis.null) == 1
     names = {name for name, _ in diagnosis.null[0].loadings}
@@ -190,12 +143,7 @@ def test_temperature_and_scale_of_rewards_are_one_null_direction(gridworld):
 
 
 def test_the_gauge_is_taken_out_of_tied_and_free_blocks(gridworld):
-    fit = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        ascent=TrustRegion(max_steps=2),
-    )
+    fit, _ = fitted(gridworld, ascent=TrustRegion(max_steps=2))
     for belief, n_free, n_gauge in ((TiedBelief(), 47, 9), (FreeBelief(), 92, 18)):
         information = fit_information(gridworld.problem, gridworld.decisions, fit, belief=belief)
         assert information.gauge.shape == (n_gauge, n_free)
@@ -207,28 +155,14 @@ def test_the_gauge_is_taken_out_of_tied_and_free_blocks(gridworld):
 
 def test_a_point_that_is_no_maximum_is_refused(gridworld):
     """One step from weights of the wrong sign J bends upwards along some direction."""
-    fit = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.array([-8.0, 8.0]),
-        ascent=TrustRegion(max_steps=1),
-    )
-    information = fit_information(gridworld.problem, gridworld.decisions, fit)
+    _, information = fitted(gridworld, [-8.0, 8.0], ascent=TrustRegion(max_steps=1))
     with pytest.raises(SerdError, match="must not have negative eigenvalues"):
         standard_errors(gridworld.problem, information, information.observed)
-    with pytest.raises(SerdError, match="coverage must be between 0 and 1"):
-        confidence_interval(np.zeros(1), np.ones(1), 2.0)
 
 
 def test_a_fit_on_its_way_has_no_standard_errors_unless_asked_for(gridworld):
-    fit = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.array([6.0, 8.0]),
-        belief=FixedBelief(),
-        ascent=TrustRegion(max_steps=1),
-    )
-    information = fit_information(gridworld.problem, gridworld.decisions, fit)
+    known = {"belief": FixedBelief(), "ascent": TrustRegion(max_steps=1)}
+    _, information = fitted(gridworld, [6.0, 8.0], **known)
     for matrix in (information.observed, information.outer_product):
         with pytest.raises(SerdError, match=r"must have converged .* got not converged and"):
             standard_errors(gridworld.problem, information, matrix)
@@ -239,10 +173,7 @@ def test_a_fit_on_its_way_has_no_standard_errors_unless_asked_for(gridworld):
 def test_a_point_away_from_the_optimum_is_refused_whatever_the_fit_says(gridworld):
     """Half a standard error off, in a fit that claims to have converged."""
     problem, decisions = gridworld.problem, gridworld.decisions
-    fit = fit_mdce_serd(
-        problem, decisions, initial_weights=np.ones(2), belief=FixedBelief(), ascent=PRECISE
-    )
-    information = fit_information(problem, decisions, fit)
+    fit, information = fitted(gridworld, belief=FixedBelief(), ascent=PRECISE)
     errors = standard_errors(problem, information, information.observed)
     for share, refused in ((0.01, False), (0.5, True)):
         at = fit.parameters
@@ -259,44 +190,27 @@ def test_a_point_away_from_the_optimum_is_refused_whatever_the_fit_says(gridworl
 def test_a_kink_has_no_standard_errors(make_gridworld):
     """Policy matching ends where two actions are equally good; gradients differ on both sides."""
     case = make_gridworld(side=8, discount=0.99, n_episodes=1)
-    policy = boltzmann_policy(
-        case.problem, np.array([2.0, 3.0]), case.probabilities, 2.0
-    ).probabilities
-    decisions = sample_decisions(
-        case.problem.mdp,
-        policy,
-        case.probabilities,
-        np.full(64, 1 / 64),
-        n_episodes=2,
-        n_steps=30,
-        rng=np.random.default_rng(2),
-    )
+    policy = boltzmann_policy(case.problem, case.weights, case.probabilities, 2.0).probabilities
+    case = replace(case, decisions=sampled(case.problem, policy, case.probabilities, 2, 30, 2))
     prior = KldPrior(0.1) + GaussianPrior(0.1, Block.POLICY, mean=1.0)
-    fit = fit_pm_serd(case.problem, decisions, initial_weights=np.ones(2), prior=prior)
-    information = fit_information(case.problem, decisions, fit)
+    fit, information = fitted(case, fit=fit_pm_serd, prior=prior)
     assert fit.converged
-    assert np.abs(information.gradient).max() / len(decisions) > 1e-3
+    assert np.abs(information.gradient).max() / len(case.decisions) > 1e-3
     with pytest.raises(SerdError, match=r"negative eigenvalues|at a kink of the objective"):
         standard_errors(case.problem, information, information.observed)
 
 
-@pytest.mark.parametrize("factor", [1e-5, 1e5])
-def test_units_of_features_change_the_errors_by_their_factor_only(gridworld, factor):
+def test_units_of_features_change_the_errors_by_their_factor_only(gridworld):
     """Metres or kilometres: exactly the same fit, in other units."""
     problem, decisions = gridworld.problem, gridworld.decisions
-    fit = fit_mdce_serd(
-        problem, decisions, initial_weights=np.ones(2), prior=KldPrior(1.0), ascent=PRECISE
-    )
-    units = np.array([factor, 1.0])
+    fit, one = fitted(gridworld, prior=KldPrior(1.0), ascent=PRECISE)
+    units = np.array([1e-5, 1e3])
     rescaled = TabularProblem(problem.mdp, problem.features * units, problem.feature_names)
     at = fit.parameters
     rescaled_fit = replace(
         fit, parameters=Parameters(at.reward / units, at.belief, at.truth, at.policy)
     )
-    one, other = (
-        fit_information(each, decisions, found)
-        for each, found in ((problem, fit), (rescaled, rescaled_fit))
-    )
+    other = fit_information(rescaled, decisions, rescaled_fit)
     for name in ("observed", "outer_product"):
         errors, scaled = (
             standard_errors(problem, found, getattr(found, name)) for found in (one, other)
@@ -315,34 +229,11 @@ def test_units_of_features_change_the_errors_by_their_factor_only(gridworld, fac
     )
 
 
-def test_a_feature_that_is_the_same_everywhere_is_not_identified_by_rounding(gridworld):
-    features = np.concatenate([gridworld.problem.features, np.full((25, 5, 1), 0.7)], axis=2)
-    problem = TabularProblem(gridworld.problem.mdp, features, ("goal", "forest", "constant"))
-    fit = fit_mdce_serd(
-        problem,
-        gridworld.decisions,
-        initial_weights=np.ones(3),
-        prior=KldPrior(1.0),
-        ascent=PRECISE,
-    )
-    information = fit_information(problem, gridworld.decisions, fit)
-    for matrix in (information.observed, information.outer_product):
-        errors = standard_errors(problem, information, matrix, require_optimum=False)
-        assert np.isinf(errors.reward[2])
-        assert np.all(np.isfinite(errors.reward[:2]))
-
-
 def test_what_a_fit_assumed_comes_with_it(gridworld):
     problem, decisions = gridworld.problem, gridworld.decisions
-    fit = fit_pm_serd(
-        problem,
-        decisions,
-        initial_weights=np.ones(2),
-        belief=FixedBelief(),
-        prior=GaussianPrior(0.1, Block.POLICY, 1.0),
-        ascent=TrustRegion(max_steps=20),
-    )
-    information = fit_information(problem, decisions, fit)
+    known = {"belief": FixedBelief(), "ascent": TrustRegion(max_steps=20)}
+    prior = GaussianPrior(0.1, Block.POLICY, 1.0)
+    fit, information = fitted(gridworld, fit=fit_pm_serd, prior=prior, **known)
     assert len(information.names) == 3
     with pytest.raises(SerdError, match=r"fit must have 0 temperatures .* got 1; pass"):
         fit_information(problem, decisions, fit, policy_model=MdcePolicy())
@@ -353,33 +244,11 @@ def test_what_a_fit_assumed_comes_with_it(gridworld):
         fit_information(other, decisions, fit)
 
 
-def test_a_wrong_belief_is_refused_as_no_optimum(gridworld):
-    fit = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        belief=FixedBelief(),
-        ascent=PRECISE,
-    )
-    information = fit_information(gridworld.problem, gridworld.decisions, fit, belief=TiedBelief())
-    with pytest.raises(SerdError, match=r"must have converged|negative eigenvalues"):
-        standard_errors(gridworld.problem, information, information.outer_product)
-
-
 def test_the_belief_has_errors_of_its_own(gridworld):
-    problem, decisions = gridworld.problem, gridworld.decisions
     prior = KldPrior(1.0) + KldPrior(5.0, block=Block.BELIEF)
     for belief, same in ((TiedBelief(), True), (FreeBelief(), False)):
-        fit = fit_mdce_serd(
-            problem,
-            decisions,
-            initial_weights=np.ones(2),
-            belief=belief,
-            prior=prior,
-            ascent=PRECISE,
-        )
-        information = fit_information(problem, decisions, fit)
-        errors = standard_errors(problem, information, information.observed)
+        _, information = fitted(gridworld, belief=belief, prior=prior, ascent=PRECISE)
+        errors = standard_errors(gridworld.problem, information, information.observed)
         believed, true = errors.believed_outcome_probabilities, errors.outcome_probabilities
         assert believed.shape == true.shape
         assert np.allclose(believed, true) == same
@@ -391,15 +260,11 @@ def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
     np.testing.assert_allclose(upper, [1.0 + 1.959964 * 2.0, np.inf], atol=1e-5)
     narrow, _ = confidence_interval(np.zeros(1), np.ones(1), coverage=0.6826895)
     np.testing.assert_allclose(narrow, [-1.0], atol=1e-6)
-    with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
-        confidence_interval(np.zeros(1), np.ones(1), coverage=95)
-    with pytest.raises(
-        SerdError, match=r"^errors\[1\] must be at least 0, got -2.0; give standard"
+    for estimate, errors, coverage, sentence in (
+        ([0.0], [1.0], 95, "coverage must be between 0 and 1, got 95"),
+        ([0.0, 0.0], [1.0, -2.0], 0.9, r"^errors\[1\] must be at least 0, got -2.0; give standard"),
+        ([0.0, 0.0], [1.0], 0.9, r"errors must have the shape of estimate, \(2,\), got \(1,\)"),
+        (["a"], [1.0], 0.9, "^estimate must be an array of numbers, got <U1"),
     ):
-        confidence_interval(np.zeros(2), np.array([1.0, -2.0]))
-    with pytest.raises(
-        SerdError, match=r"errors must have the shape of estimate, \(2,\), got \(3,\)"
-    ):
-        confidence_interval(np.zeros(2), np.ones(3))
-    with pytest.raises(SerdError, match=r"^estimate must be an array of numbers, got <U1"):
-        confidence_interval(["a"], np.ones(1))
+        with pytest.raises(SerdError, match=sentence):
+            confidence_interval(estimate, errors, coverage)
