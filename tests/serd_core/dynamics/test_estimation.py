@@ -12,7 +12,6 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics import estimation
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.estimation import (
     OutcomeCounts,
     estimate_dynamics,
@@ -348,21 +347,6 @@ def test_listed_transitions_have_the_mean_of_the_dirichlet_posterior_of_each_pai
     parameters = estimate_dynamics(problem, decisions, 0.5)
     probabilities = problem.mdp.transitions.local_probabilities(parameters)
     np.testing.assert_allclose(probabilities, [1.5 / 5, 3.5 / 5, 0.5 / 2, 1.5 / 2])
-
-
-def test_indicators_of_the_models_as_covariates_have_the_estimate_of_the_models(minimum_example):
-    models = minimum_example.mdp.transitions
-    same = CovariateModels(
-        models.successors, models.model_of, models.available, 2, covariates=np.eye(2)
-    )
-    problem = TabularProblem(Mdp(same, 0.9), np.zeros((2, 3, 1)), ("nothing",))
-    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)] + [(0, 1, 1)] * 5)
-    for pseudo_count in (0.5, 2.0):
-        np.testing.assert_allclose(
-            estimate_dynamics(problem, decisions, pseudo_count),
-            estimate_dynamics(minimum_example, decisions, pseudo_count),
-            atol=1e-6,
-        )
 
 
 def test_outcome_models_are_asked_for_where_dynamics_have_none():

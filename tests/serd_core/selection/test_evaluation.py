@@ -10,7 +10,6 @@ from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,
     fitted_policy,
-    policy_divergence,
     policy_log_likelihood,
     validation_log_likelihood,
 )
@@ -30,9 +29,6 @@ def test_divergences_vanish_for_the_truth_only(gridworld):
     assert dynamics_divergence(problem, table, table, visits) == pytest.approx(0)
     other = np.full_like(table, 0.2)
     assert dynamics_divergence(problem, table, other, visits) > 0.1
-    policy = soft_policy(problem, gridworld.weights, table).probabilities
-    assert policy_divergence(policy, policy, visits) == pytest.approx(0)
-    assert policy_divergence(policy, np.full((25, 5), 0.2), visits.sum(axis=1)) > 0
 
 
 def test_transitions_are_compared_and_not_outcomes(minimum_example):
@@ -94,9 +90,10 @@ def test_a_fit_carries_the_certificate_of_its_last_solve(gridworld):
         assert fit.residual / (1 - problem.mdp.discount) <= fit.error_bound < 1e-5
 
 
-def test_visits_without_any_visit_are_refused():
+def test_visits_without_any_visit_are_refused(gridworld):
+    problem, table = gridworld.problem, gridworld.probabilities
     with pytest.raises(SerdError, match="visits must be non-negative with a positive sum"):
-        policy_divergence(np.ones((2, 1)), np.ones((2, 1)), np.zeros(2))
+        dynamics_divergence(problem, table, table, np.zeros((25, 5)))
 
 
 def test_divergences_refuse_what_is_no_distribution(gridworld):
@@ -104,21 +101,11 @@ def test_divergences_refuse_what_is_no_distribution(gridworld):
     table[2] *= 2
     with pytest.raises(SerdError, match=r"state 0, action 2 .* the row sums to 2.0"):
         dynamics_divergence(problem, gridworld.probabilities, table, np.ones((25, 5)))
-    with pytest.raises(SerdError, match=r"estimate must have shape \(2, 1\), got \(3, 1\)"):
-        policy_divergence(np.ones((2, 1)), np.ones((3, 1)), np.ones(2))
-    with pytest.raises(SerdError, match=r"truth\[0, 0\] must be finite"):
-        policy_divergence(np.full((2, 1), np.nan), np.ones((2, 1)), np.ones(2))
-    with pytest.raises(SerdError, match=r"truth\[0\] must sum to 1, got 5.0"):
-        policy_divergence(np.array([[2.0, 3.0]]), np.array([[0.5, 0.5]]), np.ones(1))
-    with pytest.raises(SerdError, match=r"estimate\[0, 0\] must be a probability, got -5.0"):
-        policy_divergence(np.array([[0.5, 0.5]]), np.array([[-5.0, 6.0]]), np.ones(1))
 
 
 def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_example):
     """As its log-likelihood is -inf; in states that are never visited it does not matter."""
     sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
-    assert policy_divergence(sure, wrong, np.array([1.0, 3.0])) == np.inf
-    assert policy_divergence(sure, wrong, np.array([0.0, 3.0])) == 0.0
     visits = np.zeros((2, 3))
     visits[0, 0] = 1.0
     assert dynamics_divergence(minimum_example, sure, wrong, visits) == np.inf
