@@ -9,12 +9,6 @@ from lab.experiments.running.tables import Row
 from lab.experiments.study.people import learners
 from lab.experiments.study.people.cross_validation.folds import Fold
 from lab.experiments.study.people.cross_validation.forecasts import Asked
-from lab.experiments.study.people.cross_validation.scores import (
-    crps_s,
-    integral_transform,
-    point_law,
-    scaled_point_law,
-)
 from lab.experiments.study.people.cross_validation.walkers import (
     CONSTANT_VELOCITY,
     DISTANCE_OVER_SPEED,
@@ -27,6 +21,12 @@ from lab.experiments.study.people.cross_validation.worlds import World, learn_wo
 from lab.experiments.study.people.learners import DwellLaw, kinds_of
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.problem import Layers
+from lab.experiments.study.people.scores import (
+    crps_s,
+    integral_transform,
+    point_law,
+    scaled_point_law,
+)
 from serd_core.arrival.law import ArrivalLaw
 
 #: Predictions of `walker_predictions`, by run.

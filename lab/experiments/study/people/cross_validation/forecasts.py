@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.experiments.study.people.cross_validation.pace_ahead import PaceAhead, fit_pace_ahead
 from lab.experiments.study.people.learners import DwellLaw, dwell_design, kinds_of
+from lab.experiments.study.people.pace_ahead import PaceAhead, fit_pace_ahead
 from lab.experiments.study.people.problem import AHEAD, Layers
 from lab.experiments.study.people.recordings import Run, Walker
 from lab.experiments.study.people.settings import ForecastSettings

@@ -11,7 +11,6 @@ from lab.experiments.study.people.cross_validation.forecasts import (
     forecast_laws,
     learn_pace_ahead,
 )
-from lab.experiments.study.people.cross_validation.pace_ahead import PaceAhead
 from lab.experiments.study.people.crowd import Field, mean_field
 from lab.experiments.study.people.learners import (
     CLONING,
@@ -25,6 +24,7 @@ from lab.experiments.study.people.learners import (
     learn_dwell_times,
     marginal_directions,
 )
+from lab.experiments.study.people.pace_ahead import PaceAhead
 from lab.experiments.study.people.people import People, Side, evenly, subset_of
 from lab.experiments.study.people.problem import Layers
 from serd_core.arrays import BoolArray, FloatArray, IntArray

@@ -11,7 +11,6 @@ from lab.experiments.study.people.covariate_models import CovariateModels
 from lab.experiments.study.people.cross_validation.fold import scored
 from lab.experiments.study.people.cross_validation.folds import folds_of
 from lab.experiments.study.people.cross_validation.forecasts import Asked
-from lab.experiments.study.people.cross_validation.scores import point_law
 from lab.experiments.study.people.cross_validation.walkers import (
     CONSTANT_VELOCITY,
     DISTANCE_OVER_SPEED,
@@ -32,6 +31,7 @@ from lab.experiments.study.people.learners import (
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.problem import COVARIATES, Layers
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
+from lab.experiments.study.people.scores import point_law
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import PERIODS, headline, summary_of
 from serd_core.arrival.law import ArrivalLaw

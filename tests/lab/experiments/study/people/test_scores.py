@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from lab.experiments.study.people.cross_validation.pace_ahead import fit_pace_ahead
-from lab.experiments.study.people.cross_validation.scores import (
+from lab.experiments.study.people.pace_ahead import fit_pace_ahead
+from lab.experiments.study.people.scores import (
     crps_s,
     integral_transform,
     point_law,
