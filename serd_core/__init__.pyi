@@ -30,7 +30,6 @@ from serd_core.demonstrations.decisions import decisions_from_columns as decisio
 from serd_core.demonstrations.decisions import decisions_from_episodes as decisions_from_episodes
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
 from serd_core.dynamics.counted_transitions import counted_transitions as counted_transitions
-from serd_core.dynamics.covariate_models import CovariateModels as CovariateModels
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels as OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel as SparseModel

@@ -183,12 +183,6 @@ def once_per_state(table: NDArray[Number]) -> NDArray[Number]:
     return table[:, :1] if not table.strides[1] else table
 
 
-def index_type(size: int) -> Any:
-    """The smallest type for indices into `size` things that compiled sums add to others exactly."""
-    small = np.min_scalar_type(max(size - 1, 0))
-    return small if small.itemsize < 4 else np.int32 if size <= 2**31 else np.int64
-
-
 def matrix_index_type(largest: int) -> Any:
     """Type of the index arrays of SciPy's sparse matrices that hold indices up to `largest`."""
     return np.int32 if largest < 2**31 else np.int64

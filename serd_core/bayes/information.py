@@ -22,7 +22,6 @@ from scipy.special import gammaln, psi
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import Laplace
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -106,10 +105,10 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
         raise SerdError(
             "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
         )
-    if isinstance(models, CovariateModels):
+    if models.coefficient_models is not models:
         raise SerdError(
-            "information is counted per outcome model, got models with covariates; describe their"
-            " coefficients by credible_intervals"
+            "information is counted per outcome model, got models that share coefficients;"
+            " describe these by credible_intervals"
         )
     return models
 

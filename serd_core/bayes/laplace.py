@@ -31,7 +31,6 @@ from serd_core.arrays import FloatArray
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -202,7 +201,7 @@ def _dirichlet_blocks(
 ) -> Iterator[_DirichletBlock]:
     """Those without covariates."""
     model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
-    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
+    if not isinstance(model, OutcomeModels) or model.coefficient_models is not model:
         return
     if model.n_outcomes == 1:
         return

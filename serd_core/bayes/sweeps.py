@@ -38,7 +38,6 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
 from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.estimation import OutcomeSets, outcome_sets
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
@@ -69,7 +68,7 @@ def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
     are hidden. Outcome models with covariates keep Laplace's draws, which are normal.
     """
     model = posterior.problem.mdp.transitions
-    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
+    if not isinstance(model, OutcomeModels) or model.coefficient_models is not model:
         return False
     if not space.belief.learns_dynamics:
         return False

@@ -32,7 +32,6 @@ from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_co
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.counted_transitions import most_likely_parameters
-from serd_core.dynamics.covariate_models import CovariateModels, most_likely_coefficients
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
@@ -147,8 +146,6 @@ def estimate_dynamics(
     if isinstance(problem.mdp.transitions, SparseModel):
         return most_likely_parameters(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
-    if isinstance(model, CovariateModels):
-        return model.local_probabilities(most_likely_coefficients(model, seen, pseudo_count))
     estimate = most_likely_dynamics(model, seen, pseudo_count)
     if not estimate.converged:
         raise SerdError(

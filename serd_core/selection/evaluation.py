@@ -1,6 +1,6 @@
 """How good an estimate is: the measures of sections 4.6 and 5.2.
 
-Log-likelihoods are per decision. Divergences are KLD(truth || estimate), averaged over the states
+Log-likelihoods are per decision. The divergence is KLD(truth || estimate), averaged over the states
 and actions that the truth visits; transitions are compared, not outcomes, so outcomes that land in
 the same cell count together. An estimate that rules out what is true there diverges by inf, as its
 log-likelihood of that is -inf.
@@ -91,27 +91,17 @@ def move_log_likelihood(
 def dynamics_divergence(
     problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
 ) -> float:
-    """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares)."""
+    """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares).
+
+    Pairs that are never visited do not count, were their divergence infinite.
+    """
     model = problem.mdp.transitions
     true, other = (
         model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
         for table in (truth, estimate)
     )
     by_row = weighted_counts(model.groups.row, rel_entr(true, other), model.available.size)
-    return _mean(by_row.reshape(model.available.shape), visits)
-
-
-def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
-    """Mean KLD from a true to an estimated (S, A) policy under (S,) or (S, A) visits."""
-    true = np.maximum(checked_policy("truth", truth), 0.0)
-    other = np.maximum(checked_policy("estimate", estimate, shape=true.shape), 0.0)
-    total = np.asarray(visits, np.float64)
-    per_state = total.sum(axis=1) if total.ndim == 2 else total
-    return _mean(np.sum(rel_entr(true, other), axis=1), per_state)
-
-
-def _mean(divergence: FloatArray, visits: FloatArray) -> float:
-    """Mean under visits; what is never visited does not count, were it infinite."""
+    divergence = by_row.reshape(model.available.shape)
     checked = float_array("visits", visits, divergence.shape)
     if np.any(checked < 0) or not checked.sum() > 0:
         raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
+from scipy.special import rel_entr
 
 from lab.experiments.gridworld.figures import MEASURES, environment_figure, measures_figure
 from lab.experiments.gridworld.landscape import (
@@ -36,7 +37,6 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,
-    policy_divergence,
     policy_log_likelihood,
 )
 from serd_files.settings import setting
@@ -123,6 +123,13 @@ def scenes(config: GridworldConfig) -> tuple[Scene, Scene]:
     )
 
 
+def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
+    """Mean KLD from a true to an estimated (S, A) policy under (S,) visits."""
+    seen = visits > 0
+    by_state = np.sum(rel_entr(truth[seen], estimate[seen]), axis=1)
+    return float(visits[seen] @ by_state / visits.sum())
+
+
 def measures(training: Scene, transfer: Scene, estimate: Estimate) -> Row:
     """The four panels of Figs. 4.12 and 4.13."""
     policy = policy_of(training.world.problem, estimate)
@@ -134,7 +141,7 @@ def measures(training: Scene, transfer: Scene, estimate: Estimate) -> Row:
         "dynamics_divergence": dynamics_divergence(
             problem, true_dynamics(), estimate.dynamics, visits
         ),
-        "policy_divergence": policy_divergence(training.policy, policy, visits),
+        "policy_divergence": policy_divergence(training.policy, policy, visits.sum(axis=1)),
         "transfer_log_likelihood": policy_log_likelihood(
             transfer.world.problem, transfer.test, moved
         ),

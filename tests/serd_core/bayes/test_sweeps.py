@@ -22,7 +22,6 @@ from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bayes.surrogate import Surrogate
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
@@ -372,17 +371,11 @@ def test_draws_stay_as_they_are_where_each_outcome_has_a_state_of_its_own():
     np.testing.assert_allclose(weights[:50] + weights[50:], 2 * mode[None].repeat(50, axis=0))
 
 
-def test_rewards_alone_and_models_with_covariates_keep_their_normal_draws():
+def test_rewards_alone_keep_their_normal_draws():
     problem = one_way([1, 0, 0])
     decisions = moves(problem)
     fit = fit_mdce_irl_by_likelihood(problem, decisions, prior=PriorByEvidence())
     found = laplace(problem, decisions, fit)
-    assert not needs_sweeps(found.posterior, found.coordinates)
-    models = problem.mdp.transitions
-    constant = CovariateModels(
-        models.successors, models.model_of, models.available, 1, covariates=np.ones((1, 1))
-    )
-    found = fitted(replace(problem, mdp=Mdp(constant, 0.9)), decisions)
     assert not needs_sweeps(found.posterior, found.coordinates)
 
 

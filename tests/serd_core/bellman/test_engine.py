@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.benchmarks.learning import solvers
 from lab.benchmarks.learning.gridworld_problems import (
     DYNAMICS,
     WEIGHTS,
@@ -188,13 +187,16 @@ def test_the_fallback_follows_where_sweeps_fail_and_is_kept():
 @NEEDS_NUMBA
 @pytest.mark.parametrize("graph", ["grid", "random graph"])
 def test_graphs_that_are_not_local_start_with_plain_sweeps(graph):
-    model = solvers.case_of(solvers.GRAPHS[graph](10_000), 0.9).problem.mdp.transitions
+    model, size = landscape_problem(100, 0.9).problem.mdp.transitions, 10_000
+    if graph == "random graph":
+        anywhere = np.random.default_rng(0).integers(size, size=model.successors.shape)
+        model = replace(model, successors=anywhere)
     pattern = engine_for(model, compiled_from=1).pattern
     system = Swept(Krylov(), SparseLu(), 0).prepare(pattern, np.ones(len(pattern.column)))
     assert isinstance(system, WithFallback)
     assert isinstance(system.first, SweptSystem)
     assert system.fallback == (
-        Swept(Krylov(), SparseLu(), 10_001) if graph == "grid" else SparseLu()
+        Swept(Krylov(), SparseLu(), size + 1) if graph == "grid" else SparseLu()
     )
 
 

@@ -12,7 +12,6 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics import estimation
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.estimation import (
     OutcomeCounts,
     estimate_dynamics,
@@ -34,16 +33,10 @@ def decisions_of(rows):
     return Decisions(zeros, np.arange(len(state), dtype=float), state, action, following)
 
 
-def test_unambiguous_counts_give_the_dirichlet_mean(minimum_example):
-    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)])
-    estimate = estimate_dynamics(minimum_example, decisions, pseudo_count=1.0)
-    np.testing.assert_allclose(estimate[0], [2 / 5, 3 / 5])
-
-
 def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
     estimate = estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
     np.testing.assert_allclose(estimate[1], [0.5, 0.5])
-    # One pseudo-observation of each outcome, unless another number is given.
+    # The Dirichlet mean: one pseudo-observation of each outcome, unless another number is given.
     np.testing.assert_allclose(estimate[0], [1 / 3, 2 / 3])
 
 
@@ -106,29 +99,6 @@ def test_estimates_are_unbiased_although_walls_hide_outcomes():
     )
     estimate = estimate_dynamics(problem, decisions)
     np.testing.assert_allclose(estimate, TRUTH, atol=0.02)
-
-
-def test_splitting_ambiguous_counts_evenly_would_be_biased():
-    """The naive twin: its error is several times that of the estimate above."""
-    problem = room_problem()
-    policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
-    decisions = sample_decisions(
-        problem.mdp,
-        policy,
-        TRUTH,
-        np.eye(36)[0],
-        n_episodes=400,
-        n_steps=200,
-        rng=np.random.default_rng(3),
-    )
-    model = problem.outcome_models
-    explains = model.successors[decisions.state, decisions.action] == decisions.next_state[:, None]
-    split = explains / explains.sum(axis=1, keepdims=True)
-    naive = np.zeros_like(TRUTH)
-    np.add.at(naive, model.model_of[decisions.state, decisions.action], split)
-    naive /= naive.sum(axis=1, keepdims=True)
-    good = np.abs(estimate_dynamics(problem, decisions) - TRUTH).max()
-    assert np.abs(naive - TRUTH).max() > 3 * good
 
 
 @settings(deadline=None, max_examples=20)
@@ -200,21 +170,6 @@ def test_three_telling_decisions_among_a_hundred_thousand_are_heard(pseudo_count
     assert np.all(np.abs(found.probabilities[0] - exact) <= found.error_bound * exact)
 
 
-def test_estimates_stopped_early_are_within_their_error_bound():
-    problem = wall_heavy_problem()
-    observations = observe(problem.mdp, wall_heavy_decisions())
-    model = problem.mdp.transitions
-    exact = most_likely_dynamics(model, observations).probabilities
-    of_one = most_likely_dynamics(model, observations, 1.0).probabilities
-    np.testing.assert_array_equal(exact, of_one)
-    certified = 0
-    for n_steps in range(1, 5):
-        early = most_likely_dynamics(model, observations, tolerance=0.5, max_steps=n_steps)
-        assert np.all(np.abs(early.probabilities - exact) <= early.error_bound * exact)
-        certified += np.isfinite(early.error_bound)
-    assert certified > 0
-
-
 def test_a_pseudo_count_lost_in_the_counts_is_said():
     """Only the wall is observed, so that nothing but 1e-300 decides between what it hides."""
     problem, everything = wall_heavy_problem(), wall_heavy_decisions()
@@ -238,12 +193,6 @@ def test_running_out_of_steps_is_said_with_a_way_out(monkeypatch):
             SerdError, match=rf"estimate_dynamics\(problem, decisions, pseudo_count={more}\)"
         ):
             estimate_dynamics(problem, decisions, fewer)
-
-
-@pytest.mark.parametrize("pseudo_count", [0.0, -1.0, float("nan")])
-def test_a_pseudo_count_that_is_not_positive_is_refused(minimum_example, pseudo_count):
-    with pytest.raises(SerdError, match=r"^pseudo_count must be finite and above 0"):
-        estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]), pseudo_count)
 
 
 @pytest.mark.parametrize(
@@ -331,38 +280,6 @@ def test_newtons_method_reaches_the_maximum_from_far_away_without_a_loss(start):
         for n_steps in range(1, found.steps)
     ]
     assert np.all(np.diff([counts.objective(probabilities), *values]) > -1e-9)
-
-
-def test_decisions_without_actions_cannot_be_counted(minimum_example):
-    hidden = decisions_of([(0, 0, 1)]).with_hidden_actions()
-    with pytest.raises(
-        SerdError, match=r"^action\[0\] must be known for the M-estimate of dynamics by counts"
-    ):
-        estimate_dynamics(minimum_example, hidden)
-
-
-def test_listed_transitions_have_the_mean_of_the_dirichlet_posterior_of_each_pair():
-    table = np.array([[[0.5, 0.5]], [[0.5, 0.5]]])
-    problem = sc.from_transitions(table, np.zeros((2, 1, 1)), discount=0.9, learned=True)
-    decisions = decisions_of([(0, 0, 1)] * 3 + [(0, 0, 0)] + [(1, 0, 1)])
-    parameters = estimate_dynamics(problem, decisions, 0.5)
-    probabilities = problem.mdp.transitions.local_probabilities(parameters)
-    np.testing.assert_allclose(probabilities, [1.5 / 5, 3.5 / 5, 0.5 / 2, 1.5 / 2])
-
-
-def test_indicators_of_the_models_as_covariates_have_the_estimate_of_the_models(minimum_example):
-    models = minimum_example.mdp.transitions
-    same = CovariateModels(
-        models.successors, models.model_of, models.available, 2, covariates=np.eye(2)
-    )
-    problem = TabularProblem(Mdp(same, 0.9), np.zeros((2, 3, 1)), ("nothing",))
-    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)] + [(0, 1, 1)] * 5)
-    for pseudo_count in (0.5, 2.0):
-        np.testing.assert_allclose(
-            estimate_dynamics(problem, decisions, pseudo_count),
-            estimate_dynamics(minimum_example, decisions, pseudo_count),
-            atol=1e-6,
-        )
 
 
 def test_outcome_models_are_asked_for_where_dynamics_have_none():

@@ -27,11 +27,6 @@ def test_a_non_stochastic_row_is_named():
         fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.array([1.0, 0.5]))
 
 
-def test_a_successor_outside_is_named():
-    with pytest.raises(SerdError, match=r"next_state\[1\] must be a next state from 0 to 1, got 2"):
-        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 2], np.ones(2))
-
-
 def test_users_functions_of_the_wrong_length_are_refused():
     model = SparseModel(
         (1, 1), [0], [0], [0], 2, lambda _: np.ones(3), lambda _, gradient: gradient
@@ -96,6 +91,8 @@ def test_probabilities_need_one_entry_per_transition():
         fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(1))
     with pytest.raises(SerdError, match=r"n_pairs must be at least one state .* got \(0, 1\)"):
         fixed_transitions((0, 1), [], [], [], np.ones(0))
+    with pytest.raises(SerdError, match=r"next_state\[1\] must be a next state from 0 to 1, got 2"):
+        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 2], np.ones(2))
     model = fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(2))
     with pytest.raises(SerdError, match=r"probabilities must have shape \(2,\), .* got \(3,\)"):
         model.entries(np.ones(3))
@@ -140,14 +137,3 @@ def test_dynamics_are_the_models_parameters_for_every_learner_of_rewards(fit):
     np.testing.assert_array_equal(found.outcome_probabilities, expected)
     with pytest.raises(SerdError, match=r"must be its \(1,\) parameters, not its entries"):
         fit(problem, decisions, dynamics=expected, **settings)
-
-
-@EACH_FIT
-def test_a_model_without_parameters_needs_no_dynamics(fit):
-    entries = np.array([0.5, 0.5, 1.0, 1.0])
-    model = fixed_transitions((2, 2), [0, 0, 0, 1], [0, 0, 1, 0], [1, 0, 0, 1], entries)
-    problem = TabularProblem(Mdp(model, 0.9), logistic_problem().features, ("goal",))
-    rows = np.array([(0, 0, 1), (0, 1, 0), (0, 0, 0)])
-    decisions = Decisions(np.arange(3), np.zeros(3), *rows.T)
-    found = fit(problem, decisions, initial_weights=np.zeros(1), ascent=Lbfgs(max_steps=3))
-    np.testing.assert_array_equal(found.outcome_probabilities, entries)

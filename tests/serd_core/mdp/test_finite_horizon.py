@@ -121,25 +121,6 @@ def test_parameters_of_a_sparse_model_are_shared_by_all_periods():
     assert fit.parameters.truth[0] == pytest.approx(0.8, abs=0.1)
 
 
-def test_a_long_horizon_begins_with_the_policy_of_an_infinite_one():
-    problem = outcome_problem()
-    found = sc.finite_horizon(problem, 300)
-    policy = sc.soft_policy(found, WEIGHTS, TRUTH).probabilities
-    endless = sc.soft_policy(problem, WEIGHTS, TRUTH).probabilities
-    np.testing.assert_allclose(policy[: problem.mdp.n_states], endless, atol=1e-9)
-
-
-def test_final_states_go_on_paying():
-    lake = sc.from_transitions(
-        np.stack([np.eye(3), np.roll(np.eye(3), 1, axis=1)], axis=1),
-        np.array([[0.0], [0.0], [1.0]]),
-        discount=0.9,
-        terminal=[2],
-    )
-    solved = sc.soft_policy(sc.finite_horizon(lake, 4), [3.0], None)
-    np.testing.assert_allclose(solved.value[2::3], 3.0)
-
-
 def test_rewards_and_dynamics_are_learned_from_episodes_of_a_few_periods():
     problem, n_periods = outcome_problem(n_states=8), 4
     whole = sc.finite_horizon(problem, n_periods)

@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import state_action_occupancy
 
 
@@ -40,11 +39,3 @@ def test_visits_are_the_sum_of_the_distributions_over_time(random_problem):
         mdp, transitions_of(mdp.transitions, table), policy, np.eye(mdp.n_states)[0]
     )
     np.testing.assert_allclose(found.sum(axis=1), summed, atol=1e-10)
-
-
-def test_starts_of_the_wrong_length_are_refused(minimum_example):
-    transitions = transitions_of(minimum_example.mdp.transitions, np.full((2, 2), 0.5))
-    with pytest.raises(SerdError, match=r"starts must have shape \(2\), got \(3,\)"):
-        state_action_occupancy(
-            minimum_example.mdp, transitions, uniform(minimum_example.mdp), np.ones(3)
-        )

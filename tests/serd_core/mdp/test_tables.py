@@ -29,9 +29,14 @@ def test_the_feature_of_a_terminal_state_counts_once():
     """One step to the end: Q = 0 + 0.5 * w for the step that arrives, whatever follows."""
     table = np.zeros((2, 1, 2))
     table[:, 0, 1] = 1.0
-    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1])
-    np.testing.assert_allclose(sc.soft_policy(problem, [3.0]).value, [1.5, 3.0])
-    assert problem.mdp.final.tolist() == [False, True]
+    for learned in (False, True):
+        problem = sc.from_transitions(
+            table, [[0.0], [1.0]], discount=0.5, terminal=[1], learned=learned
+        )
+        dynamics = np.ones(2) if learned else None
+        np.testing.assert_allclose(sc.soft_policy(problem, [3.0], dynamics).value, [1.5, 3.0])
+        assert problem.mdp.final.tolist() == [False, True]
+        assert problem.mdp.transitions.n_parameters == 0
 
 
 def test_an_environment_is_the_table_it_holds_and_its_reward():
@@ -52,12 +57,6 @@ def test_the_reward_of_an_environment_is_its_expectation_under_the_name_that_is_
     problem = sc.from_gymnasium(environment, discount=0.5, feature_names=["pay"])
     assert problem.feature_names == ("pay",)
     np.testing.assert_allclose(problem.features[:, 0, 0], [0.25, 0.0])
-
-
-def test_a_next_state_that_the_table_does_not_have_is_rejected():
-    environment = type("Environment", (), {"P": {0: {0: [(1.0, 3, 0.0, False)]}}})()
-    with pytest.raises(sc.SerdError, match=r"next_state\[0\] must be a state from 0 to 0, got 3"):
-        sc.from_gymnasium(environment, discount=0.9)
 
 
 def test_rewards_of_moves_from_a_terminal_state_do_not_count():
@@ -96,6 +95,7 @@ def test_outcome_models_of_an_environment_have_its_transitions():
         ({"terminal": [[1], [0, 1]]}, "terminal must be an array of numbers"),
         ({"terminal": ["a"]}, "terminal must be an array of numbers"),
         ({"terminal": [True]}, r"terminal must have shape \(2\), got \(1,\)"),
+        ({"features": np.zeros((2, 0))}, "at least one feature, got none"),
         ({"discount": "0.9"}, r"discount must be in \[0, 1\), got '0.9'"),
         ({"terminal": [2]}, r"terminal\[0\] must be a state from 0 to 1, got 2"),
     ],
@@ -125,19 +125,6 @@ def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
     environment = type("Environment", (), {"P": table})()
     with pytest.raises(sc.SerdError, match=f"the keys of {name} must be 0 to "):
         sc.from_gymnasium(environment, discount=0.9)
-
-
-def test_transitions_to_be_learned_keep_their_terminal_states():
-    table = np.zeros((2, 1, 2))
-    table[0, 0] = 1.0
-    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1], learned=True)
-    assert problem.mdp.transitions.n_parameters == 1
-    assert problem.mdp.final.tolist() == [False, True]
-
-
-def test_a_problem_has_a_feature():
-    with pytest.raises(sc.SerdError, match="at least one feature, got none"):
-        sc.from_transitions(np.ones((1, 1, 1)), np.zeros((1, 0)), discount=0.9)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,
     fitted_policy,
-    policy_divergence,
     policy_log_likelihood,
     validation_log_likelihood,
 )
@@ -30,9 +29,6 @@ def test_divergences_vanish_for_the_truth_only(gridworld):
     assert dynamics_divergence(problem, table, table, visits) == pytest.approx(0)
     other = np.full_like(table, 0.2)
     assert dynamics_divergence(problem, table, other, visits) > 0.1
-    policy = soft_policy(problem, gridworld.weights, table).probabilities
-    assert policy_divergence(policy, policy, visits) == pytest.approx(0)
-    assert policy_divergence(policy, np.full((25, 5), 0.2), visits.sum(axis=1)) > 0
 
 
 def test_transitions_are_compared_and_not_outcomes(minimum_example):
@@ -97,8 +93,6 @@ def test_a_fit_carries_the_certificate_of_its_last_solve(gridworld):
 def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_example):
     """As its log-likelihood is -inf; in states that are never visited it does not matter."""
     sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
-    assert policy_divergence(sure, wrong, np.array([1.0, 3.0])) == np.inf
-    assert policy_divergence(sure, wrong, np.array([0.0, 3.0])) == 0.0
     visits = np.zeros((2, 3))
     visits[0, 0] = 1.0
     assert dynamics_divergence(minimum_example, sure, wrong, visits) == np.inf
@@ -106,22 +100,10 @@ def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_
     assert dynamics_divergence(minimum_example, sure, wrong, visits) == 0.0
 
 
-EVEN = np.array([[0.5, 0.5]])
-
-
-@pytest.mark.parametrize(
-    ("truth", "estimate", "visits", "sentence"),
-    [
-        (EVEN, EVEN, [0.0], "visits must be non-negative with a positive sum"),
-        (EVEN, np.ones((3, 1)), [1.0], r"estimate must have shape \(1, 2\), got \(3, 1\)"),
-        ([[np.nan, 1.0]], EVEN, [1.0], r"truth\[0, 0\] must be finite"),
-        ([[2.0, 3.0]], EVEN, [1.0], r"truth\[0\] must sum to 1, got 5.0"),
-        (EVEN, [[-5.0, 6.0]], [1.0], r"estimate\[0, 0\] must be a probability, got -5.0"),
-    ],
-)
-def test_divergences_refuse_what_is_no_distribution(truth, estimate, visits, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        policy_divergence(np.array(truth), np.array(estimate), np.array(visits))
+def test_visits_without_any_visit_are_refused(gridworld):
+    problem, table = gridworld.problem, gridworld.probabilities
+    with pytest.raises(SerdError, match="visits must be non-negative with a positive sum"):
+        dynamics_divergence(problem, table, table, np.zeros((25, 5)))
 
 
 def test_dynamics_that_are_no_distribution_are_refused_by_state_and_action(gridworld):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lab.experiments.study.people.covariate_models import estimated_dynamics
 from lab.experiments.study.people.crowd import bins_of, cells_of_bins
 from lab.experiments.study.people.problem import AHEAD, COVARIATES, STEP_PM2, Layers, Moves
 from serd_core.arrays import FloatArray, IntArray
@@ -84,10 +85,10 @@ def serd(layers: Layers) -> Learned:
 
 def irl(layers: Layers) -> Learned:
     """Rewards of highest posterior under dynamics that are counted first."""
+    problem, decisions = layers.problem, layers.decisions(hidden=False)
+    dynamics = estimated_dynamics(problem, decisions)
     return of_fit(
-        fit_mdce_irl_by_likelihood(
-            layers.problem, layers.decisions(hidden=False), prior=PriorByEvidence()
-        )
+        fit_mdce_irl_by_likelihood(problem, decisions, dynamics=dynamics, prior=PriorByEvidence())
     )
 
 

@@ -21,11 +21,11 @@ from functools import cached_property
 
 import numpy as np
 
+from lab.experiments.study.people.covariate_models import CovariateModels
 from lab.experiments.study.people.crowd import Field
 from lab.experiments.study.people.recordings import Run, Walker
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
-from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.grid.grid import Action
 from serd_core.mdp.mdp import Mdp

@@ -10,6 +10,7 @@ from lab.experiments.gridworld.experiment import (
     GridworldConfig,
     measures,
     one_repetition,
+    policy_divergence,
     policy_of,
     scenes,
 )
@@ -125,3 +126,10 @@ def test_wrong_settings_are_refused_by_name():
         GridworldConfig(expert="novice")
     with pytest.raises(ValidationError, match=r"side\n.* greater than or equal to 4"):
         GridworldConfig(side=2)
+
+
+def test_a_policy_diverges_from_itself_by_nothing_and_without_bound_from_one_that_rules_it_out():
+    sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.5, 0.5], [0.0, 1.0]])
+    assert policy_divergence(sure, sure, np.array([1.0, 3.0])) == 0.0
+    assert policy_divergence(sure, wrong, np.array([2.0, 0.0])) == pytest.approx(np.log(2.0))
+    assert policy_divergence(sure, wrong, np.array([1.0, 3.0])) == np.inf

@@ -21,13 +21,13 @@ from lab.experiments.study.people.cross_validation.worlds import World, learn_wo
 from lab.experiments.study.people.learners import DwellLaw, kinds_of
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.problem import Layers
-from serd_core.arrival.law import (
-    ArrivalLaw,
+from lab.experiments.study.people.scores import (
     crps_s,
     integral_transform,
     point_law,
     scaled_point_law,
 )
+from serd_core.arrival.law import ArrivalLaw
 
 #: Predictions of `walker_predictions`, by run.
 Predictions = Sequence[Mapping[str, Any]]

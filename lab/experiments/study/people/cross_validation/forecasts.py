@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lab.experiments.study.people.learners import DwellLaw, dwell_design, kinds_of
+from lab.experiments.study.people.pace_ahead import PaceAhead, fit_pace_ahead
 from lab.experiments.study.people.problem import AHEAD, Layers
 from lab.experiments.study.people.recordings import Run, Walker
 from lab.experiments.study.people.settings import ForecastSettings
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import ArrivalByState
-from serd_core.arrival.dwell_times import Pace, PaceAhead, fit_pace_ahead, paced_law
+from serd_core.arrival.dwell_times import Pace, paced_law
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.semi_markov import DwellTimes, RenewalChain, semi_markov_arrival
 

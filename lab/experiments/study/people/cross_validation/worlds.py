@@ -24,10 +24,10 @@ from lab.experiments.study.people.learners import (
     learn_dwell_times,
     marginal_directions,
 )
+from lab.experiments.study.people.pace_ahead import PaceAhead
 from lab.experiments.study.people.people import People, Side, evenly, subset_of
 from lab.experiments.study.people.problem import Layers
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.dwell_times import PaceAhead
 from serd_core.arrival.law import ArrivalLaw
 
 Learner = Callable[[Layers], Learned]

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from support.small_problems import make_gridworld, random_problem  # noqa: F401
+
 
 def corridor_text(
     n_people=40, *, seed=0, width_m=2.4, fps=16, along="x", header=True, two_way=True, spacing_s=1.2

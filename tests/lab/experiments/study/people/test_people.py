@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lab.experiments.study.people.covariate_models import CovariateModels
 from lab.experiments.study.people.cross_validation.fold import scored
 from lab.experiments.study.people.cross_validation.folds import folds_of
 from lab.experiments.study.people.cross_validation.forecasts import Asked
@@ -30,10 +31,10 @@ from lab.experiments.study.people.learners import (
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.problem import COVARIATES, Layers
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
+from lab.experiments.study.people.scores import point_law
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import PERIODS, headline, summary_of
-from serd_core.arrival.law import ArrivalLaw, point_law
-from serd_core.dynamics.covariate_models import CovariateModels
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import checked_policy
 from serd_files.errors import USER_ERRORS

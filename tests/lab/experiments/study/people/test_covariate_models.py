@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lab.experiments.study.people.covariate_models import (
+    CovariateModels,
+    estimated_dynamics,
+    most_likely_coefficients,
+)
+from serd_core.bayes.information import outcome_information
 from serd_core.bayes.laplace import laplace
+from serd_core.bayes.sweeps import needs_sweeps
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.dynamics.covariate_models import CovariateModels, most_likely_coefficients
-from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
@@ -110,7 +115,7 @@ def test_indicators_of_models_are_the_table_of_outcome_models(make_gridworld):
         problem.mdp.transitions.local_jacobian(parameters.truth) for problem in (case.problem, same)
     ]
     np.testing.assert_allclose(*jacobians, atol=1e-12)
-    estimates = [estimate_dynamics(problem, case.decisions) for problem in (case.problem, same)]
+    estimates = [estimated_dynamics(problem, case.decisions) for problem in (case.problem, same)]
     np.testing.assert_allclose(*estimates, atol=1e-4)
 
 
@@ -153,7 +158,7 @@ def test_a_density_that_holds_people_up_is_recovered_from_states_alone(make_grid
     np.testing.assert_allclose(fit.outcome_probabilities, table, atol=0.12)
     posterior = laplace(crowd, decisions.with_hidden_actions(), fit)
     assert np.isfinite(posterior.log_evidence)
-    shown = estimate_dynamics(crowd, decisions)
+    shown = estimated_dynamics(crowd, decisions)
     np.testing.assert_allclose(shown, table, atol=0.04)
     with pytest.raises(SerdError, match="must converge, but after 1 steps its slope is"):
         most_likely_coefficients(models, observe(crowd.mdp, decisions), max_steps=1)
@@ -179,3 +184,14 @@ def test_covariates_that_repeat_each_other_are_rejected(random_problem):
     doubled = np.concatenate([models.covariates, models.covariates[:, :1]], axis=1)
     with pytest.raises(SerdError, match="must have linearly independent columns, got rank 3 of 4"):
         replace(models, covariates=doubled, covariate_names=())
+
+
+def test_exact_draws_and_counts_of_information_are_of_models_without_covariates(make_gridworld):
+    case = make_gridworld(n_episodes=5)
+    problem = with_covariates(case.problem, np.eye(9))
+    prior = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(1.0)
+    fit = fit_mdce_serd(problem, case.decisions, prior=prior, initial_weights=np.zeros(2))
+    found = laplace(problem, case.decisions, fit)
+    assert not needs_sweeps(found.posterior, found.coordinates)
+    with pytest.raises(SerdError, match="information is counted per outcome model, got models"):
+        outcome_information(found)

@@ -17,9 +17,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from serd_core.arrays import FloatArray, float_array, weighted_counts
-from serd_core.demonstrations.observations import Observations
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import Observations, observe_in
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
+from serd_core.mdp.problem import Problem
 
 #: Slope per observation that is rounding.
 ROUNDED_SLOPE = 1e-8
@@ -159,6 +162,15 @@ def most_likely_coefficients(
         raise SerdError(
             f"the M-estimate of the dynamics must converge, but after {found.nit} steps its slope"
             f" is {slope:.2g}; pass dynamics, for example"
-            f" estimate_dynamics(problem, decisions, pseudo_count={10 * max(pseudo_count, 1.0)})"
+            f" those of pseudo_count={10 * max(pseudo_count, 1.0)}"
         )
     return np.asarray(found.x)
+
+
+def estimated_dynamics(problem: Problem, decisions: Decisions) -> FloatArray:
+    """(M, K) M-estimate of the outcome probabilities, of models with and without covariates."""
+    model = problem.mdp.transitions
+    if not isinstance(model, CovariateModels):
+        return estimate_dynamics(problem, decisions)
+    coefficients = most_likely_coefficients(model, observe_in(problem, decisions))
+    return model.local_probabilities(coefficients)
