@@ -1,6 +1,7 @@
 """Runs a stack of nodes to its end with a progress bar, in a ROS domain of its own."""
 
 import os
+import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -48,6 +49,17 @@ def require_free(environment: Mapping[str, str], *names: str) -> None:
     found = run(words, env=dict(environment), stdout=PIPE, text=True, check=False)
     if found.returncode == BAD_INPUT:
         raise RunError(found.stdout.strip(), BAD_INPUT)
+
+
+def port_fault(address: str, port: int) -> str:
+    """Why no server can have a port; empty where one can. Port 0 is any free one."""
+    with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            return error.strerror or str(error)
+    return ""
 
 
 def run_stack(
