@@ -1,17 +1,27 @@
-"""The three phases that run stacks of nodes; each is skipped when its result exists."""
+"""The three phases that run stacks of nodes; each is skipped when its result exists.
 
+While nodes drive, a web page shows them.
+"""
+
+import os
+import sys
 import time
+import webbrowser
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.text import Text
+
 from serd_app.report.inputs import PhaseTiming
 from serd_bag.files import atomic_write_text
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.processes.stack_run import run_stack
+from serd_cli.output.terminal import progress_console
+from serd_cli.processes.stack_run import PAGE, port_fault, run_stack
 from serd_cli.processes.workspace import PROJECT
+from serd_ros.graph.configs import WatchPageConfig
 
 _LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
 
@@ -77,8 +87,34 @@ def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
     )
 
 
+class LivePage:
+    """The page that shows the drives, at one address unless another program has its port."""
+
+    def __init__(self) -> None:
+        self._shown = ""
+
+    @staticmethod
+    def parameters() -> dict[str, int]:
+        """Its port: the usual one, or any free one."""
+        usual = WatchPageConfig()
+        return {f"{PAGE}.port": 0 if port_fault(usual.address, usual.port) else usual.port}
+
+    def show(self, address: str) -> None:
+        """Print an address that is new, and open it where there is a display."""
+        if address == self._shown:
+            return
+        self._shown = address
+        progress_console.print(Text.assemble("watch the drives at ", (address, "bold")))
+        has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        if has_display and sys.stdout.isatty():
+            webbrowser.open(address)
+
+
 def run_phases(
-    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
+    folder: DemoFolder,
+    settings: DemoSettings,
+    environment: Mapping[str, str],
+    page: LivePage | None,
 ) -> list[PhaseTiming]:
     """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if not folder.demonstrated(settings):
@@ -90,7 +126,15 @@ def run_phases(
         if phase.is_done():
             continue
         began_s = time.monotonic()
-        run_stack(phase.name, phase.parameters, environment, total=phase.n_parts, logs=folder.logs)
+        is_shown = page is not None and phase.drives is not None
+        run_stack(
+            phase.name,
+            {**phase.parameters, **(LivePage.parameters() if is_shown else {})},
+            environment,
+            total=phase.n_parts,
+            logs=folder.logs,
+            on_address=page.show if page is not None and is_shown else None,
+        )
         if not phase.is_done():  # a node ended early, even without an error of its own
             raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")
         folder.note_wall_time(phase.name, time.monotonic() - began_s)

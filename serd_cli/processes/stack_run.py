@@ -22,6 +22,7 @@ from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, load_graph
 from serd_ros.process.progress import VARIABLE, Progress, parse_progress
 
+PAGE = "watch_page"
 _LONGEST = 62
 
 
@@ -69,13 +70,16 @@ def run_stack(
     *,
     total: int,
     logs: Path,
+    on_address: Callable[[str], object] | None = None,
 ) -> None:
     """Run a stack until one of its nodes ends; total: how many parts its progress has.
 
-    What the nodes print goes to `NAME.log` in the folder of logs.
+    What the nodes print goes to `NAME.log` in the folder of logs. on_address: called with the
+    address of a page that shows the stack, which is one of its nodes only then.
     """
-    require_free_domain(find_stack(name), environment)
-    processes = stack_processes(find_stack(name), parameters, environment)
+    stack = find_stack(name) if on_address is None else _watched(find_stack(name))
+    require_free_domain(stack, environment)
+    processes = stack_processes(stack, parameters, environment)
     bar = WorkProgress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=20),
@@ -92,12 +96,23 @@ def run_stack(
             if progress is None:
                 log(node, line)
                 return
+            if progress.address and on_address is not None:
+                on_address(progress.address)
+                return
             text = progress.text
             short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
             bar.update(task, text=escape(short), completed=progress.done)
 
         run_together(processes, environment, take)
         bar.update(task, completed=total)
+
+
+def _watched(stack: Stack) -> Stack:
+    """The stack with a page, for which its world waits."""
+    world = stack.parameters["hallway_sim"]
+    waiting = {**world, "required_nodes": [*world["required_nodes"], PAGE]}
+    nodes, parameters = (*stack.nodes, PAGE), {**stack.parameters, "hallway_sim": waiting}
+    return stack.model_copy(update={"nodes": nodes, "parameters": parameters})
 
 
 def run_alone(

@@ -1,7 +1,5 @@
 """Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all.
 
-A process beside them, as a page that shows what they do, ends nothing.
-
 A keeper, honcho's process between this one and each node, ends its node when this one is killed.
 """
 
@@ -11,14 +9,10 @@ import shlex
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from subprocess import DEVNULL, PIPE
-from subprocess import Popen as ChildProcess
-from threading import Event, Thread
 from typing import Any
 
 from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
@@ -36,7 +30,6 @@ _LOOK_PERIOD_S = 0.5
 #: How long (s) a node may take to end by itself after the command was killed.
 _GRACE_S = 0.8
 _PR_SET_PDEATHSIG = 1
-_LOWEST = 19
 
 
 @dataclass(frozen=True)
@@ -211,53 +204,6 @@ def run_together(
     if manager.returncode:
         sentence = _what_failed(manager.exit_codes(), manager.returncode, tap.tails)
         raise RunError(sentence, BAD_INPUT if manager.returncode == BAD_INPUT else FAILED)
-
-
-@contextmanager
-def running_beside(
-    process: Process,
-    environment: Mapping[str, str],
-    on_line: Line,
-    on_early_end: Callable[[], object],
-) -> Iterator[None]:
-    """Run a process with the lowest priority within the context; its end ends nothing else.
-
-    on_line: called in a thread with each line of its stderr; on_early_end: in the same thread, when
-    it ends within the context.
-    """
-    parent, leaving = os.getpid(), Event()
-
-    def prepare() -> None:
-        _signal_at_death_of(parent, signal.SIGTERM)
-        os.nice(_LOWEST)
-
-    def follow() -> None:
-        assert child.stderr is not None
-        with child.stderr as lines:
-            for line in lines:
-                on_line(process.name, line.rstrip("\n"))
-        if not leaving.is_set():
-            on_early_end()
-
-    child = ChildProcess(
-        process.command,
-        env=dict(environment),
-        stdout=DEVNULL,
-        stderr=PIPE,
-        text=True,
-        errors="replace",
-        preexec_fn=prepare,
-    )
-    thread = Thread(target=follow, name=process.name, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        leaving.set()
-        child.terminate()
-        thread.join(_ENDING_S)  # it reads until the process ends
-        child.kill()
-        child.wait()
 
 
 def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:

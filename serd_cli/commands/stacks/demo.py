@@ -1,6 +1,5 @@
 """`serd demo`: the whole loop, with a report at the end."""
 
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,8 +7,7 @@ import typer
 
 from serd_bag.quantities import counted
 from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
-from serd_cli.demo.live_page import live_page
-from serd_cli.demo.phases import run_phases
+from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
@@ -51,10 +49,9 @@ def _run(folder: DemoFolder, settings: DemoSettings, *, with_page: bool, as_json
         soft_wrap=True,
     )
     try:
-        with stack_environment(folder.logs) as environment, ExitStack() as beside:
-            if with_page and not folder.navigated(settings):
-                beside.enter_context(live_page(settings.scenario, environment, folder.logs))
-            phases = run_phases(folder, settings, environment)
+        with stack_environment(folder.logs) as environment:
+            page = LivePage() if with_page else None
+            phases = run_phases(folder, settings, environment, page)
         from serd_cli.demo.report import report_demo
 
         report_demo(folder, settings, phases, as_json=as_json)

@@ -12,9 +12,9 @@ import pytest
 
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.processes import supervisor
-from serd_cli.processes.supervisor import Process, run_together, running_beside
+from serd_cli.processes.supervisor import Process, run_together
 from serd_ros.process.progress import Progress
-from support.waiting import PATIENCE_S, wait_until
+from support.waiting import PATIENCE_S
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
 
@@ -209,51 +209,3 @@ def test_a_node_ends_with_its_keeper():
         (keeper,) = children(command.pid)
         os.kill(keeper, signal.SIGKILL)
         assert has_ended(node)
-
-
-def test_a_process_beside_others_ends_with_the_context_and_its_lines_are_passed_on():
-    lines, ends = [], []
-    code = "import os, sys, time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(3600)"
-    beside = running_beside(
-        python("page", code),
-        os.environ,
-        lambda name, line: lines.append((name, line)),
-        lambda: ends.append("early"),
-    )
-    with beside:
-        wait_until(lambda: lines)
-    ((name, pid),) = lines
-    assert name == "page"
-    assert not Path(f"/proc/{pid}").exists()
-    assert not ends
-
-
-def test_the_early_end_of_a_process_beside_others_is_noted_and_ends_nothing():
-    lines, ends = [], []
-    with running_beside(
-        python("page", "import sys; sys.exit('no page')"),
-        os.environ,
-        lambda _, line: lines.append(line),
-        lambda: ends.append(list(lines)),
-    ):
-        wait_until(lambda: ends)
-    assert ends == [["no page"]]
-
-
-def test_a_process_beside_others_ends_when_the_command_is_killed(tmp_path):
-    started = tmp_path / "pid"
-    node = f"import os, time; open({str(started)!r}, 'w').write(str(os.getpid())); time.sleep(3600)"
-    command = f"""
-import os, signal, sys, time
-from pathlib import Path
-from serd_cli.processes.supervisor import Process, running_beside
-node = Process("page", [sys.executable, "-S", "-c", {node!r}])
-with running_beside(node, os.environ, print, print):
-    while not Path({str(started)!r}).exists() or not Path({str(started)!r}).read_text():
-        time.sleep(0.01)
-    os.kill(os.getpid(), signal.SIGKILL)
-"""
-    killed = subprocess.run([sys.executable, "-c", command], check=False)
-    assert killed.returncode == -signal.SIGKILL
-    pid = started.read_text()
-    wait_until(lambda: not Path(f"/proc/{pid}").exists())
