@@ -3,7 +3,6 @@
 import os
 import re
 import shlex
-import socket
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, free_folder, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.stack_run import log_of_nodes, require_free_domain
+from serd_cli.processes.stack_run import log_of_nodes, port_fault, require_free_domain
 from serd_cli.processes.supervisor import Line, run_together
 from serd_cli.processes.workspace import ros_environment
 from serd_files.errors import USER_ERRORS
@@ -115,18 +114,12 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
 
 def require_page(settings: TeleopSettings) -> None:
     """UsageError where the page cannot be served."""
-    address, port = settings.address, settings.port
-    PageAccess(address, read_token(settings.token_file))
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with socket.socket(family) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address, port))
-        except OSError as error:
-            raise UsageError(
-                f"cannot serve the page on {address} port {port}: {error.strerror or error}"
-                "; choose another with --port, 0 takes a free one"
-            ) from None
+    PageAccess(settings.address, read_token(settings.token_file))
+    if fault := port_fault(settings.address, settings.port):
+        raise UsageError(
+            f"cannot serve the page on {settings.address} port {settings.port}: {fault}"
+            "; choose another with --port, 0 takes a free one"
+        )
 
 
 @contextmanager
