@@ -1,20 +1,14 @@
-"""What viewers show: people, policy arrows, values, traps and words as MarkerArray, and arrival.
+"""People, policy arrows, the value map, traps and words as MarkerArray, for RViz."""
 
-Predicted arrival is a std_msgs/Float64MultiArray, since nothing with a header and named columns is
-among the messages that tools plot.
-"""
-
-import array
 import math
 from collections.abc import Sequence
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 from numpy.typing import NDArray
-from std_msgs.msg import ColorRGBA, Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import DIRECTION_VECTORS, Action
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_header
@@ -113,34 +107,3 @@ def _arrow(
 def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:
     header = to_header(topics.MAP_FRAME, time_s)
     return Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)
-
-
-_SMALLEST_STEP = 1e-3
-
-
-def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
-    """The law of the remaining time as seen at `now_s`: a row of times, a row of probabilities.
-
-    Row 0: times (s) on the clock of the observations, the first one being when the prediction was
-    made; row 1: predicted probability of having arrived by then, given no arrival so far. Steps of
-    less than a thousandth are left out.
-    """
-    kept = _distinct_steps(law)
-    size = len(kept)
-    layout = MultiArrayLayout(
-        dim=[
-            MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size),
-            MultiArrayDimension(label="step", size=size, stride=size),
-        ],
-        data_offset=0,
-    )
-    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
-    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))
-
-
-def _distinct_steps(law: ArrivalLaw) -> list[int]:
-    kept = [0]
-    for step in range(1, len(law.cdf)):
-        if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
-            kept.append(step)
-    return kept

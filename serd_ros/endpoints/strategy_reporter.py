@@ -1,17 +1,20 @@
 """Output of the strategy: displays for viewers, `diagnostics` and the log."""
 
+import array
+
+import numpy as np
 from geometry_msgs.msg import PolygonStamped
 from nav_msgs.msg import Path
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from visualization_msgs.msg import MarkerArray
 
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.strategy import Strategy
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.markers import (
-    to_arrival_message,
     to_policy_markers,
     to_text_marker,
     to_trap_markers,
@@ -24,6 +27,7 @@ from serd_ros.process.serd_node import SerdNode
 from serd_sim.world.observation import Observation
 
 _LOG_PERIOD_S = 5.0
+_SMALLEST_STEP = 1e-3
 
 
 class StrategyReporter:
@@ -90,3 +94,32 @@ class StrategyReporter:
     def report_give_up(self, reason: str) -> None:
         """Report the end of a drive that did not arrive."""
         self._node.report(self.time_s, {"reason": reason}, level=WARN, message="gave up")
+
+
+def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
+    """The law of the remaining time as seen at `now_s`: a row of times, a row of probabilities.
+
+    Row 0: times (s) on the clock of the observations, the first one being when the prediction was
+    made; row 1: predicted probability of having arrived by then, given no arrival so far. Steps of
+    less than a thousandth are left out. Nothing with a header and named columns is among the
+    messages that tools plot.
+    """
+    kept = _distinct_steps(law)
+    size = len(kept)
+    layout = MultiArrayLayout(
+        dim=[
+            MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size),
+            MultiArrayDimension(label="step", size=size, stride=size),
+        ],
+        data_offset=0,
+    )
+    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
+    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))
+
+
+def _distinct_steps(law: ArrivalLaw) -> list[int]:
+    kept = [0]
+    for step in range(1, len(law.cdf)):
+        if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
+            kept.append(step)
+    return kept

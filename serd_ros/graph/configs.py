@@ -441,7 +441,6 @@ class TeleopPageConfig(FramesConfig):
     required_nodes: tuple[str, ...] = setting(_NONE, "an episode starts when these nodes subscribe")
     speed_mps: float = setting(0.6, "speed in velocity mode", unit="m/s", gt=0)
     turn_radps: float = setting(1.5, "turning rate in velocity mode", unit="rad/s", gt=0)
-
     address: str = setting(
         "127.0.0.1", "address of the page; any other than loopback needs a token", min_length=1
     )

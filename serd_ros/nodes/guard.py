@@ -21,6 +21,7 @@ from serd_ros.endpoints.followed_topic import follow_commands
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.scan_topic import ScanTopic
+from serd_ros.endpoints.world.worlds import publishers_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
@@ -92,10 +93,7 @@ class GuardNode(SerdNode[GuardConfig]):
             topic = self.resolve_topic_name(source.value)
             if self.count_publishers(topic) > 1:
                 several.append(Reason(source, Fault.SEVERAL))
-                names = sorted(
-                    f"{each.node_namespace.rstrip('/')}/{each.node_name}"
-                    for each in self.get_publishers_info_by_topic(topic)
-                )
+                names = publishers_of(self, topic)
                 self.get_logger().warning(
                     f"{topic} has several publishers: {', '.join(names)}; end all but one, or let"
                     " teleop_mux choose between them",

@@ -1,4 +1,4 @@
-"""The inverse of `serd_ros.convert.markers`, for tests that read a prediction."""
+"""The inverse of `to_arrival_message`, for tests that read a prediction."""
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray

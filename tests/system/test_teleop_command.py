@@ -120,7 +120,7 @@ def test_a_page_starts_saves_and_discards_and_a_second_run_is_apart(probe, ros_e
             session.close()
         bag = tmp_path / f"teleop_output/session-{number}/bag"
         if as_json:
-            recorded = json.loads(session.output[session.output.index("\n{") :])
+            recorded = json.loads(re.search(r'\{\s+"bag".*', session.output, re.DOTALL)[0])
             assert recorded["outcomes"] == {"saved": 1, "discarded": 1}
             assert recorded["bag"] == str(bag)
             assert f"serd demos {bag} --scenario hallway" in recorded["decisions"]

@@ -1,14 +1,30 @@
-"""teleop_page: a person drives through a web page, as a ROS 2 node.
+"""teleop_page: a person drives through a web page by directions or by velocities, as a ROS 2 node.
 
 The page is served by a thread of its own (serd_app.teleop.page). This node publishes its requests
 and sends the state of the world to it, twenty times a second.
+
+By directions, the choice becomes an `intent` at each decision tick: in an episode of this driver
+from the first direction on, waits included, otherwise only when a direction is chosen. By
+velocities, `cmd_vel_teleop` is published. From the first direction on, while a person is present
+and drives by directions, `driver_gone` is published as false; otherwise the mux locks the planner,
+within its timeout even when this process has died.
+
+While the e-stop is engaged no intent is published. At its engagement and release, when the person
+was absent, at the end of an episode and when planner, mux or world have fallen silent, the input is
+discarded and the planner locked: the robot stands until a key is pressed anew.
 """
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3Stamped
 from sensor_msgs.msg import Joy
+from std_msgs.msg import Bool
 
 from serd_app.errors import TeleopError
+from serd_app.teleop.direction_choice import DirectionChoice, Mode
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.requests import (
     Away,
@@ -24,58 +40,93 @@ from serd_app.teleop.page.requests import (
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import scene_of
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_joy
+from serd_ros.convert.command import to_intent, to_joy, to_twist
+from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
-from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.episodes.page_view import LearnedOverlay, PageView, episode_values
+from serd_ros.episodes.person_episodes import PersonEpisodes
+from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.progress import report_address
-from serd_sim.world.command import Command
+from serd_ros.process.serd_node import SerdNode
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import DecisionClock
 
-_SILENCE_S = 0.5
+_BEAT_PERIOD_S = 0.05
+#: A longer pause (s) between two beats counts as absence: this process was stopped.
+_ABSENCE_S = 0.5
+#: The page is absent after this time (s) without a request.
+_PAGE_SILENCE_S = 0.5
+#: The mux and the world are silent after this time (s) without a message.
+_SILENCE_S = 1.0
 
 
-class TeleopPageNode(HandDriverNode):
+class TeleopPageNode(SerdNode[TeleopPageConfig]):
     """One page at a time drives; without its heartbeat the robot stops."""
 
     def __init__(self, kind: str) -> None:
-        self._server: PageServer | None = None
-        self._overlay: LearnedOverlay | None = None
         super().__init__(kind)
-        config = self.config
+        self.scenario = load_scenario(self.config.scenario)
+        self.mode: Mode = self.config.mode
+        self.choice = DirectionChoice()
+        self.observation: Observation | None = None
+        self.episodes = PersonEpisodes(
+            self,
+            self.scenario,
+            driver=self.config.driver,
+            timeout_s=self.config.timeout_s,
+            required_nodes=self.config.required_nodes,
+            notify=self.notify,
+            on_end=self.stop_moving,
+        )
+        self._was_present = self._is_driving = self._is_moving = self._is_e_stopped = False
+        # Between the key of the emergency stop and the mux's answer a tap must not drive.
+        self._wants_stop = False
+        #: Whether the mux has an input, and since when it has none any more.
+        self._is_driven, self._undriven_s = False, math.inf
+        self._beat_s = self.wall_s()
+        self._received_s: dict[str, float] = {}
+        self._is_silent = False
+        self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+        self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
+        self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
+        self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
+        self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
+        self._is_guarded = True
+        self._periods = DecisionClock(self.scenario)
+        self._periods.begin(0)
+        ObservationSource(self, self.scenario.control_period_s, self._on_observation)
+        self.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+        )
+        self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
+        self.create_timer(_BEAT_PERIOD_S, self._beat)
         self._heard_s: float | None = None
         self._moving = self._was_released = self._has_gamepad = False
         self._view = PageView(self.scenario)
         self._view.subscribe(self)
         self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
-        access = PageAccess(config.address, read_token(config.token_file))
+        access = PageAccess(self.config.address, read_token(self.config.token_file))
         scene = scene_of(self.scenario, self._view.grid)
-        self._server = PageServer(scene, access, config.port)
+        self._server = PageServer(scene, access, self.config.port)
         self._overlay = LearnedOverlay(self, self.scenario, self._server)
         report_address(self._server.url, self.get_logger().info)
 
     def close(self) -> None:
         """End the server."""
-        if self._overlay is not None:
-            self._overlay.close()
-        if self._server is not None:
-            self._server.close()
-
-    def clock_jumped(self, jump: Jump) -> None:
-        """Show nothing that is stale."""
-        self._view.clear()
-        super().clock_jumped(jump)
+        self._overlay.close()
+        self._server.close()
 
     def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""
         self.get_logger().info(sentence)
-        if self._server is not None:
-            self._server.notify(sentence)
+        self._server.notify(sentence)
 
     def attend(self) -> bool:
-        """Take the page's requests and send it the present state."""
-        if self._server is None or self._overlay is None:
-            return False
+        """Take the page's requests and send it the present state; whether a person is there."""
         if self._heard_s is not None and not self._is_there():
             # The mux has stopped the robot. What waits now was held before: it counts anew.
             self._heard_s = None
@@ -84,15 +135,15 @@ class TeleopPageNode(HandDriverNode):
             self._obey(request)
         there = self._is_there()
         self._overlay.send()
-        self._server.show(self._state(self._server, there=there))
+        self._server.show(self._state(there=there))
         return there
 
     def _is_there(self) -> bool:
-        return self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
+        return self._heard_s is not None and self.wall_s() - self._heard_s <= _PAGE_SILENCE_S
 
     def discard_input(self) -> None:
-        """Discard the directions; velocities and gamepad count after they were neutral."""
-        super().discard_input()
+        """Let what is pressed now count only after it has been released and pressed again."""
+        self.choice.clear()
         self._moving = self._was_released = False
         if self._has_gamepad:
             self._joy.publish(Joy())
@@ -122,7 +173,8 @@ class TeleopPageNode(HandDriverNode):
             self._joy.publish(to_joy(request.axes, request.buttons, time_s))
             self._has_gamepad = True
         elif isinstance(request, Override):
-            self.override_guard()
+            # It is to be repeated within the override_timeout of the guard.
+            self._override.publish(Bool(data=True))
         elif isinstance(request, SetMode):
             self.set_mode(request.mode)
         elif isinstance(request, EmergencyStop):
@@ -143,14 +195,132 @@ class TeleopPageNode(HandDriverNode):
             return
         if self.mode == "velocity" and (moving or self._moving):
             linear_mps = request.linear * self.config.speed_mps
-            self.drive(Command(linear_mps, request.angular * self.config.turn_radps))
+            command = Command(linear_mps, request.angular * self.config.turn_radps)
+            self._velocities.publish(to_twist(command))
         self._moving = moving
 
-    def _state(self, server: PageServer, *, there: bool) -> dict[str, Any]:
+    def _state(self, *, there: bool) -> dict[str, Any]:
         return {
             **self._view.state(self.observation, episode_values(self.episodes), self.wall_s()),
-            "page": server.driving_page,
+            "page": self._server.driving_page,
             "there": there,
             "mode": self.mode,
             "choice": self.choice.upcoming.name.lower(),
         }
+
+    def clock_jumped(self, jump: Jump) -> None:
+        """End every motion, show nothing stale; a new session discards the episode and counts."""
+        self._view.clear()
+        self.stop_moving()
+        if jump is Jump.BACKWARD:
+            self.notify("the clock fell back: a new session begins")
+            self._periods.begin(0)
+            self.episodes.begin_session()
+
+    def set_e_stop(self, engaged: bool) -> None:
+        """Engage the emergency stop, or release it."""
+        self._wants_stop = engaged and not self._is_e_stopped
+        if engaged:
+            self.stop_moving()
+        else:
+            self.discard_input()
+        self._e_stop.publish(Bool(data=engaged))
+
+    def set_mode(self, mode: Mode) -> None:
+        """Drive by directions or by velocities; the robot stops in between."""
+        if mode != self.mode:
+            self.stop_moving()
+            self.mode, self._is_driving = mode, False
+
+    def _beat(self) -> None:
+        late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
+        was_silent, self._is_silent = self._is_silent, self._hears_too_little()
+        if late_s > _ABSENCE_S or was_silent != self._is_silent or self._planner_fell_silent():
+            self.stop_moving()
+        present = self.attend()
+        if present and self.mode == "directions" and self._is_driving and not self._is_silent:
+            self._gone.publish(Bool(data=False))
+        if self._was_present and not present:
+            self.stop_moving()
+        self._was_present = present
+
+    def _planner_fell_silent(self) -> bool:
+        """Whether the mux has lost the planner, which drives by directions, for a while now."""
+        if self.wall_s() - self._undriven_s <= _ABSENCE_S:
+            return False
+        self._undriven_s = math.inf
+        return self.mode == "directions"
+
+    def _hears_too_little(self) -> bool:
+        """Whether a node that sent messages before is silent: it was stopped, and may continue."""
+        return any(
+            self.wall_s() - received_s > _SILENCE_S for received_s in self._received_s.values()
+        )
+
+    def stop_moving(self) -> None:
+        """End every motion of this driver; the next one needs a key that is pressed anew."""
+        self.discard_input()
+        if self.mode == "velocity":
+            self._velocities.publish(to_twist(STOP))
+            return
+        # The lock remains until the next direction: a planner that continues after it was stopped
+        # may have lost the intent to wait.
+        self._is_driving = False
+        self._gone.publish(Bool(data=True))
+        if self._is_moving and self.observation is not None:
+            self._publish_intent(Action.WAIT, self.observation)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._show_guard(values_of(message, "guard"))
+        values = values_of(message, "teleop_mux")
+        if values is None:
+            return
+        self._received_s["teleop_mux"] = self.wall_s()
+        was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
+        if was_driven != self._is_driven:
+            self._undriven_s = math.inf if self._is_driven else self.wall_s()
+
+    def _show_guard(self, values: Mapping[str, str] | None) -> None:
+        was_guarded = self._is_guarded
+        if values is not None:
+            self._is_guarded = values.get("overridden") != str(True)
+        if was_guarded != self._is_guarded:
+            self.notify("the guard is on" if self._is_guarded else "the guard is OVERRIDDEN")
+
+    def _on_e_stop(self, message: Bool) -> None:
+        was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)
+        if self._is_e_stopped or was_stopped:
+            self._wants_stop = False
+        if self._is_e_stopped:
+            self.stop_moving()
+        elif was_stopped:
+            self.discard_input()
+
+    def _on_observation(self, observation: Observation) -> None:
+        if self.observation is None:
+            self.notify("the world is running: drive, or start an episode")
+        self.observation = observation
+        self._received_s["world"] = self.wall_s()
+        self.episodes.see(observation)
+        if self._periods.begins(observation) and self.mode == "directions":
+            self._decide(observation)
+
+    def _decide(self, observation: Observation) -> None:
+        is_stopped = self._is_e_stopped or self._wants_stop
+        if not self._was_present or is_stopped or self.episodes.other_driver:
+            return
+        if self.episodes.session.is_starting:
+            return  # what is chosen now is for the first decision of the episode
+        action = self.choice.decide()
+        chosen = action != Action.WAIT
+        if self.episodes.is_running:
+            if self.episodes.n_decisions or chosen:  # waiting to begin is no decision to wait
+                self.episodes.n_decisions += 1
+                self._publish_intent(action, observation)
+        elif chosen or self._is_moving:
+            self._publish_intent(action, observation)
+
+    def _publish_intent(self, action: Action, observation: Observation) -> None:
+        self._intents.publish(to_intent(action, observation.time_s))
+        self._is_moving = action != Action.WAIT
+        self._is_driving |= self._is_moving

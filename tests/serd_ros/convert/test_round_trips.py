@@ -31,7 +31,6 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
-    to_arrival_message,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
@@ -61,6 +60,7 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.endpoints.strategy_reporter import to_arrival_message
 from serd_ros.errors import MessageError
 from serd_sim.scenario.occupancy import OccupancyRaster
 from serd_sim.scenario.settings import LidarSettings

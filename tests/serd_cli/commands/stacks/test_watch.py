@@ -1,6 +1,37 @@
-"""`serd watch` is refused before anything starts where it cannot work."""
+"""What `serd watch` starts and prints, and what it refuses before anything starts."""
+
+import json
 
 import pytest
+
+from serd_cli.commands.stacks import watch as watch_module
+from serd_ros.process.progress import Progress
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_options_become_parameters_of_the_page_whose_address_is_printed(
+    serd, monkeypatch, tmp_path, as_json
+):
+    started = []
+
+    def run_alone(node, command, _, take):
+        started.append(" ".join([node, *command]))
+        take(Progress(text="of no page"))
+        take(Progress(text="", address="http://127.0.0.1:9/"))
+
+    monkeypatch.setattr(watch_module, "run_alone", run_alone)
+    token = tmp_path / "here" / "token"
+    token.write_text("a-long-random-token\n")
+    given = ["--namespace", "robot1", "--port", "9", "--token-file", "token", "--json"]
+    ended = serd("watch", *given[: None if as_json else -1])
+    assert ended.code == 0, ended.err
+    (words,) = started
+    for part in ("watch_page ", "__ns:=/robot1", "port:=9", f"token_file:='{token}'"):
+        assert part in words
+    if as_json:
+        assert json.loads(ended.out) == {"url": "http://127.0.0.1:9/"}
+    else:
+        assert "watch at http://127.0.0.1:9/" in ended.err
 
 
 @pytest.mark.parametrize(
