@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.grid.grid_file import load_grid, save_grid
 from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from serd_files.grid_file import load_grid, save_grid
 
 
 @given(

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_bag.errors import FileError
 from serd_core.grid.grid import Grid
-from serd_files.grid_picture import flow_of_picture, flow_picture
+from serd_files.grid_file import flow_of_picture, flow_picture
 
 GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]))
 

@@ -10,11 +10,11 @@ import pytest
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
-from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
+from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import grid_of
