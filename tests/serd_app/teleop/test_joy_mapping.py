@@ -101,6 +101,10 @@ def test_the_first_button_enables_too():
     assert driver_of(first).command([0.0, 1.0], [0, 1, 0]) is None
 
 
+def test_axes_that_are_deflected_at_the_start_do_not_drive():
+    assert JoyDriver(MAPPING).command([0.0, 1.0], [0, 1, 0]) == STOP
+
+
 def test_the_built_in_mapping_needs_an_enable_button():
     mapping = load_joy_mapping()
     assert mapping.require_enable_button

@@ -35,6 +35,10 @@ def test_escape_alone_is_a_key_once_nothing_follows():
     assert names.feed(b"") == []
 
 
+def test_sequences_of_other_keys_are_passed_over():
+    assert KeyNames().feed(b"\x1b[1;5A\x1b[3~s") == ["s"]
+
+
 @given(st.binary(max_size=40))
 def test_any_bytes_end_in_names_and_nothing_is_kept_for_ever(data):
     names = KeyNames()
@@ -109,6 +113,13 @@ def test_after_a_stop_without_keys_the_first_key_counts():
     presses = KeyPresses()
     presses.require_release()
     assert presses.admit(5.0)
+
+
+def test_a_released_key_sends_nothing():
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    keys.press("i", 3.0)
+    keys.release()
+    assert keys.command(3.1) is None
 
 
 @pytest.fixture

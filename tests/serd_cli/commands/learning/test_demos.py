@@ -135,6 +135,19 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
 
 
+def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
+    bag = drive_bag()
+    file = next(bag.glob("*.mcap"))
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(bytes(content))
+    words = ("demos", bag, "--scenario", "hallway", "--tolerant")
+    values = json.loads(serd(*words, "--json").out)["bags"][0]
+    assert values["damage"]
+    assert (values["n_lost"] >= 10, values["all_lost_known"]) == (True, True)
+    assert f"drive: {values['n_lost']} messages lost" in serd(*words).out
+
+
 def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, tmp_path):
     bag, people = drive_bag(), people_bag()
     copy = serd("bag", "convert", people, "--output", tmp_path / "copy")
