@@ -17,7 +17,7 @@ from serd_core.bayes.draws import PosteriorDraws
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_files.grid_picture import BLOCKED, WALKABLE, flow_of_picture, flow_picture
+from serd_files.grid_file import BLOCKED, WALKABLE, flow_of_picture, flow_picture
 from serd_files.yaml_config import StrictModel, load_yaml_model
 
 _SUM_TOLERANCE = 1e-6
@@ -130,7 +130,7 @@ class FitRecord(StrictModel):
 class ModelFile(StrictModel):
     """Everything the strategy needs from a fit, and a summary of the fit for people.
 
-    flow: picture of the direction people walk in per cell, as `serd_files.grid_picture` has it;
+    flow: picture of the direction people walk in per cell, as `serd_files.grid_file` has it;
     none where it is that of the scenario.
     draws: none where the fit has no posterior.
     goals_m: centres of the goal cells.

@@ -15,7 +15,6 @@ from serd_app.demonstrations.decision_table import concatenate_renumbered, save_
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.grid.resolution import (
     ResolutionAdvice,
     ResolutionRow,
@@ -29,6 +28,7 @@ from serd_bag.files import delete_file
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from serd_files.grid_file import save_grid
 from serd_files.table import read_rows, write_rows
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of

@@ -16,7 +16,6 @@ from serd_app.demonstrations.goal import (
     usual_goal_states,
 )
 from serd_app.demonstrations.grid.flow_field import load_flow
-from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
@@ -28,6 +27,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
 from serd_files.files import require_beside
+from serd_files.grid_file import load_grid
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from serd_sim.scenario.scenario import Scenario, load_scenario

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
@@ -18,6 +17,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.posterior.parameters import Parameters
+from serd_files.grid_file import save_grid
 from serd_files.model_file import ModelFile
 from serd_files.table import Column, csv_text, read_table
 from serd_files.yaml_config import save_yaml_model

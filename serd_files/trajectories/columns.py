@@ -38,21 +38,18 @@ _WORD = re.compile(r"[^\W\d_]+|\d+")
 _AXES = frozenset(["x", "y", "px", "py", "tx", "ty", "rx", "ry"])
 #: Words for a place, which may precede or follow the axis.
 _PLACE = frozenset(["position", "pos", "pose", "location", "center", "map", "odom", "world",
-                    "global", "local", "field", "mobile"])  # fmt: skip
+                    "global", "local", "field"])  # fmt: skip
 #: Words in names of numbers along x and y that are places of no agent.
 _OTHER = frozenset(["v", "vel", "velocity", "speed", "twist", "linear", "angular", "acc", "cmd",
                     "acceleration", "force", "q", "orientation", "quaternion", "cov", "std",
                     "covariance", "error", "direction", "size", "goal", "target", "start", "end",
                     "destination", "waypoint", "reference", "lidar", "laser", "sensor", "camera",
                     "marker", "image"])  # fmt: skip
-#: The kind of a place by the other words of its name; a number alone is that of a person.
-_KINDS = (
-    ("own", re.compile("")),
-    (ROBOT, re.compile(r"(robot|agv|amr|ego)\d*")),
-    (PERSON, re.compile(r"(person|people|ped|pedestrian|human|walker|obstacle|actor|p|h)\d*")),
-    ("numbered", re.compile(r"\d+")),
-    ("unknown", re.compile(".+")),
-)
+_KIND_OF = {
+    **dict.fromkeys(["robot", "mobilerobot", "agv", "amr", "ego"], ROBOT),
+    **dict.fromkeys(["person", "people", "ped", "pedestrian", "human", "walker"], PERSON),
+    **dict.fromkeys(["obstacle", "actor", "p", "h"], PERSON),
+}
 _LISTED = 6
 
 
@@ -133,16 +130,19 @@ def place_of(name: str) -> Place | None:
     >>> place_of("robot_pose_x").agent, place_of("y [cm]").axis, place_of("yaw")
     ('robot', 'y', None)
     """
-    words = [word.lower() for word in _WORD.findall(_plain(name))]
+    plain = _plain(name).lower()
+    words = _WORD.findall(plain)
     axes = [at for at, word in enumerate(words) if word in _AXES]
     if len(axes) != 1 or not _OTHER.isdisjoint(words):
         return None
     (at,) = axes
-    agent = "".join(word for word in words[:at] + words[at + 1 :] if word not in _PLACE)
+    form = (*words[:at], words[at][:-1], *words[at + 1 :], unit_of(name) or "")
+    rest = _WORD.sub(lambda word: "" if word[0] in _AXES | _PLACE else word[0], plain)
+    agent = re.sub(r"^[\W_]+|[\W_]+$", "", rest)
     if agent == "r" or (not agent and words[at].startswith("r")):
         agent = ROBOT
-    kind = next(kind for kind, pattern in _KINDS if pattern.fullmatch(agent))
-    form = (*words[:at], words[at][:-1], *words[at + 1 :], unit_of(name) or "")
+    letters = re.sub(r"[\W_\d]", "", agent)
+    kind = _KIND_OF.get(letters, "unknown") if letters else "numbered" if agent else "own"
     return Place(agent, kind, words[at][-1], form)
 
 
@@ -244,13 +244,18 @@ def _require_one_time(where: str, cells: "Cells") -> None:
 
 
 def _named_pairs(names: Sequence[str]) -> list[tuple[Place, Pair]]:
-    """Return the pairs of columns whose names differ by the axis alone."""
-    columns: dict[Place, dict[str, int]] = {}
+    """Return the pairs of columns whose names differ by the axis alone; of names that are there
+    twice the first with the first."""
+    columns: dict[Place, dict[str, list[int]]] = {}
     for column, name in enumerate(names):
         if place := place_of(name):
-            columns.setdefault(place._replace(axis=""), {}).setdefault(place.axis, column)
-    pairs = ((place, axes.get("x"), axes.get("y")) for place, axes in columns.items())
-    return [(place, Pair(x, y)) for place, x, y in pairs if x is not None and y is not None]
+            axes = columns.setdefault(place._replace(axis=""), {"x": [], "y": []})
+            axes[place.axis].append(column)
+    return [
+        (place, Pair(*pair))
+        for place, axes in columns.items()
+        for pair in zip(axes["x"], axes["y"], strict=False)
+    ]
 
 
 def _of_kind(where: str, names: Sequence[str], *kinds: str, but: Pair | None) -> dict[str, Pair]:
@@ -270,20 +275,21 @@ def _by_name(where: str, cells: "Cells", *, has_ids: bool) -> dict[str, Pair]:
     x and y are a person's beside columns of a robot, and the robot's beside columns of people.
     """
     names = cells.names
-    own, robots, people, numbered, unknown = (
-        _of_kind(where, names, kind, but=None) for kind, _ in _KINDS
+    own, robots, people, numbered = (
+        _of_kind(where, names, kind, but=None) for kind in ("own", ROBOT, PERSON, "numbered")
     )
     if robots or (own and not has_ids):  # beside a column of ids, numbers behind x are none
         people |= {f"{PERSON} {number}": pair for number, pair in numbered.items()}
     if robots:
-        kinds = {name.rstrip("0123456789"): name for name in robots}
+        kinds = {re.sub(r"[\W_\d]+$", "", name): name for name in robots}
         _require_one(where, names, [robots[name] for name in kinds.values()])
         is_person = own and not _are_same(cells, own[""], next(iter(robots.values())))
         return robots | people | ({PERSON: own[""]} if is_person else {})
     if own:
         return {ROBOT: own[""], **people} if people else own
     if people:
-        _require_one(where, names, [*list(people.values())[:1], *unknown.values()])
+        unknown = [pair for place, pair in _named_pairs(names) if place.kind == "unknown"]
+        _require_one(where, names, [*list(people.values())[:1], *unknown])
     return people
 
 

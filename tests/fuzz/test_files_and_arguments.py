@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from lab.experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
-from serd_app.demonstrations.grid.grid_file import load_grid, save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
@@ -29,6 +28,7 @@ from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import Decisions
 from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.grid_file import load_grid, save_grid
 from serd_files.model_file import load_model
 from serd_files.table import RowTable, write_rows, write_table
 from serd_files.trajectories.read import read_trajectories

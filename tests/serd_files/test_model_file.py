@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_bag.errors import FileError
 from serd_core.grid.grid import Grid
+from serd_files.grid_file import save_grid
 from serd_files.model_file import (
     FitRecord,
     GridSummary,

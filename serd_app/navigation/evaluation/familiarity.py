@@ -13,7 +13,6 @@ import numpy as np
 
 from serd_app.demonstrations.discretise import joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
-from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import (
     Place,
     demonstrations_of_all,
@@ -35,6 +34,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
 from serd_files.files import require_beside
+from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile, load_model
 from serd_sim.scenario.model_problem import model_in_flow
 from serd_sim.scenario.scenario import load_scenario

@@ -1,12 +1,18 @@
-"""Several tables become one without mixing their episodes."""
+"""Tables of decisions read back, and several become one without mixing their episodes."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.demonstrations.decision_table import concatenate, concatenate_renumbered
+from serd_app.demonstrations.decision_table import (
+    concatenate,
+    concatenate_renumbered,
+    load_decisions,
+    save_decisions,
+)
 from serd_app.errors import AppError
+from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import Decisions
 
 
@@ -49,3 +55,38 @@ def test_tables_that_keep_their_numbers_are_concatenated_in_order():
     assert both.episode.tolist() == [3, 4, 0]
     assert both.state.tolist() == [3, 4, 0]
     assert both.source == first.source
+
+
+@given(
+    st.lists(
+        st.tuples(*[st.integers(0, 999)] * 4, st.floats(-1e9, 1e9, allow_nan=False)), max_size=6
+    )
+)
+def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
+    path = tmp_path_factory.mktemp("table") / "decisions.csv"
+    episode, state, action, following, time_s = zip(*rows, strict=True) if rows else [[]] * 5
+    decisions = Decisions(episode, time_s, state, action, following, source='a, "b"')
+    save_decisions(path, decisions)
+    loaded = load_decisions(path)
+    for name in ("episode", "time_s", "state", "action", "next_state"):
+        assert np.array_equal(getattr(loaded, name), getattr(decisions, name))
+    assert loaded.source == (decisions.source if rows else "")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "must have the columns episode, time_s, state, action, next_state, source, got none"),
+        ("a,b\n", "must have the columns .*, got a, b"),
+        ("HEAD\n1,2,3\n", "line 2 must have 6 columns, got 3"),
+        ("HEAD\n1,x,3,4,5,s\n", "line 2, time_s must be a number, got 'x'"),
+        ("HEAD\n1,2.0,3.5,4,5,s\n", "line 2, state must be a whole number, got '3.5'"),
+        ("HEAD\n1,2.0,-3,4,5,s\n", r"state\[0\] must not be negative, got -3"),
+        ("HEAD\n1,nan,3,4,5,s\n", "time_s"),
+    ],
+)
+def test_a_wrong_table_gets_a_sentence(tmp_path, text, sentence):
+    path = tmp_path / "decisions.csv"
+    path.write_text(text.replace("HEAD", "episode,time_s,state,action,next_state,source"))
+    with pytest.raises(FileError, match=sentence):
+        load_decisions(path)

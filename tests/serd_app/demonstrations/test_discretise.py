@@ -22,7 +22,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive
-from serd_app.drives.sessions import DriveSessions, read_drives
+from serd_app.drives.sessions import DriveSessions, Session, read_drives
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
@@ -277,6 +277,14 @@ def tolerated(writer):
     return read_drives(writer.directory, tolerant=True)[0]
 
 
+def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
+    session = Session("bag x")
+    for time_s in (1.0, 2.0):
+        session.poses.extend((time_s, np.nan, 0.0))
+    with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
+        session.drive()
+
+
 def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
     recorded_bag.write("/intent", messages.intent(106.05, np.inf, 0.0), 100)
     recorded_bag.close()
@@ -340,6 +348,12 @@ def test_a_wait_moves_from_the_least_speed_over_its_period_on(moved_m, n_moving)
     assert only(recorded)[1].n_moving_waits == n_moving
 
 
+def test_reasons_that_were_counted_while_reading_stay_counted():
+    recorded = drive([(0.5, 0.5)] * 4, [(-1.0, 1), (0.0, 1)])
+    recorded = dataclasses.replace(recorded, dropped={discretise.OUTSIDE_EPISODE: 2})
+    assert only(recorded)[1].dropped == {discretise.OUTSIDE_EPISODE: 3}
+
+
 def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
     recorded = drive([(0.5, 0.5)] * 7, [(0.0, 1), (2.0, 1), (4.0, 1)])
     spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
@@ -372,6 +386,14 @@ def test_what_was_left_out_while_reading_is_in_the_report_and_its_sentence():
         " dropped: 1 a, 2 b; 2 poses not finite; 3 poses without /tf; 4 commands not finite;"
         " 5 waits while moving"
     )
+
+
+def test_each_move_to_a_neighbour_is_counted_also_into_the_first_cell():
+    beside = [(1.5, 0.5), (0.8, 0.8), (0.1, 1.1), (1.5, 0.5), (1.5, 0.5), (0.8, 0.8), (0.1, 1.1)]
+    recorded = drive(beside, [(0.0, Action.WEST), (4.0, Action.WEST)])
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert decisions.next_state.tolist() == [0, 0]
+    assert (report.n_diagonal, report.dropped) == (2, {})
 
 
 def test_a_move_that_no_neighbour_explains_is_dropped_as_that():

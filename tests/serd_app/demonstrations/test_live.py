@@ -187,6 +187,23 @@ def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(
     assert len(everything.decisions.episodes) == 2
 
 
+@pytest.mark.parametrize("ahead", TOPICS)
+def test_one_topic_may_come_long_before_the_others(messages, ahead):
+    _, sent = messages
+    first = [each for each in sent if each[0] == ahead]
+    rest = [each for each in sent if each[0] != ahead]
+    assert same(live_drive(first + rest).gathered(), live_drive(sent).gathered())
+
+
+def test_two_worlds_one_after_the_other_are_kept_apart(messages, root):
+    _, sent = messages
+    bags = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))
+    wanted = [f"/{topic}" for topic in TOPICS]
+    other = [(each.topic[1:], each.data) for each in BagReader(bags[1]).messages(wanted)]
+    both = live_drive(sent + other).gathered()
+    assert same(both, joined([live_drive(sent).gathered(), live_drive(other).gathered()]))
+
+
 def test_a_world_restarted_before_it_had_many_decisions_gets_a_session_of_its_own(messages):
     _, sent = messages
     ends = [index for index, (topic, _) in enumerate(sent) if topic == "episode"]

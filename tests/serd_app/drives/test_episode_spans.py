@@ -84,6 +84,11 @@ def test_a_number_that_comes_again_is_another_episode():
     ]
 
 
+def test_of_two_episodes_with_one_number_the_later_is_taken_back():
+    marks = (start(0.0, 0), end(2.0, 0), start(4.0, 0), end(6.0, 0), end(7.0, 0, "discarded"))
+    assert spans(*marks) == [(0, 0.0, 2.0, "arrived"), (1, 4.0, 6.0, "discarded")]
+
+
 def test_marks_sent_again_count_once():
     marks = (start(0.0, 0), end(2.0, 0), start(4.0, 1), end(6.0, 1))
     assert spans(*(each for mark in marks for each in (mark, mark))) == spans(*marks)

@@ -82,6 +82,11 @@ def test_each_lap_to_a_goal_area_is_an_episode_and_the_way_back_is_none():
     )
 
 
+def test_a_stop_on_the_way_back_ends_it():
+    spans, _ = spans_of(*drive((5, 0), (0, 0), 15.0, (0, 3)), goal_area_m=AREA)
+    assert [outcome for _, _, outcome in spans] == ["arrived", "return", "unmarked"]
+
+
 def test_a_drive_that_never_comes_to_the_goal_area_is_cut_as_without_one():
     away = drive((0, 5), (0.2, 0))
     assert spans_of(*away, goal_area_m=AREA) == spans_of(*away)

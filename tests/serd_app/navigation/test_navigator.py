@@ -12,7 +12,7 @@ from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
-from serd_files.model_file import OutcomeModel
+from serd_files.model_file import OutcomeModel, load_model
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
@@ -90,6 +90,15 @@ def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model
             assert changed.strategy is not before
         here = observation_at(3.5, 9.5, time_s=2.0 * step)
         assert kept.decide(here) == changed.decide(here)
+
+
+def test_the_same_model_again_keeps_the_plan(save_model_of):
+    path = save_model_of()
+    navigator = navigator_of(path)
+    before = navigator.strategy
+    navigator.use_model(load_model(path), "model of the learner")
+    assert navigator.strategy is before
+    assert navigator.model == "model of the learner"
 
 
 def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):

@@ -10,7 +10,7 @@ from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.arrival.chain import arrival_by_state
 from serd_core.policies.solved_policy import optimal_policy
-from serd_files.grid_picture import flow_picture
+from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
 from serd_sim.drivers.policy_driver import model_driver
 from serd_sim.episodes.episode import run_episode

@@ -108,6 +108,12 @@ def test_a_robot_that_fits_nowhere_gets_a_sentence(tmp_path):
         scenario_of(raster, wide)
 
 
+def test_a_map_of_a_tiny_resolution_gets_a_sentence():
+    raster = OccupancyRaster((0.0, 0.0), 1e-6, np.full((20, 20), FREE, dtype=np.int8))
+    with pytest.raises(AppError, match="the free area must be wider than 1 mm"):
+        scenario_of(raster)
+
+
 def test_the_outline_of_cells_has_their_area_and_the_holes_among_them():
     cells = np.ones((5, 7), dtype=bool)
     cells[2, 3] = cells[0, 0] = False

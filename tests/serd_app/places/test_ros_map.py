@@ -10,7 +10,7 @@ from serd_app.places.free_area import free_area_m
 from serd_app.places.ros_map import read_map
 from serd_bag.errors import BagError, FileError
 from serd_bag.writer import BagWriter
-from support.ros_maps import FREE, OCCUPIED, write_map
+from support.ros_maps import FREE, OCCUPIED, UNKNOWN, write_map
 
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 #: Black, dark, middle, bright, white: p = 1, 0.75, 0.498, 0.2, 0.
@@ -39,6 +39,11 @@ def test_a_scaled_map_has_percents_between_the_thresholds(tmp_path):
 def test_a_raw_map_holds_the_percents_themselves(tmp_path):
     raw = np.array([[0, 40, 100, 101, 255]], dtype=np.uint8)
     assert cells_of(tmp_path, raw, keys="mode: raw\n") == [0, 40, 100, -1, -1]
+
+
+def test_the_shade_of_map_saver_for_unknown_is_unknown_below_the_threshold_too(tmp_path):
+    assert 1 - UNKNOWN / 255 < 0.25
+    assert cells_of(tmp_path, np.array([[UNKNOWN, FREE]], dtype=np.uint8)) == [-1, 0]
 
 
 def test_transparent_cells_are_unknown_in_a_scaled_map_and_dark_in_a_trinary_one(tmp_path):
@@ -129,6 +134,12 @@ def test_a_bad_map_file_gets_a_sentence(tmp_path, text, sentence):
     with pytest.raises(FileError, match=r".") as raised:
         read_map(path)
     assert sentence in str(raised.value)
+
+
+def test_a_map_without_free_cells_gets_a_sentence(tmp_path):
+    path = write_map(tmp_path, "map", np.full((9, 9), UNKNOWN, dtype=np.uint8))
+    with pytest.raises(AppError, match="free area at least three cells wide, got none"):
+        free_area_m(read_map(path))
 
 
 def test_a_bag_without_a_map_gets_a_sentence(tmp_path):

@@ -54,3 +54,9 @@ def test_after_clear_the_choice_is_wait_until_a_key_is_pressed_anew(held):
     choice.hold(None)
     choice.hold(Action.EAST)
     assert choice.decide() == Action.EAST
+
+
+def test_a_key_that_is_held_at_the_start_counts_after_its_release():
+    choice = DirectionChoice()
+    choice.hold(Action.NORTH)
+    assert choice.decide() == Action.WAIT

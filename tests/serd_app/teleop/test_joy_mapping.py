@@ -95,6 +95,16 @@ def test_an_axis_is_neutral_up_to_a_tenth_of_its_deflection(axis):
     assert driver.command([0.0, 1.0], [0, 1, 0]) == Command(0.5, 0.0)
 
 
+def test_the_first_button_enables_too():
+    first = MAPPING.model_copy(update={"enable_button": 0})
+    assert driver_of(first).command([0.0, 1.0], [1, 0, 0]) == Command(0.5, 0.0)
+    assert driver_of(first).command([0.0, 1.0], [0, 1, 0]) is None
+
+
+def test_axes_that_are_deflected_at_the_start_do_not_drive():
+    assert JoyDriver(MAPPING).command([0.0, 1.0], [0, 1, 0]) == STOP
+
+
 def test_the_built_in_mapping_needs_an_enable_button():
     mapping = load_joy_mapping()
     assert mapping.require_enable_button

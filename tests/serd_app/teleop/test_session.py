@@ -133,3 +133,11 @@ def test_the_tally_counts_each_episode_by_its_last_end_mark():
     assert tally.running is None
     assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)
     assert str(tally) == "1 kept (0 arrived), 1 discarded"
+
+
+def test_taking_an_episode_back_does_not_end_the_one_that_runs():
+    tally = EpisodeTally()
+    tally.add(END, 1, "me", "arrived")
+    tally.add(START, 2, "you", "")
+    tally.add(END, 1, "me", DISCARDED)
+    assert tally.running.number == 2

@@ -167,6 +167,19 @@ def test_columns_of_which_it_is_not_known_what_they_are_get_a_mapping_too(tmp_pa
     np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
 
 
+def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
+    path = tmp_path / "table.csv"
+    table = np.column_stack([np.arange(N_STEPS) / 10, ROBOT, PEOPLE[0]])
+    np.savetxt(path, table, "%.4f", ",", header="t,x,y,x,y", comments="")
+    with pytest.raises(FileError, match=r"has x, y and x, y; write one of them") as raised:
+        read_trajectories(path)
+    _, second = mappings_in(raised.value)
+    assert second == "{x: '4', y: '5'}"
+    wanted = yaml_model(second, TableMapping, name="mapping")
+    (track,) = read_trajectories(path, wanted).tracks
+    np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
+
+
 def test_x_and_y_that_repeat_those_of_the_robot_are_no_person(tmp_path):
     table = wide(people=[("ped_x", "ped_y")]).assign(x=ROBOT[:, 0], y=ROBOT[:, 1])
     found = drives(tmp_path, table)

@@ -80,6 +80,11 @@ def test_columns_of_each_agent_have_episodes_too(tmp_path, has_runs):
     assert len(drives.crowd.people) == 3
 
 
+def test_an_id_of_one_episode_alone_keeps_its_name(tmp_path):
+    found = read_trajectories(table(tmp_path, RUNS[RUNS.run == 0]))
+    assert [each.agent for each in found.tracks] == ["ped", "robot"]
+
+
 def test_a_mapping_names_the_column_of_episodes(tmp_path):
     path = table(tmp_path, RUNS.rename(columns={"run": "drive no"}))
     with pytest.raises(FileError, match=r"or of episodes in which ids begin again \(episode:\)"):

@@ -6,7 +6,7 @@ import pytest
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy
 from serd_files.errors import USER_ERRORS
-from serd_files.grid_picture import flow_picture
+from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
 from serd_sim.drivers.expert import ScriptedExpert
 from serd_sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs

@@ -1,4 +1,4 @@
-"""Flow per cell in files: the table beside demonstrations and the picture inside a model."""
+"""Flow per cell in the table beside demonstrations."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from hypothesis.extra.numpy import arrays
 from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_bag.errors import FileError
 from serd_core.grid.grid import Grid
-from serd_files.grid_picture import flow_of_picture, flow_picture
 
 GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]))
 
@@ -22,25 +21,13 @@ def save(path, grid, flow):
 
 @settings(deadline=None)
 @given(arrays(bool, (3, 4)).filter(lambda cells: cells.any()), st.data())
-def test_table_and_picture_give_back_the_flow(tmp_path_factory, walkable, data):
+def test_the_table_gives_back_the_flow(tmp_path_factory, walkable, data):
     grid = Grid((0.1, -7.3), 0.3, walkable)
     directions = st.sampled_from([-1, 1, 2, 3, 4])
     flow = np.array([data.draw(directions) for _ in range(grid.n_states)])
     path = tmp_path_factory.mktemp("flow") / "flow.csv"
     save(path, grid, flow)
     assert load_flow(path, grid).tolist() == flow.tolist()
-    assert flow_of_picture(flow_picture(grid, flow), grid).tolist() == flow.tolist()
-
-
-def test_the_picture_has_north_above_and_walls():
-    assert flow_picture(GRID, np.array([1, 2, 3, 4, -1])) == ("v<.", "^#>")
-
-
-@pytest.mark.parametrize(
-    "rows", [("v<.",), ("v<.", "^#>", "..."), ("v<", "^#"), ("v<.", "^.>"), ("v<.", "^#x")]
-)
-def test_what_is_no_picture_of_the_grid_is_none(rows):
-    assert flow_of_picture(rows, GRID) is None
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,15 @@ def test_a_straight_drive_stays_in_the_share_of_periods_that_the_cell_size_gives
     assert used.stayed + used.completed + used.diagonal + used.far == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("origin_m", "completed"), [((0.0, 0.0), 0.0), ((0.25, 0.0), 1.0)])
+def test_cells_begin_at_the_origin_of_the_grid(origin_m, completed):
+    # To and fro between 0.1 and 0.4 m: across the line x = 0.25 m only.
+    x_m = 0.25 - 0.15 * np.cos(np.pi * np.arange(0.0, 40.0, 0.05))
+    there_and_back = drive(np.column_stack([x_m, np.full(len(x_m), 0.2)]))
+    used = resolution_advice([there_and_back], 0.5, 1.0, origin_m=origin_m).used
+    assert (used.completed, used.stayed) == (completed, 1.0 - completed)
+
+
 def test_cells_that_are_jumped_over_are_warned_of_and_others_advised():
     advice = resolution_advice([straight(0.4)], 0.2, 2.0)
     assert advice.too_fine

@@ -110,6 +110,15 @@ def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
     assert suggested(bag, tmp_path).mapping.action_from == "velocity"
 
 
+def test_a_topic_whose_name_a_terminal_obeys_gives_a_mapping_that_is_yaml(bag, tmp_path):
+    commands = key_presses(np.random.default_rng(0))
+    topic = "/\x1b[31m\u202eodom"
+    bag.add_odometry(topic, Robot().drive(commands, commands[-1][0] + 5.0))
+    found = suggested(bag, tmp_path)
+    assert found.mapping.pose_topic == topic
+    assert "\x1b" not in found.yaml(tmp_path / "mapping.yaml")
+
+
 def test_without_commands_actions_are_hidden(bag, tmp_path):
     bag.add_odometry("/odom", Robot().drive(key_presses(np.random.default_rng(4)), 70.0))
     found = suggested(bag, tmp_path)

@@ -129,6 +129,17 @@ def test_poses_go_through_a_moving_and_a_static_frame():
     np.testing.assert_allclose(back.planar, numbers, atol=1e-12)
 
 
+def test_a_camera_that_looks_forward_is_placed_in_space_not_in_the_plane():
+    """Its optical frame has z forward and x to the right: 1 m ahead of a robot that looks north."""
+    tree = TransformTree()
+    tree.add(transform("map", "base", 0.0, 2.0, 3.0, math.pi / 2), static=True)
+    optical = (-0.5, 0.5, -0.5, 0.5)
+    tree.add(Transform(Header(0, "base"), "optical", (0.0, 0.0, 0.5, *optical)), static=True)
+    ahead = Poses.of_numbers(np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]))
+    placed = tree.into("map", "optical", ahead, np.zeros(1))
+    np.testing.assert_allclose(placed.position_m, [[2.0, 4.0, 0.5]], atol=1e-12)
+
+
 def test_frames_that_are_not_joined_get_a_sentence():
     tree = TransformTree()
     tree.add(transform("map", "odom", 0.0, 0.0, 0.0, 0.0), static=False)

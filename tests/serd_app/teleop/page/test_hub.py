@@ -92,6 +92,18 @@ def test_a_slow_page_gets_its_notices_but_only_the_newest_state(hub):
     assert page.pending() == []
 
 
+def test_a_page_that_never_reads_keeps_its_greeting_and_few_other_messages(hub):
+    page = hub.open()
+    for number in range(1000):
+        hub.send_notice(str(number))
+        hub.send_overlay("overlay")
+        hub.send_state("state")
+    messages = page.pending()
+    assert '"hello"' in messages[0]
+    assert messages[-3:] == ['{"type": "notice", "text": "999"}', "overlay", "state"]
+    assert len(messages) == 2 + 50 + 2
+
+
 def test_each_message_wakes_the_sender_once(hub):
     page = hub.open()
     for send in (hub.send_state, hub.send_notice, hub.send_overlay):

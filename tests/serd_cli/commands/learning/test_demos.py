@@ -10,11 +10,11 @@ import pytest
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
-from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
+from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import grid_of
@@ -133,6 +133,19 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert f"drive: {damage[0]}" in serd(*words).out
     (bag / "metadata.yaml").unlink()
     assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
+
+
+def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
+    bag = drive_bag()
+    file = next(bag.glob("*.mcap"))
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(bytes(content))
+    words = ("demos", bag, "--scenario", "hallway", "--tolerant")
+    values = json.loads(serd(*words, "--json").out)["bags"][0]
+    assert values["damage"]
+    assert (values["n_lost"] >= 10, values["all_lost_known"]) == (True, True)
+    assert f"drive: {values['n_lost']} messages lost" in serd(*words).out
 
 
 def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, tmp_path):

@@ -11,7 +11,6 @@ import pytest
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning import recipe
 from serd_app.learning.learning_files import read_learning_files
@@ -21,6 +20,7 @@ from serd_core.bayes.draws import N_DRAWS, laplace_draws
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_files.episode_table import load_episodes
+from serd_files.grid_file import save_grid
 from serd_files.model_file import load_model
 from serd_files.yaml_config import model_yaml
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of

@@ -139,6 +139,16 @@ def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_wit
     assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
 
 
+def test_a_grid_that_is_too_fine_is_warned_of_on_the_page(serd, tmp_path):
+    bag = foreign_bag(tmp_path / "bag")
+    assert serd("bag", "suggest", bag, "--output", "mapping.yaml").code == 0
+    words = ("--mapping", "mapping.yaml", "--cell-size-m", 0.25, "--period-s", 1)
+    assert serd("demos", bag, *words).code == 0
+    learned = serd("learn", "decisions.csv", "--method", "mdce_irl", "--report", "page")
+    assert learned.code == 0, learned.err
+    assert '<p class="warning">Cells of 0.25 m' in Path("page/report.html").read_text()
+
+
 def test_a_recording_is_reported_against_a_model_of_a_scenario_with_people(serd, root, tmp_path):
     bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
     place = tmp_path / "place.yaml"
