@@ -15,7 +15,7 @@ from serd_core.grid.grid import Action, Grid
 from serd_files.table import Column, OptionalFloat, Row, columns_of
 from serd_sim.drivers.catalogue import Driver, make_driver
 from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
-from serd_sim.episodes.progress import EpisodeProgress
+from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.robot.contacts import ContactCounts

@@ -20,11 +20,10 @@ from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel, yaml_model
 from serd_sim.scenario.goal import cell_area_m, goal_cell
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.polygon import contains, edges_of
+from serd_sim.scenario.polygon import contains, edges_of, walkable_cells
 from serd_sim.scenario.rules import LEAST_PERIOD_S, MOST_CELLS, has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.scenario.walkable_cells import walkable_cells
 
 _CELL_RADII, _RADII_TO_WALL, _ROUNDING_M = 2.25, 1.1, 1e-4
 #: Cells along a side of the areas of goal and start.

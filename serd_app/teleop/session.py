@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from serd_app.errors import TeleopError
-from serd_sim.episodes.progress import EpisodeProgress
+from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 

@@ -23,7 +23,7 @@ from serd_ros.graph.configs import DriverConfig
 from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
 from serd_sim.drivers.catalogue import Driver
-from serd_sim.episodes.progress import Ending, EpisodeProgress
+from serd_sim.episodes.episode import Ending, EpisodeProgress
 from serd_sim.episodes.result import EpisodeStart, observed_result
 from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.observation import Observation

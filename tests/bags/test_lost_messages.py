@@ -77,14 +77,6 @@ def test_metadata_without_a_list_of_files_gives_the_sum(split_bag, tmp_path):
     assert report.n_lost == 600 - report.n_messages > 0
 
 
-def test_an_unknown_number_of_lost_messages_is_none(small_bag, tmp_path):
-    folder = small_bag()
-    (folder / "metadata.yaml").unlink()
-    cut(folder / "small_0.mcap")
-    report = recover(folder, tmp_path / "new")
-    assert (report.n_lost, report.all_lost_known) == (None, False)
-
-
 def test_each_topic_is_compared_with_metadata(small_bag):
     folder = small_bag()
     path = folder / "metadata.yaml"

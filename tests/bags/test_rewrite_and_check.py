@@ -125,12 +125,6 @@ def test_every_kind_of_bag_is_read_and_converted(tmp_path, messages, storage, mo
     assert [message[2] for message in messages_in(tmp_path / "our")] == written
 
 
-def test_a_damaged_database_raises(tmp_path):
-    (tmp_path / "broken.db3").write_bytes(b"not a database" * 100)
-    with pytest.raises(BagError, match="cannot be read"):
-        BagReader(tmp_path / "broken.db3")
-
-
 @needs_real_bag
 def test_the_real_bag_is_converted_with_types_that_are_not_installed(tmp_path):
     report = convert(REAL_BAG, tmp_path / "real")
@@ -284,12 +278,6 @@ def test_a_required_topic_is_that_very_one(tmp_path, messages, required, faults)
         writer.add_topic("/front/empty", POSE)
         writer.write("/front/pose", messages.pose(0.0, 0.0, 0.0), 0)
     assert check_bag(tmp_path / "bag", required=[required]).faults == faults
-
-
-def test_check_reports_damage(small_bag):
-    folder = small_bag()
-    (folder / "metadata.yaml").unlink()
-    assert not check_bag(folder).sound
 
 
 def foreign_file(path, messages, kinds, times_ns):

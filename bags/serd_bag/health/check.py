@@ -16,13 +16,12 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from serd_bag.arrays import FloatArray
 from serd_bag.damage import at_most
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
 from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
 from serd_bag.messages.plain import message_stamp_ns
-from serd_bag.messages.times import AGREEMENT_S
+from serd_bag.messages.times import AGREEMENT_S, FloatArray
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, nearest_topic, topics_named
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from serd_bag.arrays import FloatArray
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.times import FloatArray
 
 _SECOND_NS = 1_000_000_000
 #: After the CDR header of 4 bytes: seconds and nanoseconds of a stamp.

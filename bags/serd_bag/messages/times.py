@@ -6,9 +6,9 @@ of the log times or of another topic; any other message is placed by its log tim
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from serd_bag.arrays import BoolArray, FloatArray
-
+FloatArray = NDArray[np.float64]
 _SECOND_NS = 1_000_000_000
 #: A stamp that falls back by more (ns) belongs to another session.
 RESTART_NS = _SECOND_NS
@@ -98,5 +98,5 @@ def falls_back_s(time_s: FloatArray) -> FloatArray:
     return np.maximum.accumulate(time_s) - time_s
 
 
-def _is_possible(delay_s: FloatArray) -> BoolArray:
+def _is_possible(delay_s: FloatArray) -> NDArray[np.bool_]:
     return np.asarray((delay_s >= -AGREEMENT_S) & (delay_s <= _LATEST_S))

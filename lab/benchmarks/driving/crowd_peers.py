@@ -19,7 +19,7 @@ from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.robots import RobotBody
 from serd_sim.crowd.routes import Routes
 from serd_sim.crowd.social_force import model_named, model_names
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.settings import LidarSettings
 
 PEOPLE = (30, 100, 200)

@@ -20,7 +20,7 @@ from serd_sim.planning.recovery import RecoveringPlanner
 from serd_sim.robot.contacts import ContactCounter
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.guard import Guard
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.scenario import Scenario

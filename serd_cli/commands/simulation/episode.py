@@ -20,11 +20,11 @@ from serd_sim.episodes.episode import EpisodeRecord, run_episode
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.pictures.camera import Frame
 from serd_sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
-from serd_sim.pictures.scene_view import SceneView
+from serd_sim.pictures.scene import SceneView
 from serd_sim.pictures.top_view import TopView
-from serd_sim.pictures.trajectory import Trajectory, TrajectoryRecorder
 from serd_sim.planning.catalogue import planner_in_world
 from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
 
 _SUFFIXES = (".png", *MOVIE_WRITERS)
@@ -85,12 +85,12 @@ def render(
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
     task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
     place = scenario_of(scenario, people)
-    record, trajectory = _drive(task, place)
+    record, seen = _drive(task, place)
     with ExitStack() as stack:
         drawn: TopView | SceneView = TopView(place, movie.pixels_per_m)
         if view != "top":
             drawn = stack.enter_context(closing(SceneView(place, chasing=view == "chase")))
-        _write(drawn, trajectory, place, output, movie, at_s)
+        _write(drawn, seen, place, output, movie, at_s)
     if as_json:
         print_json({"outcome": record.outcome, "duration_s": record.duration_s,
                     "picture": str(output.resolve())})  # fmt: skip
@@ -99,10 +99,10 @@ def render(
     print(f"picture: {output.resolve()}")
 
 
-def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajectory]:
+def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[Observation]]:
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
-        recorder = TrajectoryRecorder()
+        seen: list[Observation] = []
         planner = planner_in_world(task.planner, world, task.people_from)
         record = run_episode(
             world,
@@ -110,33 +110,31 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajec
             driver,
             episode=task.episode,
             start_area=task.start_area,
-            observer=recorder.see,
+            observer=lambda observation, *_: seen.append(observation),
         )
-    return record, recorder.trajectory
+    return record, seen
 
 
 def _write(
     drawn: TopView | SceneView,
-    trajectory: Trajectory,
+    seen: list[Observation],
     scenario: Scenario,
     output: Path,
     movie: MovieSettings,
     at_s: float | None,
 ) -> None:
     """One moment as PNG; else a movie of every n-th tick at exactly the given speed."""
-    start_s = trajectory.time_s[0]
+    times_s = [each.time_s for each in seen]
 
     def captioned(tick: int) -> Frame:
-        passed_s = trajectory.time_s[tick] - start_s
-        return with_caption(
-            drawn.frame_at(trajectory, tick), f"{scenario.name}, {passed_s:.1f} s{times}"
-        )
+        passed_s = times_s[tick] - times_s[0]
+        return with_caption(drawn.frame_at(seen, tick), f"{scenario.name}, {passed_s:.1f} s{times}")
 
-    last = len(trajectory.time_s) - 1
+    last = len(seen) - 1
     suffix = output.suffix.lower()
     times = "" if suffix == ".png" else f", x{movie.speed:g}"
     if suffix == ".png":
-        at = last if at_s is None else int(np.searchsorted(trajectory.time_s, start_s + at_s))
+        at = last if at_s is None else int(np.searchsorted(times_s, times_s[0] + at_s))
         save_png(captioned(min(at, last)), output)
         return
     step = max(1, round(movie.speed / (movie.frames_per_s * scenario.control_period_s)))

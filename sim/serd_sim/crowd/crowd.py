@@ -74,9 +74,17 @@ class Crowd:
         """Move all people by one step. robot: None where they see none."""
         if not len(self):
             return
+        force_x, force_y = self._forces(robot)
+        velocity_x, velocity_y = self.velocity_x_mps, self.velocity_y_mps
+        velocity_x += step_s * force_x
+        velocity_y += step_s * force_y
+        speed_mps = np.sqrt(velocity_x * velocity_x + velocity_y * velocity_y)
         fastest_mps = self._model.maximum_speed_ratio * self.desired_speed_mps
-        motion = self.x_m, self.y_m, self.velocity_x_mps, self.velocity_y_mps
-        walk(*motion, *self._forces(robot), fastest_mps, step_s)
+        scale = np.minimum(1.0, fastest_mps / np.maximum(speed_mps, 1e-9))
+        velocity_x *= scale
+        velocity_y *= scale
+        self.x_m += step_s * velocity_x
+        self.y_m += step_s * velocity_y
         if self._period_m > 0.0:
             np.mod(self.x_m, self._period_m, out=self.x_m)
         if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
@@ -117,9 +125,12 @@ class Crowd:
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate, speed_mps = 1.0 / self._model.relaxation_time_s, self.desired_speed_mps
-        given_x = speed_mps, heading_x, self.velocity_x_mps, people_x, wall_x, noise[0]
-        given_y = speed_mps, heading_y, self.velocity_y_mps, people_y, wall_y, noise[1]
-        return total_force(rate, *given_x), total_force(rate, *given_y)
+        lacks_x_mps = speed_mps * heading_x - self.velocity_x_mps
+        lacks_y_mps = speed_mps * heading_y - self.velocity_y_mps
+        return (
+            rate * lacks_x_mps + people_x + wall_x + noise[0],
+            rate * lacks_y_mps + people_y + wall_y + noise[1],
+        )
 
     def _headings(self, robot: RobotBody | None) -> Force:
         """(N,) x and y of where people want to go; at most 1 for those who stand, past no robot."""
@@ -169,41 +180,6 @@ class Crowd:
         inwards = np.minimum(inwards, 0.0)
         self.velocity_x_mps[rows] -= inwards * away_x
         self.velocity_y_mps[rows] -= inwards * away_y
-
-
-def total_force(
-    rate: float,
-    speed_mps: FloatArray,
-    heading: FloatArray,
-    velocity_mps: FloatArray,
-    people: FloatArray,
-    wall: FloatArray,
-    noise: FloatArray,
-) -> FloatArray:
-    """(N,) one component of dv/dt of people who want a speed and a heading."""
-    force: FloatArray = rate * (speed_mps * heading - velocity_mps) + people + wall + noise
-    return force
-
-
-def walk(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    velocity_x_mps: FloatArray,
-    velocity_y_mps: FloatArray,
-    force_x: FloatArray,
-    force_y: FloatArray,
-    fastest_mps: FloatArray,
-    step_s: float,
-) -> None:
-    """Move (N,) people by one step, in place."""
-    velocity_x_mps += step_s * force_x
-    velocity_y_mps += step_s * force_y
-    speed_mps = np.sqrt(velocity_x_mps * velocity_x_mps + velocity_y_mps * velocity_y_mps)
-    scale = np.minimum(1.0, fastest_mps / np.maximum(speed_mps, 1e-9))
-    velocity_x_mps *= scale
-    velocity_y_mps *= scale
-    x_m += step_s * velocity_x_mps
-    y_m += step_s * velocity_y_mps
 
 
 def _columns(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -33,31 +33,16 @@ class PairGeometry:
         two, so that they part. The distance of a person to themselves is infinite.
         """
         n_people = len(self.dx_m)
-        measure_pairs(x_m, y_m, self._period_m, self.dx_m, self.dy_m, self.distance_m)
+        np.subtract(x_m[:n_people, None], x_m[None, :], out=self.dx_m)
+        np.subtract(y_m[:n_people, None], y_m[None, :], out=self.dy_m)
+        if self._period_m > 0.0:
+            self.dx_m -= np.rint(self.dx_m / self._period_m) * self._period_m
+        _lengths(self.dx_m, self.dy_m, self.distance_m)
         near = self.distance_m < _COINCIDENT_M
         if np.count_nonzero(near) > n_people:
             self.dx_m[near] = self._separation_m[near]
-            self.distance_m[:] = np.sqrt(self.dx_m * self.dx_m + self.dy_m * self.dy_m)
+            _lengths(self.dx_m, self.dy_m, self.distance_m)
         self.distance_m[self._own] = np.inf
-
-
-def measure_pairs(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    period_m: float,
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-) -> None:
-    """Fill the buffers for bodies at (n_bodies,) positions; period_m: 0 for a plain world."""
-    n_people = len(dx_m)
-    np.subtract(x_m[:n_people, None], x_m[None, :], out=dx_m)
-    np.subtract(y_m[:n_people, None], y_m[None, :], out=dy_m)
-    if period_m > 0.0:
-        dx_m -= np.rint(dx_m / period_m) * period_m
-    np.multiply(dx_m, dx_m, out=distance_m)
-    distance_m += dy_m * dy_m
-    np.sqrt(distance_m, out=distance_m)
 
 
 class WallGeometry:
@@ -77,33 +62,22 @@ class WallGeometry:
 
     def update(self, x_m: FloatArray, y_m: FloatArray) -> None:
         """Fill the buffers for people at (n_people,) positions."""
-        lines = self.start_m, self.unit, self.length_m
-        measure_walls(x_m, y_m, *lines, self.dx_m, self.dy_m, self.distance_m, self.share)
+        np.subtract(x_m[:, None], self.start_m[0], out=self.dx_m)
+        np.subtract(y_m[:, None], self.start_m[1], out=self.dy_m)
+        position = self.dx_m * self.unit[0]
+        position += self.dy_m * self.unit[1]
+        # np.clip takes as long as ten of these for so few numbers.
+        clipped = np.minimum(np.maximum(position, 0.0), self.length_m)
+        np.equal(position, clipped, out=self.share, casting="unsafe")
+        self.share += 1.0
+        self.share *= 0.5
+        self.dx_m -= clipped * self.unit[0]
+        self.dy_m -= clipped * self.unit[1]
+        _lengths(self.dx_m, self.dy_m, self.distance_m)
 
 
-def measure_walls(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    start_m: FloatArray,
-    unit: FloatArray,
-    length_m: FloatArray,
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-    share: FloatArray,
-) -> None:
-    """Fill the buffers for people at (n_people,) positions; start_m, unit: (2, W)."""
-    np.subtract(x_m[:, None], start_m[0], out=dx_m)
-    np.subtract(y_m[:, None], start_m[1], out=dy_m)
-    position = dx_m * unit[0]
-    position += dy_m * unit[1]
-    # np.clip takes as long as ten of these for so few numbers.
-    clipped = np.minimum(np.maximum(position, 0.0), length_m)
-    np.equal(position, clipped, out=share, casting="unsafe")
-    share += 1.0
-    share *= 0.5
-    dx_m -= clipped * unit[0]
-    dy_m -= clipped * unit[1]
-    np.multiply(dx_m, dx_m, out=distance_m)
-    distance_m += dy_m * dy_m
-    np.sqrt(distance_m, out=distance_m)
+def _lengths(dx_m: FloatArray, dy_m: FloatArray, out: FloatArray) -> None:
+    """Write the lengths of vectors into a buffer."""
+    np.multiply(dx_m, dx_m, out=out)
+    out += dy_m * dy_m
+    np.sqrt(out, out=out)

@@ -1,4 +1,4 @@
-"""Robots as people see them, and how people walk around one that is in their way."""
+"""The robot as people see it, and how they walk around it where it is in their way."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,6 @@ from serd_sim.crowd.social_force import Force
 
 #: How far before the circle that they walk around people turn aside.
 _NOTICED_M = 2.0
-#: Starts (2, W) of walls relative to a robot, directions (2, W), lengths (W,), a body's radius (m).
-Walls = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @dataclass(frozen=True)
@@ -41,50 +39,23 @@ def headings_around(
     the robot does not outrun, take the tangent on the nearer side, or on the other one where only
     that has room between robot and walls. Within the circle they walk across its radius.
     """
-    return headings_past(
-        *to_robot_m,
-        *wanted,
-        speed_mps,
-        (robot.velocity_x_mps, robot.velocity_y_mps),
-        clearance_m + body_radius_m + robot.radius_m,
-        _NOTICED_M,
-        (
-            walls.start_m - np.array([[robot.x_m], [robot.y_m]]),
-            walls.unit,
-            walls.length_m,
-            body_radius_m,
-        ),
-    )
-
-
-def headings_past(
-    to_x: FloatArray,
-    to_y: FloatArray,
-    distance: FloatArray,
-    wanted_x: FloatArray,
-    wanted_y: FloatArray,
-    speed_mps: FloatArray,
-    velocity_mps: tuple[float, float],
-    circle_m: float,
-    noticed_m: float,
-    walls: Walls,
-) -> Force:
-    """The headings of `headings_around` past a robot, to whose place the walls are relative.
-
-    noticed_m: distance from the circle at which people turn aside.
-    """
+    (to_x, to_y, distance), (wanted_x, wanted_y) = to_robot_m, wanted
+    circle_m = clearance_m + body_radius_m + robot.radius_m
     ahead = wanted_x * to_x + wanted_y * to_y
     aside = wanted_x * to_y - wanted_y * to_x
-    outrun = velocity_mps[0] * to_x + velocity_mps[1] * to_y
+    outrun = robot.velocity_x_mps * to_x + robot.velocity_y_mps * to_y
     in_the_way = (ahead > 0.0) & (np.abs(aside) < circle_m)
-    in_the_way &= (distance < circle_m + noticed_m) & (speed_mps * ahead > outrun)
+    in_the_way &= (distance < circle_m + _NOTICED_M) & (speed_mps * ahead > outrun)
     rows = in_the_way.nonzero()[0]
     if not len(rows):
         return wanted_x, wanted_y
     away = distance[rows]
     to_x, to_y = to_x[rows] / away, to_y[rows] / away
     left_x, left_y = circle_m * -to_y, circle_m * to_x
-    on_left, on_right = _have_room(left_x, left_y, walls), _have_room(-left_x, -left_y, walls)
+    on_left, on_right = (
+        _have_room(side * left_x, side * left_y, robot, walls, body_radius_m)
+        for side in (1.0, -1.0)
+    )
     passes_left = np.where(on_left == on_right, aside[rows] <= 0.0, on_left)
     sine = np.minimum(circle_m / away, 1.0)
     cosine = np.sqrt(1.0 - sine * sine)
@@ -95,24 +66,28 @@ def headings_past(
     return past_x, past_y
 
 
-def _have_room(x_m: FloatArray, y_m: FloatArray, walls: Walls) -> BoolArray:
-    """(N,) whether no wall is within a body's radius of a place, nor between it and the origin."""
-    start_m, unit, length_m, radius_m = walls
+def _have_room(
+    x_m: FloatArray, y_m: FloatArray, robot: RobotBody, walls: WallGeometry, radius_m: float
+) -> BoolArray:
+    """(N,) whether no wall is within a body's radius of a place relative to the robot, nor between
+    the two."""
+    start_m = walls.start_m - np.array([[robot.x_m], [robot.y_m]])
+    unit, length_m = walls.unit, walls.length_m
     dx, dy = x_m[:, None] - start_m[0], y_m[:, None] - start_m[1]
     position = np.minimum(np.maximum(dx * unit[0] + dy * unit[1], 0.0), length_m)
     away_x, away_y = dx - position * unit[0], dy - position * unit[1]
     near = np.sqrt(away_x * away_x + away_y * away_y) < radius_m
-    # The wall's line parts the place from the origin, and their line the ends of the wall.
+    # The wall's line parts the place from the robot, and their line the ends of the wall.
     side = unit[0] * dy - unit[1] * dx
-    side_of_origin = unit[0] * -start_m[1] - unit[1] * -start_m[0]
+    side_of_robot = unit[0] * -start_m[1] - unit[1] * -start_m[0]
     end_x, end_y = start_m + length_m * unit
     side_of_start = x_m[:, None] * start_m[1] - y_m[:, None] * start_m[0]
     side_of_end = x_m[:, None] * end_y - y_m[:, None] * end_x
-    between = (side * side_of_origin <= 0.0) & (side_of_start * side_of_end <= 0.0)
+    between = (side * side_of_robot <= 0.0) & (side_of_start * side_of_end <= 0.0)
     start = x_m[:, None] * start_m[0] + y_m[:, None] * start_m[1]
     end = x_m[:, None] * end_x + y_m[:, None] * end_y
     squared = (x_m * x_m + y_m * y_m)[:, None]
     overlap = (np.maximum(start, end) >= 0.0) & (np.minimum(start, end) <= squared)
-    in_line = (side == 0.0) & (side_of_origin == 0.0)
+    in_line = (side == 0.0) & (side_of_robot == 0.0)
     room: BoolArray = ~(near | np.where(in_line, overlap, between)).any(axis=1)
     return room

@@ -65,13 +65,23 @@ class Routes:
 
         Walkers that have come to the end of a leg turn to the next one.
         """
-        lengths_m = _LOOK_AHEAD_M, _CORNER_REACHED_M
-        heading_x, heading_y, reached = headings_on_legs(x_m, y_m, self._legs, *lengths_m)
+        heading_x, heading_y, reached = self._headings_on_legs(x_m, y_m)
         if reached.any():
             self.target[reached] = (self.target[reached] + 1) % self.n_corners[reached]
             self._measure_leg(self._rows[reached])
-            heading_x, heading_y, _ = headings_on_legs(x_m, y_m, self._legs, *lengths_m)
+            heading_x, heading_y, _ = self._headings_on_legs(x_m, y_m)
         return heading_x, heading_y
+
+    def _headings_on_legs(
+        self, x_m: FloatArray, y_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """(N,) x and y of headings to points ahead on the legs, and who is near a leg's end."""
+        start_x, start_y, unit_x, unit_y, length = self._legs
+        along = (x_m - start_x) * unit_x + (y_m - start_y) * unit_y
+        ahead = np.minimum(np.maximum(along, 0.0) + _LOOK_AHEAD_M, length)
+        to_x, to_y = start_x + ahead * unit_x - x_m, start_y + ahead * unit_y - y_m
+        distance = np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
+        return to_x / distance, to_y / distance, along > length - _CORNER_REACHED_M
 
     def _measure_leg(self, rows: IntArray) -> None:
         target = self.target[rows]
@@ -79,18 +89,6 @@ class Routes:
         leg = self.corners[rows, target] - start
         length = np.hypot(leg[:, 0], leg[:, 1])
         self._legs[:, rows] = *start.T, *(leg.T / length), length
-
-
-def headings_on_legs(
-    x_m: FloatArray, y_m: FloatArray, legs: FloatArray, look_ahead_m: float, reached_m: float
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(N,) x and y of headings to points ahead on legs (5, N), and who is near the end of a leg."""
-    start_x, start_y, unit_x, unit_y, length = legs
-    along = (x_m - start_x) * unit_x + (y_m - start_y) * unit_y
-    ahead = np.minimum(np.maximum(along, 0.0) + look_ahead_m, length)
-    to_x, to_y = start_x + ahead * unit_x - x_m, start_y + ahead * unit_y - y_m
-    distance = np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
-    return to_x / distance, to_y / distance, along > length - reached_m
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

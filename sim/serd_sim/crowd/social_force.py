@@ -87,8 +87,7 @@ class CircularAnisotropic(SocialForceModel):
         push /= pairs.distance_m
         towards_x = push * pairs.dx_m
         towards_y = push * pairs.dy_m
-        vectors_m, headings = (pairs.dx_m, pairs.dy_m), (bodies.heading_x, bodies.heading_y)
-        weight = _weight_by_direction(*vectors_m, pairs.distance_m, *headings, self.anisotropy)
+        weight = _weight_by_direction(pairs, bodies, self.anisotropy)
         return np.einsum("ij,ij->i", towards_x, weight), np.einsum("ij,ij->i", towards_y, weight)
 
     def wall_force(self, walls: WallGeometry) -> Force:
@@ -173,30 +172,21 @@ class CollisionPrediction(SocialForceModel):
     def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """Sum over the others of both repulsions."""
         n_people = len(pairs.dx_m)
-        away_x, away_y, exponent, weight, per_metre, core_exponent = predicted_repulsion(
-            pairs.dx_m,
-            pairs.dy_m,
-            pairs.distance_m,
-            bodies.velocity_x_mps,
-            bodies.velocity_y_mps,
-            bodies.heading_x,
-            bodies.heading_y,
-            self._reach_m(self.radius_m, n_people, bodies, self.robot_clearance_m),
-            self._reach_m(self.core_radius_m, n_people, bodies),
-            (
-                self.foresight_s,
-                self.decay_m,
-                self.core_decay_m,
-                self.anisotropy,
-                _STANDING_M2PS2,
-                _COINCIDENT_M,
-            ),
-        )
-        push = np.exp(exponent, out=exponent)
+        velocity_x, velocity_y = bodies.velocity_x_mps, bodies.velocity_y_mps
+        closing_x = velocity_x[:n_people, None] - velocity_x
+        closing_y = velocity_y[:n_people, None] - velocity_y
+        squared = np.maximum(closing_x**2 + closing_y**2, _STANDING_M2PS2)
+        time_s = -(pairs.dx_m * closing_x + pairs.dy_m * closing_y) / squared
+        np.minimum(np.maximum(time_s, 0.0, out=time_s), self.foresight_s, out=time_s)
+        away_x, away_y = pairs.dx_m + time_s * closing_x, pairs.dy_m + time_s * closing_y
+        distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _COINCIDENT_M)
+        reach_m = self._reach_m(self.radius_m, n_people, bodies, self.robot_clearance_m)
+        push = np.exp(np.minimum((reach_m - distance) / self.decay_m, 3.0))
         push *= self.strength_mps2
-        push *= weight
-        push *= per_metre
-        core = np.exp(core_exponent, out=core_exponent)
+        push *= _weight_by_direction(pairs, bodies, self.anisotropy)
+        push *= np.isfinite(pairs.distance_m) / distance
+        core_reach_m = self._reach_m(self.core_radius_m, n_people, bodies)
+        core = np.exp(np.minimum((core_reach_m - pairs.distance_m) / self.core_decay_m, 3.0))
         core /= pairs.distance_m
         core *= self.core_strength_mps2
         return (
@@ -238,58 +228,13 @@ def model_named(name: str) -> SocialForceModel:
     return _MODELS[name]
 
 
-def _weight_by_direction(
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-    heading_x: FloatArray,
-    heading_y: FloatArray,
-    anisotropy: float,
-) -> FloatArray:
+def _weight_by_direction(pairs: PairGeometry, bodies: Bodies, anisotropy: float) -> FloatArray:
     """(n_people, n_bodies) lambda + (1 - lambda) (1 + cos phi) / 2: 1 ahead, lambda behind."""
-    n_people = len(dx_m)
-    ahead = dx_m * heading_x[:n_people, None] + dy_m * heading_y[:n_people, None]
-    cosine = -ahead / distance_m
+    n_people = len(pairs.dx_m)
+    heading_x, heading_y = bodies.heading_x[:n_people, None], bodies.heading_y[:n_people, None]
+    cosine = -(pairs.dx_m * heading_x + pairs.dy_m * heading_y) / pairs.distance_m
     weight: FloatArray = anisotropy + (1.0 - anisotropy) * 0.5 * (1.0 + cosine)
     return weight
-
-
-def predicted_repulsion(
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
-    velocity_x_mps: FloatArray,
-    velocity_y_mps: FloatArray,
-    heading_x: FloatArray,
-    heading_y: FloatArray,
-    reach_m: FloatArray,
-    core_reach_m: FloatArray,
-    constants: tuple[float, ...],
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Of `CollisionPrediction`, for vectors (n_people, n_bodies) from bodies (n_bodies,).
-
-    x and y of the vectors at closest approach, the exponent of the first repulsion, its weight by
-    direction and 1 / distance, and the exponent of the second one. constants: foresight_s, decay_m,
-    core_decay_m, anisotropy, the square of a relative speed that counts as none, and the smallest
-    distance.
-    """
-    foresight_s, decay_m, core_decay_m, anisotropy, standing_m2ps2, coincident_m = constants
-    n_people = len(dx_m)
-    closing_x = velocity_x_mps[:n_people, None] - velocity_x_mps
-    closing_y = velocity_y_mps[:n_people, None] - velocity_y_mps
-    squared = np.maximum(closing_x**2 + closing_y**2, standing_m2ps2)
-    time_s = -(dx_m * closing_x + dy_m * closing_y) / squared
-    np.minimum(np.maximum(time_s, 0.0, out=time_s), foresight_s, out=time_s)
-    away_x, away_y = dx_m + time_s * closing_x, dy_m + time_s * closing_y
-    distance = np.maximum(np.sqrt(away_x**2 + away_y**2), coincident_m)
-    return (
-        away_x,
-        away_y,
-        np.minimum((reach_m - distance) / decay_m, 3.0),
-        _weight_by_direction(dx_m, dy_m, distance_m, heading_x, heading_y, anisotropy),
-        np.isfinite(distance_m) / distance,
-        np.minimum((core_reach_m - distance_m) / core_decay_m, 3.0),
-    )
 
 
 def _exponential_wall_force(

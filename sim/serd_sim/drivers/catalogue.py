@@ -7,8 +7,7 @@ from typing import Protocol
 
 from serd_bag.nearest import choice_rule
 from serd_core.grid.grid import Action
-from serd_sim.drivers.expert import ExpertSettings, ScriptedExpert
-from serd_sim.drivers.expert_styles import STYLES, VariedExpert
+from serd_sim.drivers.expert import STYLES, ExpertSettings, ScriptedExpert, VariedExpert
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation

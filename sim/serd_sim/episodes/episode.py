@@ -4,21 +4,24 @@ The order within a control period is that of the ROS graph: observe, decide when
 begins, plan towards the waypoint, guard the command, step the world.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
 from serd_sim.drivers.catalogue import Driver
-from serd_sim.episodes.progress import Ending, EpisodeProgress
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.local_planner import LocalPlanner
 from serd_sim.robot.contacts import ContactCounts
 from serd_sim.safety.world_guard import CommandFilter, WorldGuard
+from serd_sim.scenario.goal import Area
+from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
@@ -26,6 +29,7 @@ from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_inte
 if TYPE_CHECKING:  # which needs PyBullet; nodes on a robot use what this module defines
     from serd_sim.world.world import HallwayWorld
 
+Ending = Literal["arrived", "timeout", "aborted"]
 Observer = Callable[[Observation, Command, Action], bool | None]
 WaypointRule = Callable[[Observation, Action], Waypoint]
 
@@ -46,6 +50,39 @@ class EpisodeRecord:
     contacts: ContactCounts
     minimum_person_distance_m: float
     decisions: Decisions
+
+
+class EpisodeProgress:
+    """Follows one episode from its first observation on. timeout_s: simulated seconds.
+
+    goal_area_m: may be set to another area, for the following observations.
+    """
+
+    def __init__(self, scenario: Scenario, start: Observation, timeout_s: float) -> None:
+        self.start = start
+        self.distance_m = 0.0
+        self._last = start
+        self._period_s = scenario.control_period_s
+        self.goal_area_m: Area = scenario.goal_area_m
+        self._n_ticks = round(timeout_s / scenario.control_period_s)
+
+    def see(self, observation: Observation) -> Ending | None:
+        """Take the next observation; returns how the episode ends with it, None when it goes on."""
+        before, self._last = self._last, observation
+        self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
+        if contains_point(self.goal_area_m, observation.x_m, observation.y_m):
+            return "arrived"
+        return "timeout" if self.n_ticks >= self._n_ticks else None
+
+    @property
+    def n_ticks(self) -> int:
+        """Control periods since the start."""
+        return self._last.tick - self.start.tick
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.n_ticks * self._period_s
 
 
 class DecisionLog:

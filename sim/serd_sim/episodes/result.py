@@ -9,8 +9,7 @@ from pydantic import Field
 
 from serd_files.episode_table import EpisodeResult
 from serd_files.yaml_config import StrictModel
-from serd_sim.episodes.episode import EpisodeRecord
-from serd_sim.episodes.progress import Ending, EpisodeProgress
+from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeRecord
 from serd_sim.robot.contacts import ContactCounts
 
 #: Start area of an episode that began without a reset.

@@ -9,6 +9,7 @@ have come since they were placed last; who has not moved keeps direction and str
 import math
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from serd_sim.errors import SimError
-from serd_sim.pictures.camera import Camera, Frame, overview_camera
+from serd_sim.pictures.camera import Camera, Frame, chase_camera, overview_camera
 from serd_sim.robot.bullet import add_wall, close, load_urdf, new_world, pybullet, turned
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.world.observation import Pose
+from serd_sim.world.observation import Observation, Pose
 
 _PERSON_URDF = Path(__file__).with_name("person.urdf")
 _WALL_COLOUR = (0.80, 0.78, 0.74, 1.0)
@@ -209,6 +210,23 @@ class Scene:
         for link in (-1, *_ARMS):
             self.client.changeVisualShape(body, link, rgbaColor=_SHIRTS[number % len(_SHIRTS)])
         return body
+
+
+class SceneView(Scene):
+    """Draws episodes from the overview camera, or from behind the robot when chasing."""
+
+    def __init__(self, scenario: Scenario, *, chasing: bool = False) -> None:
+        super().__init__(scenario)
+        x_min, y_min, x_max, y_max = scenario.bounds_m
+        size_px = (480, 640) if y_max - y_min > x_max - x_min else (640, 480)
+        self._overview = None if chasing else overview_camera(scenario, *size_px)
+
+    def frame_at(self, seen: Sequence[Observation], tick: int) -> Frame:
+        """The scenario at a tick of an episode; people look the way they have just come."""
+        for shown in (seen[max(tick - 1, 0)], seen[tick]):
+            self.place_robot(shown.pose)
+            self.place_people(shown.people_position_m)
+        return self.render(self._overview or chase_camera(seen[tick].pose))
 
 
 def _floor_lines(scenario: Scenario) -> list[tuple[float, float, float, float]]:

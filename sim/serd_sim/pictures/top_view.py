@@ -4,16 +4,18 @@ A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a 
 pixel wide.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
 from serd_sim.pictures.camera import Frame
-from serd_sim.pictures.trajectory import Trajectory
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.polygon import contains
 from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
 
 Colour = tuple[int, int, int]
 
@@ -66,15 +68,13 @@ class TopView:
             self._disc(canvas, nose_x, nose_y, 0.3 * self._robot_radius_m, _ROBOT_NOSE)
         return canvas.astype(np.uint8)
 
-    def frame_at(self, trajectory: Trajectory, tick: int) -> Frame:
-        """The scenario at a tick of a trajectory, with the way the robot has come."""
-        x_m, y_m, yaw_rad = trajectory.robot_pose[tick].tolist()
-        people = trajectory.people_position_m
+    def frame_at(self, seen: Sequence[Observation], tick: int) -> Frame:
+        """The scenario at a tick of an episode, with the way the robot has come."""
         return self.frame(
-            (x_m, y_m, yaw_rad),
-            people[tick],
-            previous_people_m=people[max(tick - 1, 0)],
-            trail_m=trajectory.robot_pose[:tick:_TRAIL_TICKS, :2],
+            seen[tick].pose,
+            seen[tick].people_position_m,
+            previous_people_m=seen[max(tick - 1, 0)].people_position_m,
+            trail_m=[each.pose[:2] for each in seen[:tick:_TRAIL_TICKS]],
         )
 
     def _draw_noses(self, canvas: FloatArray, people: FloatArray, before: FloatArray) -> None:

@@ -38,21 +38,8 @@ def predict_nearby(
 
     People without a finite position are left out; those without a finite velocity stand.
     """
-    people = observation.people_position_m, observation.people_velocity_mps
-    return PredictedPeople(*predicted(*people, *observation.pose[:2], range_m, most, time_s))
-
-
-def predicted(
-    position_m: FloatArray,
-    velocity_mps: FloatArray,
-    x_m: float,
-    y_m: float,
-    range_m: float,
-    most: int,
-    time_s: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The fields of `PredictedPeople` of people (N, 2) near a robot at a place."""
-    away_x, away_y = position_m[:, 0] - x_m, position_m[:, 1] - y_m
+    position_m, velocity_mps = observation.people_position_m, observation.people_velocity_mps
+    away_x, away_y = position_m[:, 0] - observation.x_m, position_m[:, 1] - observation.y_m
     squared = away_x * away_x + away_y * away_y
     near = (squared < range_m * range_m).nonzero()[0]
     if len(near) > most:
@@ -62,7 +49,7 @@ def predicted(
     if not finite.all():
         velocity_mps = np.where(finite.all(axis=1, keepdims=True), velocity_mps, 0.0)
     now_x_m, now_y_m = position_m[:, :1], position_m[:, 1:]
-    return (
+    return PredictedPeople(
         now_x_m + velocity_mps[:, :1] * time_s,
         now_y_m + velocity_mps[:, 1:] * time_s,
         now_x_m,

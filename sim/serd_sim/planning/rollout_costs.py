@@ -12,14 +12,13 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.errors import SimError
 from serd_sim.planning.nearby_people import (
     PredictedPeople,
     gap_to_people_m,
     near_box,
     predict_nearby,
 )
-from serd_sim.scenario.occupancy import values_at, wall_distance_raster
+from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
@@ -54,11 +53,6 @@ class CostSettings:
     foresight_s: float = 0.8
     wall_weight: float = 0.3
     wall_decay_m: float = 0.12
-
-    def __post_init__(self) -> None:
-        for name in ("people_decay_m", "foresight_s", "wall_decay_m", "people_range_m"):
-            if not getattr(self, name) > 0:
-                raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +89,13 @@ class RolloutCosts:
 
         The smallest distance rewards speed; the last one keeps the robot at the waypoint.
         """
-        shortest, last = shortest_so_far(x_m, y_m, waypoint.x_m, waypoint.y_m)
+        away_x, away_y = x_m - waypoint.x_m, y_m - waypoint.y_m
+        away_x *= away_x
+        away_y *= away_y
+        away_x += away_y
+        distance = np.sqrt(away_x, out=away_x)
+        last = distance[..., -1].copy()
+        shortest = np.minimum.accumulate(distance, axis=-1, out=distance)
         cost: FloatArray = self.settings.progress_weight * shortest.mean(axis=-1)
         return cost + self.settings.staying_weight * last
 
@@ -109,9 +109,10 @@ class RolloutCosts:
         self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
     ) -> tuple[FloatArray, BoolArray]:
         """Nearness of walls (...), and where (..., n_soon) one is too close."""
-        away_m, too_close = self._nearest_wall(x_m, y_m, around.nearest_wall_m, n_soon)
-        nearness = np.exp(-np.maximum(away_m - self._least_wall_m, 0.0) / self._wall_decay_m)
-        return self.settings.wall_weight * nearness, too_close
+        away_m = self._walls.at(x_m, y_m)
+        gap_m = away_m.min(axis=-1) - self._least_wall_m
+        nearness = np.exp(-np.maximum(gap_m, 0.0) / self._wall_decay_m)
+        return self.settings.wall_weight * nearness, away_m[..., :n_soon] < around.nearest_wall_m
 
     def look(self, observation: Observation) -> Surroundings:
         """What all rollouts from here share: the nearby people, and the gaps of a robot at rest."""
@@ -127,7 +128,7 @@ class RolloutCosts:
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
-            min(self._least_wall_m, float(self._nearest_wall(here_x, here_y, 0.0, 0)[0])),
+            min(self._least_wall_m, float(self._walls.at(here_x, here_y)[0])),
         )
 
     def people(
@@ -140,103 +141,27 @@ class RolloutCosts:
         if not len(around.people):
             shape = x_m.shape[:-1]
             return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
-        exponent, too_close = nearest_person(
-            x_m,
-            y_m,
-            around.people.x_m,
-            around.people.y_m,
-            self._reach_m,
-            around.nearest_m[:n_soon],
-            self.settings.people_decay_m,
-        )
+        people, decay_m = around.people, self.settings.people_decay_m
+        gap_m = gap_to_people_m(x_m, y_m, people.x_m, people.y_m, self._reach_m)
+        too_close = gap_m[..., :n_soon] < around.nearest_m[:n_soon]
         if n_soon:
-            too_close |= nearest_now(
-                x_m[..., :n_soon],
-                y_m[..., :n_soon],
-                around.people.now_x_m,
-                around.people.now_y_m,
-                self._reach_m,
-                self.settings.stopped_margin_m,
-                around.nearest_now_m,
-            )
-        nearness = np.exp(exponent, out=exponent)
-        return self.settings.people_weight * largest_product(nearness, self._foresight), too_close
+            too_close |= self._is_near_now(x_m[..., :n_soon], y_m[..., :n_soon], around)
+        np.maximum(gap_m, -decay_m, out=gap_m)
+        gap_m /= -decay_m
+        nearness = np.exp(gap_m, out=gap_m)
+        return self.settings.people_weight * (nearness * self._foresight).max(axis=-1), too_close
 
-    def _nearest_wall(
-        self, x_m: FloatArray, y_m: FloatArray, nearest_m: float, n_soon: int
-    ) -> tuple[FloatArray, BoolArray]:
-        raster = self._walls
-        scale = 1.0 / raster.resolution_m
-        return nearest_wall(raster.distance_m, x_m, y_m, raster.origin_m, scale, nearest_m, n_soon)
-
-
-def shortest_so_far(
-    x_m: FloatArray, y_m: FloatArray, to_x_m: float, to_y_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """(..., T) smallest distance to a point until each time, and (...) the last distance."""
-    away_x, away_y = x_m - to_x_m, y_m - to_y_m
-    away_x *= away_x
-    away_y *= away_y
-    away_x += away_y
-    distance = np.sqrt(away_x, out=away_x)
-    last = distance[..., -1].copy()
-    return np.minimum.accumulate(distance, axis=-1, out=distance), last
-
-
-def nearest_wall(
-    distance_m: FloatArray,
-    x_m: FloatArray,
-    y_m: FloatArray,
-    origin_m: tuple[float, float],
-    scale: float,
-    nearest_m: float,
-    n_soon: int,
-) -> tuple[FloatArray, BoolArray]:
-    """(...) smallest distance by a raster, and (..., n_soon) where it is below the nearest."""
-    away_m = values_at(distance_m, x_m, y_m, origin_m, scale)
-    return away_m.min(axis=-1), away_m[..., :n_soon] < nearest_m
-
-
-def nearest_person(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    people_x_m: FloatArray,
-    people_y_m: FloatArray,
-    reach_m: float,
-    nearest_m: FloatArray,
-    decay_m: float,
-) -> tuple[FloatArray, BoolArray]:
-    """(..., T) -gap / decay, at most 1, and (..., n) where the gap is below the nearest (n,)."""
-    gap_m = gap_to_people_m(x_m, y_m, people_x_m, people_y_m, reach_m)
-    too_close = gap_m[..., : len(nearest_m)] < nearest_m
-    np.maximum(gap_m, -decay_m, out=gap_m)
-    gap_m /= -decay_m
-    return gap_m, too_close
-
-
-def nearest_now(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    people_x_m: FloatArray,
-    people_y_m: FloatArray,
-    reach_m: float,
-    largest_m: float,
-    nearest_m: FloatArray,
-) -> BoolArray:
-    """(..., n) where the gap to people at (K, 1) is below the nearest (1,), at most the largest."""
-    box_m = x_m.min(), x_m.max(), y_m.min(), y_m.max()
-    near = near_box(people_x_m[:, 0], people_y_m[:, 0], box_m, reach_m + largest_m)
-    if not near.any():
-        return np.zeros(x_m.shape, dtype=np.bool_)
-    gap_m = gap_to_people_m(x_m, y_m, people_x_m[near], people_y_m[near], reach_m)
-    too_close: BoolArray = gap_m < nearest_m
-    return too_close
-
-
-def largest_product(values: FloatArray, factors: FloatArray) -> FloatArray:
-    """(...) maximum over the last axis of values times factors (T,)."""
-    largest: FloatArray = (values * factors).max(axis=-1)
-    return largest
+    def _is_near_now(self, x_m: FloatArray, y_m: FloatArray, around: Surroundings) -> BoolArray:
+        """(..., n) whether one is too close to where people are now."""
+        people_x_m, people_y_m = around.people.now_x_m, around.people.now_y_m
+        box_m = x_m.min(), x_m.max(), y_m.min(), y_m.max()
+        range_m = self._reach_m + self.settings.stopped_margin_m
+        near = near_box(people_x_m[:, 0], people_y_m[:, 0], box_m, range_m)
+        if not near.any():
+            return np.zeros(x_m.shape, dtype=np.bool_)
+        gap_m = gap_to_people_m(x_m, y_m, people_x_m[near], people_y_m[near], self._reach_m)
+        too_close: BoolArray = gap_m < around.nearest_now_m
+        return too_close
 
 
 def any_before(at_wall: BoolArray, at_person: BoolArray, soon: BoolArray) -> BoolArray:

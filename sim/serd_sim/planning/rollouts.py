@@ -67,12 +67,12 @@ def roll_out(
     turning = np.where(middle_s > turn_time_s, 0.0, turning)
     yaw = pose[2] + step_s * turning.cumsum(axis=1)
     middle_yaw = yaw - 0.5 * step_s * turning
-    x_m = positions(pose[0], speed, np.cos(middle_yaw), step_s)
-    y_m = positions(pose[1], speed, np.sin(middle_yaw), step_s)
+    x_m = _positions(pose[0], speed, np.cos(middle_yaw), step_s)
+    y_m = _positions(pose[1], speed, np.sin(middle_yaw), step_s)
     return Rollouts(x_m=x_m, y_m=y_m, speed_mps=speed, yaw_rad=yaw)
 
 
-def positions(
+def _positions(
     start_m: float, speed_mps: FloatArray, direction: FloatArray, step_s: float
 ) -> FloatArray:
     """(V, W, T) one coordinate; direction: (W, T) that of unit vectors along the motion."""

@@ -328,19 +328,14 @@ class PeopleMonitor:
 class ScanMonitor:
     """What scans show, the share of lost rays, and scans that stay the same while the robot moves.
 
-    space: that outlasts this monitor, None for one without a map.
+    space: that outlasts this monitor.
     """
 
-    def __init__(
-        self,
-        settings: GuardSettings,
-        track: PoseTrack,
-        space: KnownSpace | None = None,
-    ) -> None:
+    def __init__(self, settings: GuardSettings, track: PoseTrack, space: KnownSpace) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        self._space = space or KnownSpace(settings, None, 0.0)
-        self.mount_of = self._space.mount_of
+        self._space = space
+        self.mount_of = space.mount_of
         self.lost_share, self.seen = 0.0, SeenSpace()
 
     def take(

@@ -38,23 +38,17 @@ class WallDistanceRaster:
     distance_m: FloatArray
 
     def at(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Distance at points of any shape, from the raster cell they fall in."""
-        return values_at(self.distance_m, x_m, y_m, self.origin_m, 1.0 / self.resolution_m)
-
-
-def values_at(
-    table: FloatArray, x: FloatArray, y: FloatArray, origin: tuple[float, float], scale: float
-) -> FloatArray:
-    """Entries of a table (rows, columns) at points, at its edge for those outside."""
-    rows, columns = table.shape
-    column = ((x - origin[0]) * scale).astype(np.intp)
-    row = ((y - origin[1]) * scale).astype(np.intp)
-    for index, count in ((column, columns), (row, rows)):
-        np.minimum(np.maximum(index, 0, out=index), count - 1, out=index)
-    row *= columns
-    row += column
-    found: FloatArray = table.ravel().take(row)
-    return found
+        """Distance at points of any shape, from the nearest raster cell."""
+        rows, columns = self.distance_m.shape
+        scale = 1.0 / self.resolution_m
+        column = ((x_m - self.origin_m[0]) * scale).astype(np.intp)
+        row = ((y_m - self.origin_m[1]) * scale).astype(np.intp)
+        for index, count in ((column, columns), (row, rows)):
+            np.minimum(np.maximum(index, 0, out=index), count - 1, out=index)
+        row *= columns
+        row += column
+        found: FloatArray = self.distance_m.ravel().take(row)
+        return found
 
 
 def wall_distance_raster(scenario: Scenario, resolution_m: float = 0.05) -> WallDistanceRaster:

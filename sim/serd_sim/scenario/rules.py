@@ -13,6 +13,7 @@ from serd_sim.crowd.routes import offset_loop
 from serd_sim.errors import SimError
 from serd_sim.scenario.polygon import (
     Point,
+    WalkableCells,
     contains,
     distance_to_segments_m,
     edges_of,
@@ -21,7 +22,6 @@ from serd_sim.scenario.polygon import (
     signed_wall_distance_m,
 )
 from serd_sim.scenario.settings import LARGEST_NUMBER, LidarSettings, Loop, RobotSettings
-from serd_sim.scenario.walkable_cells import WalkableCells
 
 #: Weidmann (1993).
 DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4

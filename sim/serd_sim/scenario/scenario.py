@@ -21,7 +21,13 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
-from serd_sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
+from serd_sim.scenario.polygon import (
+    WalkableCells,
+    counter_clockwise,
+    edges_of,
+    walkable_cells,
+    without_straight_corners,
+)
 from serd_sim.scenario.settings import (
     LidarSettings,
     Loop,
@@ -31,7 +37,6 @@ from serd_sim.scenario.settings import (
     PedestrianSettings,
     RobotSettings,
 )
-from serd_sim.scenario.walkable_cells import WalkableCells, walkable_cells
 
 _BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
 

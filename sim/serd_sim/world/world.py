@@ -22,8 +22,7 @@ from serd_sim.pictures.scene import Scene
 from serd_sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot, RobotState, standing_at
-from serd_sim.robot.sensors.lidar import Lidar
-from serd_sim.robot.sensors.odometry import Odometry
+from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.goal import Area
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.polygon import contains_point

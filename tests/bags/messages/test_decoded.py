@@ -27,11 +27,3 @@ def test_damage_anywhere_raises_an_error_that_names_the_repair(small_bag, compre
         except BagError as error:
             refused += "serd bag recover" in str(error)
     assert refused > 3
-
-
-def test_a_file_cut_short_is_refused(small_bag):
-    folder = small_bag()
-    file = folder / "small_0.mcap"
-    file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(BagError, match="serd bag recover"):
-        list(messages_of(folder, ["robot_pose"]))

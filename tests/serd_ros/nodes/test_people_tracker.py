@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_ros.convert.sensors import from_people_message, to_scan
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from support.nodes_in_process import node_in_process
 from support.valid_messages import HALLWAY, PLACE_M, valid_message
 

@@ -1,7 +1,5 @@
 """The crowd as a whole: walls hold, loops are walked, speeds fall with density."""
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 
@@ -21,28 +19,6 @@ def hallway_crowd(count, seed, model="circular_anisotropic"):
     return start_crowd(
         settings, settings.loops, HALLWAY.wall_segments_m, np.random.default_rng(seed)
     )
-
-
-def test_the_same_seed_gives_the_same_walk_bit_for_bit():
-    walks = []
-    for _ in range(2):
-        crowd = hallway_crowd(24, 3)
-        for _ in range(200):
-            crowd.step(0.05)
-        walks.append((crowd.x_m.copy(), crowd.y_m.copy()))
-    np.testing.assert_array_equal(walks[0], walks[1])
-
-
-def test_a_copy_of_a_crowd_repeats_what_follows_exactly():
-    crowd = hallway_crowd(24, 4)
-    for _ in range(50):
-        crowd.step(0.05)
-    ends = []
-    for each in (deepcopy(crowd), crowd):
-        for _ in range(100):
-            each.step(0.05)
-        ends.append(each.x_m)
-    np.testing.assert_array_equal(ends[0], ends[1])
 
 
 @pytest.mark.parametrize("model", model_names())

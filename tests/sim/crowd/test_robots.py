@@ -104,8 +104,6 @@ def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
 )
 def test_there_is_room_where_no_wall_is_on_the_way_or_within_the_body(start_m, end_m, room):
     """The way from the robot's centre to a place 1 m to the east of it."""
-    start_m, end_m = np.array(start_m), np.array(end_m)
-    length_m = np.linalg.norm(end_m - start_m)
-    unit = ((end_m - start_m) / length_m)[:, None]
-    walls = start_m[:, None], unit, np.array([length_m]), BODY_M
-    assert _have_room(np.array([1.0]), np.array([0.0]), walls).tolist() == [room]
+    walls = WallGeometry(1, np.array([[start_m, end_m]]))
+    there = np.array([1.0]), np.array([0.0])
+    assert _have_room(*there, robot_at(0.0, 0.0), walls, BODY_M).tolist() == [room]

@@ -41,17 +41,6 @@ def test_the_expert_first_crosses_to_the_right_then_chooses_a_lane_and_goes_up()
     assert np.mean([move == Action.SOUTH for move in moves_high]) < 0.1
 
 
-def test_the_expert_decides_the_same_again_in_the_same_episode():
-    def decisions():
-        expert = ScriptedExpert(HALLWAY, seed=4)
-        expert.begin(3)
-        return [
-            expert.decide(observation_at(x + 0.5, y + 0.5)) for x in range(6) for y in range(16)
-        ]
-
-    assert decisions() == decisions()
-
-
 def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_long():
     expert = ScriptedExpert(HALLWAY, seed=2)
     people = [[x + 0.5, y + 0.5] for x in range(6) for y in range(8, 12)]

@@ -7,8 +7,13 @@ import pytest
 
 from serd_core.grid.grid import Action
 from serd_sim.drivers.catalogue import driver_names, make_driver
-from serd_sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
-from serd_sim.drivers.expert_styles import STYLES, VariedExpert
+from serd_sim.drivers.expert import (
+    STYLES,
+    ExpertSettings,
+    ScriptedExpert,
+    VariedExpert,
+    seen_earlier,
+)
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 

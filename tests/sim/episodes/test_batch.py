@@ -1,6 +1,5 @@
 """Batches: one row per episode, resumable, the same over processes."""
 
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,6 @@ from distributed import LocalCluster
 from serd_files.errors import USER_ERRORS
 from serd_files.table import RowTable
 from serd_files.yaml_config import model_yaml
-from serd_sim.drivers.catalogue import driver_names, make_driver
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
 from serd_sim.episodes.execution import Execution
 from serd_sim.scenario.scenario import Scenario, load_scenario
@@ -38,11 +36,13 @@ def test_every_task_has_its_row_with_numbers(table):
     assert progress == [(0, 2), (1, 2), (2, 2)]
 
 
-def test_a_batch_that_is_started_again_runs_nothing_and_gives_the_same_rows(table):
+def test_a_batch_that_is_started_again_with_tasks_listed_twice_runs_nothing(table):
     path, rows, _ = table
     before = path.read_bytes()
     progress = []
-    again = run_batch(TASKS, path, execution=ONE, on_progress=lambda *done: progress.append(done))
+    again = run_batch(
+        TASKS * 2, path, execution=ONE, on_progress=lambda *done: progress.append(done)
+    )
     assert again == rows
     assert progress == [(2, 2)]
     assert path.read_bytes() == before
@@ -55,16 +55,6 @@ def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
     again = run_batch(TASKS, torn, execution=ONE)
     assert again == rows
     assert torn.read_bytes() == path.read_bytes()
-
-
-def test_a_task_listed_twice_is_one_episode(table):
-    path, rows, _ = table
-    progress = []
-    found = run_batch(
-        TASKS * 2, path, execution=ONE, on_progress=lambda *done: progress.append(done)
-    )
-    assert found == rows
-    assert progress == [(2, 2)]
 
 
 def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
@@ -175,20 +165,6 @@ def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
     path.write_text("a,b\n1,2\n")
     with pytest.raises(USER_ERRORS, match="has no column 'scenario'; choose another file"):
         run_batch(TASKS, path)
-
-
-def test_an_episode_is_the_same_when_run_alone(table):
-    _, rows, _ = table
-    row = run_task(TASKS[0])
-    assert row["time_of_arrival_s"] == rows[0]["time_of_arrival_s"]
-    assert math.isclose(row["distance_m"], rows[0]["distance_m"], rel_tol=0.0)
-
-
-def test_drivers_are_known_by_name():
-    scenario = load_scenario("corridor")
-    assert {"expert", "expert_with_flow", "expert_against_flow"} <= set(driver_names())
-    with pytest.raises(USER_ERRORS, match="did you mean 'expert'"):
-        make_driver("experts", scenario, 1)
 
 
 def test_a_row_says_where_people_were_known_from_and_how_the_planner_fared():

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from serd_files.errors import USER_ERRORS
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.catalogue import make_planner
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
@@ -59,9 +58,3 @@ def test_a_scan_sent_twice_is_taken_once(matcher):
         matcher.take_scan(*scan_at(tick, x_m))
     again = planner.perception.tracker.velocity_mps[0, 0]
     assert again == pytest.approx(0.25, abs=0.05)  # beta times 1 m/s
-
-
-def test_a_scan_of_another_lidar_is_refused_with_the_fix(matcher):
-    matcher.take_observation(standing(4))
-    with pytest.raises(USER_ERRORS, match=r"must have 360 rays"):
-        matcher.take_scan(200_000_000, np.ones(90, dtype=np.float32))

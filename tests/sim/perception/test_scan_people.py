@@ -12,7 +12,7 @@ from serd_sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
 from serd_sim.perception.scan_people import ScanPerception, people_in_scan
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import LidarSettings

@@ -11,11 +11,10 @@ from PIL import Image
 from serd_files.errors import USER_ERRORS
 from serd_sim.pictures.camera import Camera, chase_camera
 from serd_sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
-from serd_sim.pictures.scene_view import SceneView
+from serd_sim.pictures.scene import SceneView
 from serd_sim.pictures.top_view import TopView
-from serd_sim.pictures.trajectory import TrajectoryRecorder
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import Command
 from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
@@ -50,18 +49,13 @@ def decoded(path):
 
 
 @pytest.fixture(scope="module")
-def trajectory():
+def seen():
     with HallwayWorld(HALLWAY, seed=1) as world:
-        recorder = TrajectoryRecorder()
-        seen = world.reset(0)
-        for _ in range(20):
-            recorder.see(seen, STOP, 0)
-            seen = world.step(Command(0.5, 0.0))
-    return recorder.trajectory
+        return [world.reset(0), *(world.step(Command(0.5, 0.0)) for _ in range(19))]
 
 
-def frames_of(trajectory, every=1):
-    return [VIEW.frame_at(trajectory, tick) for tick in range(0, len(trajectory.time_s), every)]
+def frames_of(seen, every=1):
+    return [VIEW.frame_at(seen, tick) for tick in range(0, len(seen), every)]
 
 
 def test_robot_and_people_are_drawn_where_they_are():
@@ -77,15 +71,15 @@ def test_somebody_outside_the_picture_is_left_out():
     np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.frame())
 
 
-def test_a_trajectory_gives_one_frame_per_tick(trajectory):
-    frames = frames_of(trajectory, every=5)
+def test_an_episode_gives_one_frame_per_tick(seen):
+    frames = frames_of(seen, every=5)
     assert len(frames) == 4
-    x_m, y_m, _ = trajectory.robot_pose[15]
+    x_m, y_m, _ = seen[15].pose
     assert is_blue(pixel(frames[3], x_m, y_m))
 
 
-def test_png_and_gif_hold_the_frames(trajectory, tmp_path):
-    frames = frames_of(trajectory, every=5)
+def test_png_and_gif_hold_the_frames(seen, tmp_path):
+    frames = frames_of(seen, every=5)
     save_png(frames[0], tmp_path / "one.png")
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "one.png")), frames[0])
     save_gif(frames, tmp_path / "all.gif", frames_per_s=4.0)
@@ -94,22 +88,22 @@ def test_png_and_gif_hold_the_frames(trajectory, tmp_path):
         assert movie.info["duration"] == 250
 
 
-def test_an_mp4_holds_as_many_frames_as_were_given_in_their_colours(trajectory, tmp_path):
-    frames = frames_of(trajectory)
+def test_an_mp4_holds_as_many_frames_as_were_given_in_their_colours(seen, tmp_path):
+    frames = frames_of(seen)
     path = tmp_path / "new" / "all.mp4"
     save_mp4(frames, path, frames_per_s=10.0)
     height, width = frames[0].shape[0] // 2 * 2, frames[0].shape[1] // 2 * 2
     shown = decoded(path).reshape(20, height, width, 3)
-    x_m, y_m, _ = trajectory.robot_pose[-1]
+    x_m, y_m, _ = seen[-1].pose
     assert is_blue(pixel(shown[-1], x_m, y_m))
     assert imageio_ffmpeg.count_frames_and_secs(str(path)) == (20, pytest.approx(2.0))
     assert [each.name for each in path.parent.iterdir()] == ["all.mp4"]
 
 
 @pytest.mark.parametrize("save", [save_gif, save_mp4])
-def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, trajectory, tmp_path):
+def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, seen, tmp_path):
     def failing():
-        yield from frames_of(trajectory, every=10)
+        yield from frames_of(seen, every=10)
         raise RuntimeError("no more")
 
     with pytest.raises(RuntimeError, match="no more"):
@@ -137,24 +131,22 @@ def test_a_caption_adds_a_strip_with_dark_text():
 def test_a_movie_of_nothing_is_refused(tmp_path):
     with pytest.raises(USER_ERRORS, match="record an episode first"):
         save_gif([], tmp_path / "none.gif")
-    with pytest.raises(USER_ERRORS, match="nothing was recorded"):
-        _ = TrajectoryRecorder().trajectory
 
 
 def test_the_three_dimensional_picture_shows_robot_and_people():
     with HallwayWorld(HALLWAY, seed=1) as world:
-        seen = world.reset(0)
+        start = world.reset(0)
         overview = world.picture()
-        chase = world.picture(chase_camera(seen.pose))
+        chase = world.picture(chase_camera(start.pose))
     assert overview.shape == chase.shape == (480, 640, 3)
     assert n_orange(overview) > 50
     assert n_blue(chase) > 50
 
 
-def test_a_scene_view_draws_a_trajectory_like_the_world_itself(trajectory):
+def test_a_scene_view_draws_an_episode_like_the_world_itself(seen):
     with closing(SceneView(HALLWAY)) as whole, closing(SceneView(HALLWAY, chasing=True)) as behind:
-        first, last = whole.frame_at(trajectory, 0), whole.frame_at(trajectory, 19)
-        near = behind.frame_at(trajectory, 19)
+        first, last = whole.frame_at(seen, 0), whole.frame_at(seen, 19)
+        near = behind.frame_at(seen, 19)
     assert first.shape == (640, 480, 3)
     assert n_orange(first) > 50
     assert n_blue(near) > 3 * n_blue(last)

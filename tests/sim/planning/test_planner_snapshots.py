@@ -68,22 +68,3 @@ def test_a_drive_goes_on_the_same_from_snapshots_also_in_another_process(name, p
         check=True,
     )
     assert pickle.loads(other.stdout) == first  # noqa: S301 (made right here)
-
-
-def test_a_recovery_that_runs_goes_on_from_a_snapshot():
-    """A robot that is held in place for 11 s backs off; the snapshot is taken while it does."""
-    with HallwayWorld(NOISY.with_pedestrian_count(0), seed=5) as world:
-        start = world.reset(0)
-        planner = planner_in_world("dwa", world)
-
-        def hold(ticks):
-            place = [start.__class__(**{**vars(start), "time_s": 0.05 * tick}) for tick in ticks]
-            return [planner.step(each, AHEAD) for each in place]
-
-        hold(range(210))
-        state = planner.snapshot()
-        assert planner.n_recoveries == 1
-        first = hold(range(210, 300))
-        planner.restore(state)
-        assert hold(range(210, 300)) == first
-        assert len(set(first)) > 1

@@ -50,13 +50,6 @@ def standing_at(time_s, x_m=3.0, y_m=8.0, yaw_rad=0.0, people=()):
     return observation_at(x_m, y_m, yaw_rad, time_s=time_s, people=people)
 
 
-def commands_while_stuck(planner, duration_s, **place):
-    return [
-        planner.step(standing_at(0.05 * tick, **place), AHEAD)
-        for tick in range(round(duration_s / 0.05))
-    ]
-
-
 def test_a_robot_that_moves_is_never_stuck_and_one_that_stands_is_after_the_allowance():
     checker = ProgressChecker(0.5, 10.0)
     assert not any(checker.is_stuck(standing_at(t, y_m=8.0 + 0.1 * t)) for t in range(60))
@@ -151,23 +144,6 @@ def test_without_retries_the_first_recovery_counts_as_failed_and_nothing_before_
         assert has_failed == (time_s > 10.0)
 
 
-def test_a_stuck_robot_backs_off_then_turns_then_waits():
-    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
-    commands = commands_while_stuck(planner, 40.0)
-    recoveries = [
-        c for k, c in enumerate(commands) if c != Command(0.5, 0.0) and commands[k - 1] != c
-    ]
-    assert recoveries == [Command(-0.15, 0.0), Command(0.0, 1.5), STOP]
-
-
-def test_a_stuck_robot_does_not_back_off_into_a_wall_or_a_person():
-    at_wall = RecoveringPlanner(PushingPlanner(), HALLWAY)
-    assert min(c.linear_mps for c in commands_while_stuck(at_wall, 14.0, x_m=0.3)) >= 0.0
-    leaned_on = RecoveringPlanner(PushingPlanner(), HALLWAY)
-    commands = commands_while_stuck(leaned_on, 14.0, people=[(2.4, 8.0)])
-    assert min(c.linear_mps for c in commands) >= 0.0
-
-
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.7, 2.0, -1.2, math.pi])
 def test_the_space_behind_the_robot_is_a_disc_of_its_size(yaw_rad):
     """Its middle is 0.35 m behind the robot; the person must be 0.25 m + 0.25 m away from it."""
@@ -211,20 +187,6 @@ def test_a_robot_backs_off_until_a_person_comes_behind_it_and_then_has_a_new_all
     }
     assert [t for t, command in commands.items() if command == BACK] == [10.25, 10.5, 10.75]
     assert [t for t, command in commands.items() if command == TURN] == [21.25, 21.5, 21.75, 22.0]
-
-
-def test_the_status_names_the_reason_of_a_failure():
-    planner = RecoveringPlanner(PushingPlanner(is_blocked=True), HALLWAY)
-    reported = []
-    for tick in range(1200):
-        planner.step(standing_at(0.05 * tick), AHEAD)
-        reported.append(planner.status)
-    order = [s for k, s in enumerate(reported) if k == 0 or reported[k - 1] != s]
-    assert order == [
-        PlannerStatus.NO_VALID_CONTROL,
-        PlannerStatus.PATIENCE_EXCEEDED,
-        PlannerStatus.FAILED_TO_MAKE_PROGRESS,
-    ]
 
 
 def test_patience_is_exceeded_after_the_tolerance_of_one_blockage_and_not_of_two():
@@ -332,34 +294,3 @@ def test_a_robot_without_a_pose_stops_without_a_step_of_its_planner(lost):
     assert planner.status == PlannerStatus.NO_VALID_CONTROL
     assert planner.step(standing_at(0.25), AHEAD) == ON
     assert planner.status == PlannerStatus.NONE
-
-
-def test_a_robot_that_stands_short_of_its_waypoint_recovers_and_one_that_is_there_does_not():
-    short = RecoveringPlanner(StandingPlanner(), HALLWAY)
-    commands_while_stuck(short, 60.0)
-    assert short.n_recoveries > 3
-    assert short.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
-    there = RecoveringPlanner(StandingPlanner(), HALLWAY)
-    commands_while_stuck(there, 60.0, y_m=AHEAD.y_m - 0.1)
-    assert (there.n_recoveries, there.status) == (0, PlannerStatus.NONE)
-
-
-def test_a_robot_without_a_waypoint_is_not_stuck():
-    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
-    for tick in range(600):
-        assert planner.step(standing_at(0.05 * tick), None) == STOP
-    assert planner.status == PlannerStatus.NONE
-    assert planner.n_recoveries == 0
-
-
-def test_a_robot_that_failed_and_drives_again_has_no_failure():
-    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
-    commands_while_stuck(planner, 60.0)
-    assert planner.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
-    n_recoveries = planner.n_recoveries
-    for tick in range(200):
-        way_m = 0.025 * tick
-        ahead = Waypoint(3.0, 9.0 + way_m)
-        planner.step(standing_at(60.0 + 0.05 * tick, y_m=8.0 + way_m), ahead)
-    assert planner.status == PlannerStatus.NONE
-    assert planner.n_recoveries <= n_recoveries + 1

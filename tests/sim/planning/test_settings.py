@@ -15,10 +15,11 @@ from serd_sim.planning.mppi import moved_on
 from serd_sim.planning.recovery import RecoveringPlanner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import STOP
 from serd_sim.world.waypoint import Waypoint
 from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
+from tests.sim.planning.test_recovery import ON, PushingPlanner
 
 KINEMATIC = load_scenario("hallway").with_values("robot", drive="kinematic")
 HALLWAY = KINEMATIC.with_pedestrian_count(0)
@@ -55,26 +56,13 @@ def standing_at(time_s, *, people=()):
     return observation_at(3.0, 8.0, time_s=time_s, people=people)
 
 
-class PushingPlanner:
-    """Always drives on."""
-
-    def __init__(self, is_blocked=False):
-        self.is_blocked = is_blocked
-
-    def reset(self):
-        pass
-
-    def step(self, _observation, _waypoint):
-        return Command(0.5, 0.0)
-
-
 def recoveries(scenario, duration_s=40.0, people=()):
     """Commands of the recoveries a stuck robot begins, and how long each lasts (s)."""
     planner = RecoveringPlanner(PushingPlanner(), scenario)
     found = {}
     for tick in range(round(duration_s / 0.05)):
         command = planner.step(standing_at(0.05 * tick, people=people), AHEAD)
-        if command != PushingPlanner().step(None, None):
+        if command != ON:
             found[command] = found.get(command, 0.0) + 0.05
     return found
 
@@ -137,22 +125,6 @@ def behaviour(parameters):
         command = stuck.step(observation_at(x_m, 8.0, time_s=0.1 * tick), AHEAD)
         found.append((command, stuck.status, stuck.n_recoveries))
     return found
-
-
-def test_recoveries_follow_their_parameters_within_the_limits_of_speed():
-    parameters = {"backup_dist": 0.4, "backup_speed": 0.2, "spin_dist": 2.0, "wait_duration": 3.0}
-    found = recoveries(with_parameters(max_rotational_vel=2.0, max_vel_theta=1.0, **parameters))
-    assert {command: round(each_s, 1) for command, each_s in found.items()} == {
-        Command(-0.2, 0.0): 2.0,
-        Command(0.0, 1.0): 2.0,
-        STOP: 3.0,
-    }
-
-
-def test_a_robot_that_must_not_reverse_never_backs_off():
-    found = recoveries(with_parameters(min_vel_x=0.0))
-    assert found
-    assert min(command.linear_mps for command in found) == 0.0
 
 
 def test_recovery_and_costs_know_how_wide_the_people_of_the_scenario_are(monkeypatch):
@@ -241,10 +213,3 @@ def test_a_planner_that_sees_less_far_than_the_robot_takes_to_stop_is_refused(
 ):
     with pytest.raises(USER_ERRORS, match=sentence):
         make_planner(name, with_parameters(**parameters))
-
-
-def test_the_schema_describes_every_parameter():
-    schema = type(HALLWAY).model_json_schema()["$defs"]["PlannerSettings"]
-    assert set(schema["properties"]) == set(PlannerSettings.model_fields)
-    assert all(each.get("description") for each in schema["properties"].values())
-    assert schema["additionalProperties"] is False

@@ -1,6 +1,5 @@
 """Contacts counted: who ran into whom, each bump once, and the smallest gap of the episode."""
 
-from copy import deepcopy
 from types import SimpleNamespace
 
 import numpy as np
@@ -80,14 +79,6 @@ def test_alone_the_robot_touches_walls_only():
         counter.update(empty, robot(0.5), distance_m)
     assert counter.counts.robot_on_wall == 2
     assert counter.minimum_distance_m == np.inf
-
-
-def test_a_copy_of_the_counter_holds_who_touches_now():
-    counter = ContactCounter(1)
-    counter.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
-    other = deepcopy(counter)
-    other.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
-    assert other.counts.person_on_robot == 1
 
 
 def test_touches_of_the_physics_count_as_they_are_with_their_impulses():

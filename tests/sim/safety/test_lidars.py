@@ -59,14 +59,6 @@ def test_a_robot_drives_no_faster_than_it_can_stop_within_what_is_known(value):
     assert corridor.speeds[0] == pytest.approx(1.2)
 
 
-@pytest.mark.parametrize("value", NOTHING)
-def test_a_robot_may_drive_away_from_where_nothing_is_known(value):
-    """A lidar that its own robot covers behind."""
-    corridor = Corridor().sector(value, 90.0, after_m=-1.0, centre_deg=180.0).run()
-    assert corridor.pose[0] > 5.0
-    assert corridor.gap_m < 0.1
-
-
 def test_single_rays_without_a_statement_are_bridged():
     def every_twentieth(ranges_m, _):
         ranges_m[::20] = np.nan
@@ -99,11 +91,6 @@ def test_a_lidar_of_short_range_drives_in_a_wide_room(n_rays):
     corridor = Corridor(n_rays=n_rays, **wide).run()
     assert corridor.pose[0] > 10.0
     assert corridor.faults == set()
-
-
-def test_a_lidar_of_short_range_stands_before_a_wall_that_comes_into_reach():
-    corridor = Corridor(wall_m=9.0, sides_m=(-20.0, 20.0), range_m=(0.1, 3.5)).run(15.0)
-    assert 0.0 < corridor.gap_m < 0.1
 
 
 @pytest.mark.parametrize("degrees", [40, 90])
@@ -333,7 +320,7 @@ def test_a_robot_that_starts_within_range_min_of_a_wall_does_not_hit_it(gap_m):
     assert corridor.run(6.0).gap_m > 0.0
 
 
-@pytest.mark.parametrize(("lidar_x_m", "degrees"), [(0.15, 90), (0.2, 90), (0.26, 60), (0.3, 60)])
+@pytest.mark.parametrize(("lidar_x_m", "degrees"), [(0.0, 90), (0.2, 90), (0.26, 60), (0.3, 60)])
 def test_a_lidar_at_the_front_that_its_robot_covers_behind_drives(lidar_x_m, degrees):
     corridor = Corridor(lidar_x_m=lidar_x_m)
     corridor.sector(np.nan, degrees, after_m=-1.0, centre_deg=180.0).run()

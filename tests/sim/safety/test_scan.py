@@ -41,11 +41,3 @@ def test_people_whom_no_scan_could_show_count_as_neither():
     lost = Scan(0.0, np.full(720, np.inf, dtype=np.float32), GEOMETRY)
     assert shown_by(lost, np.array([at(3.0, 0.0)]), RADIUS_M) == (0, 0)
     assert shown_by(scan_of(), np.zeros((0, 2)), RADIUS_M) == (0, 0)
-
-
-def test_a_scan_of_many_people_shows_each_of_them_or_the_one_in_front():
-    rng = np.random.default_rng(0)
-    people = [(away, bearing) for away, bearing in rng.uniform((1.0, -3.0), (4.5, 3.0), (25, 2))]
-    seen, unseen = shown_by(scan_of(*people), np.array([at(*each) for each in people]), RADIUS_M)
-    assert unseen == 0
-    assert 10 < seen <= 25

@@ -5,8 +5,7 @@ import pytest
 
 from serd_core.grid.grid import Action
 from serd_sim.drivers.policy_driver import PolicyDriver
-from serd_sim.episodes.episode import run_episode
-from serd_sim.episodes.progress import EpisodeProgress
+from serd_sim.episodes.episode import EpisodeProgress, run_episode
 from serd_sim.errors import SimError
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
@@ -15,6 +14,7 @@ from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.waypoint import Waypoint
 from serd_sim.world.world import HallwayWorld
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
@@ -57,35 +57,13 @@ def test_a_goal_in_words_is_two_numbers_and_nothing_keeps_the_scenarios_own():
             point_of(text)
 
 
-def test_an_episode_ends_in_the_goal_it_is_aimed_at():
-    """Straight up from a start at the south; the goal is moved while the robot drives."""
-    policy = np.tile(np.eye(5)[Action.NORTH], (GRID.n_states, 1))
-    near, far = goal_at(HALLWAY, 0.5, 5.5), goal_at(HALLWAY, 0.5, 7.5)
-    with HallwayWorld(HALLWAY.with_pedestrian_count(0), seed=3) as world:
-        start = world.reset(0)
-        column = int(start.x_m)
-        near, far = (goal_at(HALLWAY, column + 0.5, y_m) for y_m in (5.5, 7.5))
-        world.goal_area_m = near.goal_area_m
-        progress = EpisodeProgress(near, start, 60.0)
-        planner, driver = make_planner("dwa", world.scenario), PolicyDriver(GRID, policy)
-        observation, aimed = start, near
-        for _ in range(1200):
-            if observation.tick % 40 == 0:
-                action = driver.decide(observation)
-                state = int(
-                    GRID.neighbours[GRID.state_at(observation.x_m, observation.y_m), action]
-                )
-                waypoint = Waypoint(*(float(value) for value in GRID.centers_m[state]))
-            observation = world.step(planner.step(observation, waypoint))
-            if aimed is near and observation.y_m > 4.5:
-                aimed = far
-                progress.goal_area_m = far.goal_area_m
-                world.goal_area_m = far.goal_area_m
-            if progress.see(observation) == "arrived":
-                break
-            assert not world.in_goal
-        assert world.in_goal
-        assert observation.y_m == pytest.approx(7.0, abs=0.1)
+def test_an_episode_ends_in_the_goal_that_is_moved_while_the_robot_drives():
+    progress = EpisodeProgress(goal_at(HALLWAY, 0.5, 5.5), observation_at(0.5, 1.0), 60.0)
+    assert progress.see(observation_at(0.5, 4.5, tick=1)) is None
+    progress.goal_area_m = goal_at(HALLWAY, 0.5, 7.5).goal_area_m
+    assert progress.see(observation_at(0.5, 5.5, tick=2)) is None
+    assert progress.see(observation_at(0.5, 7.5, tick=3)) == "arrived"
+    assert (progress.distance_m, progress.duration_s) == (6.5, pytest.approx(0.15))
 
 
 def test_an_episode_follows_the_waypoints_it_is_given():

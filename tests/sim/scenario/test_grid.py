@@ -1,6 +1,5 @@
 """A scenario on the coarse grid."""
 
-import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
@@ -9,7 +8,6 @@ from serd_sim.scenario.grid import (
     flow_of,
     goal_states_of,
     grid_of,
-    navigation_problem_of,
     start_states_of,
     wall_distance_of,
 )
@@ -71,9 +69,3 @@ def test_wall_distance_in_the_middle_of_the_hallway_is_half_its_width_less_half_
     distance = wall_distance_of(HALLWAY, GRID)
     assert distance[GRID.state_at(2.5, 10.5)] == pytest.approx(2.5)
     assert distance[GRID.state_at(0.5, 10.5)] == pytest.approx(0.5)
-
-
-def test_the_navigation_problem_has_the_grid_of_the_scenario():
-    problem = navigation_problem_of(HALLWAY, 0.95)
-    assert problem.grid.fingerprint() == GRID.fingerprint()
-    assert np.isfinite(problem.features).all()

@@ -13,7 +13,6 @@ from serd_sim.world.waypoint import (
     DecisionClock,
     Waypoint,
     is_decision_tick,
-    waypoint_of_cell,
     waypoint_of_intent,
 )
 from support.observations import observation_at
@@ -30,10 +29,6 @@ def test_a_move_goes_to_the_centre_of_the_next_cell():
 def test_waiting_stays_and_a_move_into_a_wall_goes_to_the_own_centre():
     assert waypoint_of_intent(GRID, observation_at(2.2, 3.9), Action.WAIT) == Waypoint(2.2, 3.9)
     assert waypoint_of_intent(GRID, observation_at(0.2, 3.9), Action.WEST) == Waypoint(0.5, 3.5)
-
-
-def test_the_waypoint_of_a_cell_is_its_centre():
-    assert waypoint_of_cell(GRID, GRID.state_at(3.1, 7.7)) == Waypoint(3.5, 7.5)
 
 
 def test_decisions_are_taken_every_40_ticks():

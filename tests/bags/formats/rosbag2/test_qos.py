@@ -22,12 +22,6 @@ def test_unknown_quality_of_service_counts_as_reliable(text):
     assert profile_to_offer(qos_of_text(text)) == QosProfile()
 
 
-def test_numbers_of_older_recordings_are_understood():
-    assert profile_to_offer(
-        qos_of_text("- {reliability: 2, durability: 1, depth: 3}")
-    ) == QosProfile(reliability="best_effort", durability="transient_local", depth=3)
-
-
 @pytest.mark.parametrize("text", ["", "[", "3", "- 3", "- history: 3\n  depth: x"])
 def test_invalid_quality_of_service_gives_one_profile_at_most(text):
     assert len(qos_of_text(text)) <= 1

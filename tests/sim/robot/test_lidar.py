@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_sim.robot.bullet import add_wall, new_world, pybullet
-from serd_sim.robot.sensors.lidar import Lidar
+from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.command import STOP

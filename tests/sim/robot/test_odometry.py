@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.robot.sensors.odometry import Odometry
+from serd_sim.robot.sensors import Odometry
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import OdometrySettings
 from serd_sim.world.command import Command

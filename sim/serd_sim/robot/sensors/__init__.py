@@ -1,1 +1,0 @@
-"""What the robot measures: laser scans and odometry."""
