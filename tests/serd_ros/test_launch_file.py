@@ -3,8 +3,10 @@
 The stand-ins keep what they are given; what a real launch makes of it was not run here.
 """
 
+import ast
 import re
 import runpy
+import shutil
 import sys
 from types import ModuleType, SimpleNamespace
 
@@ -14,7 +16,7 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import find_stack, stack_parameters
 
-LAUNCH = "ros_ws/src/serd_ros/launch"
+PACKAGE = "ros_ws/src/serd_ros"
 #: The stack of each file.
 FILES = {
     "simulation": "live",
@@ -45,7 +47,15 @@ def context_of(launch_file, **given):
 
 
 @pytest.fixture
-def launch_file(root, monkeypatch):
+def installed(root, tmp_path):
+    """The folder of the launch files as the package installs them."""
+    for name in ("serd", *FILES):
+        shutil.copyfile(root / PACKAGE / "launch/serd.launch.py", tmp_path / f"{name}.launch.py")
+    return tmp_path
+
+
+@pytest.fixture
+def launch_file(installed, monkeypatch):
     names = {
         "launch": {"LaunchDescription": Kept},
         "launch.actions": dict.fromkeys(
@@ -60,7 +70,7 @@ def launch_file(root, monkeypatch):
         module = ModuleType(name)
         module.__dict__.update(content)
         monkeypatch.setitem(sys.modules, name, module)
-    return runpy.run_path(str(root / LAUNCH / "serd.launch.py"))
+    return runpy.run_path(str(installed / "serd.launch.py"))
 
 
 def test_every_parameter_is_a_launch_argument(launch_file):
@@ -144,24 +154,29 @@ def test_arguments_of_a_file_that_includes_this_one_are_left(launch_file, monkey
     assert nodes[0].named["parameters"][0]["seed"] == 3
 
 
-def description_of(root, name):
+def description_of(installed, name):
     """The arguments by name, and what makes the nodes, of a file."""
-    file = runpy.run_path(str(root / LAUNCH / f"{name}.launch.py"))
+    file = runpy.run_path(str(installed / f"{name}.launch.py"))
     (entities,) = file["generate_launch_description"]().words
     arguments = {each.words[0]: each.named for each in entities if each.words}
     (nodes_of,) = [each.named["function"] for each in entities if not each.words]
     return arguments, nodes_of
 
 
-def test_each_file_of_the_folder_starts_a_stack(root):
-    found = {each.name.partition(".")[0] for each in (root / LAUNCH).glob("*.launch.py")}
-    assert found == {"serd", *FILES}
+def test_the_package_installs_the_file_under_the_name_of_each_stack(root):
+    tree = ast.parse((root / PACKAGE / "setup.py").read_text())
+    (names,) = (
+        ast.literal_eval(statement.value)
+        for statement in tree.body
+        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "LAUNCH_FILES"
+    )
+    assert set(names) == set(FILES)
 
 
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.usefixtures("launch_file")
-def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(root, name):
-    arguments, nodes_of = description_of(root, name)
+def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(installed, name):
+    arguments, nodes_of = description_of(installed, name)
     stack = find_stack(FILES[name])
     known = {each for node in stack.nodes for each in CONFIGS[node].model_fields}
     assert set(arguments) == known | {"namespace", "use_sim_time", "params_file"}
@@ -181,17 +196,17 @@ def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(root, name):
     ],
 )
 @pytest.mark.usefixtures("launch_file")
-def test_a_file_of_a_stack_refuses_other_arguments(root, monkeypatch, argument, sentence):
+def test_a_file_of_a_stack_refuses_other_arguments(installed, monkeypatch, argument, sentence):
     monkeypatch.setattr(sys, "argv", ["ros2", "launch", "serd_ros", "navigate.launch.py"])
-    arguments, nodes_of = description_of(root, "navigate")
+    arguments, nodes_of = description_of(installed, "navigate")
     given = dict.fromkeys(arguments, "") | {argument: "x"}
     with pytest.raises(NodeError, match=re.escape(sentence)):
         nodes_of(SimpleNamespace(launch_configurations=given))
 
 
 @pytest.mark.usefixtures("launch_file")
-def test_a_file_of_that_name_in_another_package_keeps_its_arguments(root, monkeypatch):
+def test_a_file_of_that_name_in_another_package_keeps_its_arguments(installed, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "navigate.launch.py"])
-    arguments, nodes_of = description_of(root, "navigate")
+    arguments, nodes_of = description_of(installed, "navigate")
     given = dict.fromkeys(arguments, "") | {"world": "depot"}
     assert len(nodes_of(SimpleNamespace(launch_configurations=given))) == 4

@@ -92,7 +92,9 @@ def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, m
     )
     prefix = workspace / "install/serd_ros"
     assert (prefix / "share/ament_index/resource_index/packages/serd_ros").exists()
-    for folder in ("launch", "config", "rviz", "foxglove"):
+    launched = {path.name for path in (prefix / "share/serd_ros/launch").iterdir()}
+    assert {"serd.launch.py", "navigate.launch.py", "simulation.launch.py"} < launched
+    for folder in ("config", "rviz", "foxglove"):
         names = {path.name for path in (package / folder).iterdir() if path.is_file()}
         assert {path.name for path in (prefix / "share/serd_ros" / folder).iterdir()} == names
     modules = [path for path in prefix.rglob("*.py") if "share" not in path.parts]

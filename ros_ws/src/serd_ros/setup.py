@@ -20,6 +20,7 @@ module.
 """
 
 from pathlib import Path
+from shutil import copyfile
 
 from setuptools import setup
 
@@ -41,12 +42,32 @@ NODES = (
     'teleop_page',
     'watch_page',
 )
-FOLDERS = ('launch', 'config', 'rviz', 'foxglove')
+LAUNCH_FILES = (
+    'demonstrate',
+    'learn',
+    'nav2',
+    'navigate',
+    'robot',
+    'robot_nav2',
+    'robot_people',
+    'simulation',
+    'teleop',
+)
+FOLDERS = ('config', 'rviz', 'foxglove')
 
 
 def files(folder: str) -> list[str]:
     """Return the files of a folder."""
     return sorted(str(path) for path in Path(folder).glob('*') if path.is_file())
+
+
+def launch_files() -> list[str]:
+    """Return serd.launch.py and its copies, each of which starts the stack of its name."""
+    general, folder = Path('launch/serd.launch.py'), Path('build/launch')
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in LAUNCH_FILES:
+        copyfile(general, folder / f'{name}.launch.py')
+    return [str(general), *files(str(folder))]
 
 
 setup(
@@ -59,6 +80,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/launch', launch_files()),
         *((f'share/{PACKAGE}/{folder}', files(folder)) for folder in FOLDERS),
     ],
     entry_points={

@@ -17,7 +17,12 @@ Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` 
 
     ros2 launch serd_ros serd.launch.py stack:=live seed:=3
 
-The other files of this folder start one stack each, with the arguments of its nodes alone. Every
+Installed under the name of a stack, this file starts that one, with the arguments of its nodes
+alone; under simulation.launch.py it starts the stack `live`:
+
+    ros2 launch serd_ros navigate.launch.py model:=model.yaml
+
+Every
 parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of
 one node. Empty means the stack's own value. Values of `params_file` override those of the stack,
 and arguments override both. Any other argument is refused, unless another file includes this one,
@@ -46,6 +51,7 @@ from serd_ros.graph.graph import (
 )
 import yaml
 
+NAME = Path(__file__).name.partition('.')[0]
 OWN = {
     'namespace': 'of all nodes, and of the clock of a simulator',
     'use_sim_time': 'true or false for all nodes',
@@ -135,6 +141,8 @@ def description_of(name):
 
 
 def generate_launch_description():
+    if NAME != 'serd':
+        return description_of({'simulation': 'live'}.get(NAME, NAME))
     stacks = load_graph().stacks
     about = '; '.join(f'{name}: {stack.about}' for name, stack in stacks.items())
     chosen = DeclareLaunchArgument('stack', default_value='live', description=about)
