@@ -67,7 +67,9 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         ),
     ]
     factors = [f"{name} {factor:.0f}" for name, factor in summary.real_time_factor.items()]
-    return rows + ([("Times faster than real time", ", ".join(factors))] if factors else [])
+    return rows + (
+        [("Times faster than real time (whole phase)", ", ".join(factors))] if factors else []
+    )
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:

@@ -8,17 +8,20 @@ from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.settings import setting, setting_of
+from serd_files.table import Column, append_row, read_table
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.settings import EpisodeSettings
+
+_TIMES = Column("phase", str), Column("wall_s", float)
 
 
 class DemoSettings(EpisodeSettings):
     """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
 
     seed: int = setting_of(EpisodeSettings, "seed", default=3)
-    demonstrations: int = setting(20, "number of demonstrations by the scripted expert", ge=1)
+    demonstrations: int = setting(10, "number of demonstrations by the scripted expert", ge=1)
     episodes: int = setting_of(
-        EpisodeSettings, "episodes", default=30, description="episodes the learned policy drives"
+        EpisodeSettings, "episodes", default=15, description="episodes the learned policy drives"
     )
     policy: PolicyKind = setting_of(NavigationSettings, "policy")
 
@@ -41,6 +44,7 @@ class DemoFolder:
         self.learning = self.root / "model.learning.csv"
         self.navigation = self.root / "navigation"
         self.layout = self.root / "foxglove.json"
+        self._timings = self.root / "timings.csv"
         self.logs = self.root / "logs"
 
     def demonstrated(self, settings: DemoSettings) -> bool:
@@ -57,6 +61,17 @@ class DemoFolder:
     def navigated(self, settings: DemoSettings) -> bool:
         """Whether the learned policy has driven all its episodes."""
         return len(self.episodes(self.navigation)) >= settings.episodes
+
+    def note_wall_time(self, phase: str, wall_s: float) -> None:
+        """Append how long a phase took."""
+        append_row(self._timings, _TIMES, (phase, wall_s))
+
+    def wall_times_s(self) -> dict[str, float]:
+        """How long the phases took by name; the last time, where one was run again."""
+        if not self._timings.is_file():
+            return {}
+        rows = read_table(self._timings, _TIMES)
+        return dict(zip(rows["phase"], rows["wall_s"], strict=True))
 
     @staticmethod
     def episodes(phase: Path) -> tuple[EpisodeResult, ...]:

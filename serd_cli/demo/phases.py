@@ -1,89 +1,153 @@
-"""The three phases that run stacks of nodes; each is skipped when its result exists."""
+"""The three phases that run stacks of nodes; each is skipped when its result exists.
 
+While nodes drive, a web page shows them.
+"""
+
+import os
+import sys
 import time
-from collections.abc import Mapping
+import webbrowser
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
 
 from serd_app.report.inputs import PhaseTiming
 from serd_bag.files import atomic_write_text
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.processes.node_commands import shared_file
-from serd_cli.processes.stack_run import run_stack
-from serd_files.episode_table import EpisodeResult
-from serd_ros.graph.graph import PACKAGE
+from serd_cli.output.terminal import progress_console
+from serd_cli.processes.stack_run import PAGE, port_fault, run_stack
+from serd_cli.processes.workspace import PROJECT
+from serd_ros.graph.configs import WatchPageConfig
+
+_LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
 
 
-def demonstrate(
-    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
-) -> PhaseTiming:
-    """The expert drives while its episodes are recorded into the bag."""
+@dataclass(frozen=True)
+class Phase:
+    """One stack with its parameters, named after the stack.
+
+    n_parts: how many parts its progress has; drives: folder with its table of episodes, if any.
+    """
+
+    name: str
+    is_done: Callable[[], bool]
+    parameters: Mapping[str, Any]
+    n_parts: int
+    drives: Path | None = None
+
+
+def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
+    """An expert drives and is recorded, a model is learned, and it drives in another world."""
+    return (
+        Phase(
+            "demonstrate",
+            lambda: folder.demonstrated(settings),
+            {
+                "scenario": settings.scenario,
+                "seed": settings.seed,
+                "scripted_expert.episodes": settings.demonstrations,
+                "timeout_s": settings.timeout_s,
+                "scripted_expert.output": str(folder.demonstrations),
+                "demo_recorder.output": str(folder.bag),
+            },
+            settings.demonstrations,
+            folder.demonstrations,
+        ),
+        Phase(
+            "learn",
+            folder.learned,
+            {
+                "scenario": settings.scenario,
+                "seed": settings.seed,
+                "bag": str(folder.bag),
+                "learner.output": str(folder.model),
+                "decisions": str(folder.decisions),
+            },
+            1,
+        ),
+        Phase(
+            "navigate",
+            lambda: folder.navigated(settings),
+            {
+                "scenario": settings.scenario,
+                "seed": settings.navigation_seed,
+                "model": str(folder.model),
+                "policy": settings.policy,
+                "episodes": settings.episodes,
+                "timeout_s": settings.timeout_s,
+                "strategy.output": str(folder.navigation),
+            },
+            settings.episodes,
+            folder.navigation,
+        ),
+    )
+
+
+class LivePage:
+    """The page that shows the drives, at one address unless another program has its port."""
+
+    def __init__(self) -> None:
+        self._shown = ""
+
+    @staticmethod
+    def parameters() -> dict[str, int]:
+        """Its port: the usual one, or any free one."""
+        usual = WatchPageConfig()
+        return {f"{PAGE}.port": 0 if port_fault(usual.address, usual.port) else usual.port}
+
+    def show(self, address: str) -> None:
+        """Print an address that is new, and open it where there is a display."""
+        if address == self._shown:
+            return
+        self._shown = address
+        progress_console.print(Text.assemble("watch the drives at ", (address, "bold")))
+        has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        if has_display and sys.stdout.isatty():
+            webbrowser.open(address)
+
+
+def run_phases(
+    folder: DemoFolder,
+    settings: DemoSettings,
+    environment: Mapping[str, str],
+    page: LivePage | None,
+) -> list[PhaseTiming]:
+    """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if not folder.demonstrated(settings):
         folder.set_partial_bag_aside()
-        given = {
-            "scenario": settings.scenario,
-            "seed": settings.seed,
-            "scripted_expert.episodes": settings.demonstrations,
-            "timeout_s": settings.timeout_s,
-            "scripted_expert.output": str(folder.demonstrations),
-            "demo_recorder.output": str(folder.bag),
-        }
-        total = settings.demonstrations
-        run_stack("demonstrate", given, environment, total=total, logs=folder.logs)
-        _require(folder.demonstrated(settings), "demonstrate")
-    # Installed by pip alone there is no workspace with a layout.
-    if layout := shared_file(PACKAGE, "foxglove/serd.json", environment):
-        atomic_write_text(folder.layout, layout.read_text(encoding="utf-8"))
-    return _driven("demonstrate", folder.episodes(folder.demonstrations))
+    if _LAYOUT.is_file():  # as in a checkout
+        atomic_write_text(folder.layout, _LAYOUT.read_text(encoding="utf-8"))
+    phases = phases_of(folder, settings)
+    for phase in phases:
+        if phase.is_done():
+            continue
+        began_s = time.monotonic()
+        is_shown = page is not None and phase.drives is not None
+        run_stack(
+            phase.name,
+            {**phase.parameters, **(LivePage.parameters() if is_shown else {})},
+            environment,
+            total=phase.n_parts,
+            logs=folder.logs,
+            on_address=page.show if page is not None and is_shown else None,
+        )
+        if not phase.is_done():  # a node ended early, even without an error of its own
+            raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")
+        folder.note_wall_time(phase.name, time.monotonic() - began_s)
+    wall_s = folder.wall_times_s()
+    return [
+        PhaseTiming(phase.name, wall_s[phase.name], _simulated_s(phase))
+        for phase in phases
+        if phase.name in wall_s
+    ]
 
 
-def learn(
-    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
-) -> PhaseTiming:
-    """Rewards and dynamics are learned from the bag."""
-    began_s = time.monotonic()
-    if not folder.learned():
-        given = {
-            "scenario": settings.scenario,
-            "seed": settings.seed,
-            "bag": str(folder.bag),
-            "learner.output": str(folder.model),
-            "decisions": str(folder.decisions),
-        }
-        run_stack("learn", given, environment, total=1, logs=folder.logs)
-        _require(folder.learned(), "learn")
-    return PhaseTiming("learn", time.monotonic() - began_s)
-
-
-def navigate(
-    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
-) -> PhaseTiming:
-    """The learned policy drives new episodes in a world of another seed."""
-    if not folder.navigated(settings):
-        given = {
-            "scenario": settings.scenario,
-            "seed": settings.navigation_seed,
-            "model": str(folder.model),
-            "policy": settings.policy,
-            "episodes": settings.episodes,
-            "timeout_s": settings.timeout_s,
-            "strategy.output": str(folder.navigation),
-        }
-        total = settings.episodes
-        run_stack("navigate", given, environment, total=total, logs=folder.logs)
-        _require(folder.navigated(settings), "navigate")
-    return _driven("navigate", folder.episodes(folder.navigation))
-
-
-def _require(done: bool, name: str) -> None:
-    """RunError where a phase ended early, even without an error of its own."""
-    if not done:
-        raise RunError(f"{name} ended before it was done; see logs/{name}.log")
-
-
-def _driven(name: str, episodes: tuple[EpisodeResult, ...]) -> PhaseTiming:
-    """Wall time from first to last observation of each episode, as the driver measured it."""
-    return PhaseTiming(
-        name,
-        wall_s=sum(episode.wall_s for episode in episodes),
-        simulated_s=sum(episode.duration_s for episode in episodes),
-    )
+def _simulated_s(phase: Phase) -> float | None:
+    """What the episodes of a phase lasted in all, None where it drove none."""
+    if phase.drives is None:
+        return None
+    return sum(episode.duration_s for episode in DemoFolder.episodes(phase.drives))

@@ -59,6 +59,8 @@ def report_demo(
     console.print()
     console.print(headline_of(summary))
     console.print(table)
+    command = shlex.join(["serd", "navigate", str(folder.model), "--episodes", "200"])
+    console.print(f"more episodes, in process: {command}", soft_wrap=True)
     print(f"report: {page}")
 
 

@@ -30,7 +30,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     prefixes = _prefixes(environment)
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
     if prefix is None and package == PACKAGE:
-        _require_known(package, executable, _own())
+        _require_known(package, executable, sorted(load_graph().nodes))
         return [sys.executable, "-m", f"{PACKAGE}.process.executable", executable]
     if prefix is None:
         known = all_executables(environment)
@@ -39,25 +39,14 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     return [str(prefix / "lib" / package / executable)]
 
 
-def shared_file(package: str, name: str, environment: Mapping[str, str]) -> Path | None:
-    """share/<package>/<name> of the first prefix that has it."""
-    files = (each / "share" / package / name for each in _prefixes(environment))
-    return next((file for file in files if file.is_file()), None)
-
-
 def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
     """Executables by package, of the packages that have any; our own nodes among them."""
-    found = {PACKAGE: _own()}
+    found = {PACKAGE: sorted(load_graph().nodes)}
     for prefix in reversed(_prefixes(environment)):
         for marker in (prefix / _MARKERS).glob("*"):
             if executables := executables_of(prefix, marker.name):
                 found[marker.name] = executables
     return dict(sorted(found.items()))
-
-
-def _own() -> list[str]:
-    """The executables of this project."""
-    return sorted(load_graph().nodes)
 
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:
@@ -116,16 +105,12 @@ def node_command(
     environment: Mapping[str, str],
 ) -> list[str]:
     """Executable and arguments of one node of ours."""
-    return [*find_command(PACKAGE, node, environment), *_arguments(parameters, remappings)]
-
-
-def _arguments(parameters: Mapping[str, Any], remappings: Mapping[str, str]) -> list[str]:
-    arguments = ["--ros-args"]
+    command = [*find_command(PACKAGE, node, environment), "--ros-args"]
     for name, topic in remappings.items():
-        arguments += ["-r", f"{name}:={topic}"]
+        command += ["-r", f"{name}:={topic}"]
     for name, value in parameters.items():
-        arguments += ["-p", f"{name}:={_as_ros(value)}"]
-    return arguments
+        command += ["-p", f"{name}:={_as_ros(value)}"]
+    return command
 
 
 def _is_ros_value(value: Any) -> bool:

@@ -1,6 +1,7 @@
 """Runs a stack of nodes to its end with a progress bar, in a ROS domain of its own."""
 
 import os
+import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, load_graph
 from serd_ros.process.progress import VARIABLE, Progress, parse_progress
 
+PAGE = "watch_page"
 _LONGEST = 62
 
 
@@ -50,6 +52,17 @@ def require_free(environment: Mapping[str, str], *names: str) -> None:
         raise RunError(found.stdout.strip(), BAD_INPUT)
 
 
+def port_fault(address: str, port: int) -> str:
+    """Why no server can have a port; empty where one can. Port 0 is any free one."""
+    with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            return error.strerror or str(error)
+    return ""
+
+
 def run_stack(
     name: str,
     parameters: Mapping[str, Any],
@@ -57,13 +70,16 @@ def run_stack(
     *,
     total: int,
     logs: Path,
+    on_address: Callable[[str], object] | None = None,
 ) -> None:
     """Run a stack until one of its nodes ends; total: how many parts its progress has.
 
-    What the nodes print goes to `NAME.log` in the folder of logs.
+    What the nodes print goes to `NAME.log` in the folder of logs. on_address: called with the
+    address of a page that shows the stack, which is one of its nodes only then.
     """
-    require_free_domain(find_stack(name), environment)
-    processes = stack_processes(find_stack(name), parameters, environment)
+    stack = find_stack(name) if on_address is None else _watched(find_stack(name))
+    require_free_domain(stack, environment)
+    processes = stack_processes(stack, parameters, environment)
     bar = WorkProgress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=20),
@@ -80,12 +96,23 @@ def run_stack(
             if progress is None:
                 log(node, line)
                 return
+            if progress.address and on_address is not None:
+                on_address(progress.address)
+                return
             text = progress.text
             short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
             bar.update(task, text=escape(short), completed=progress.done)
 
         run_together(processes, environment, take)
         bar.update(task, completed=total)
+
+
+def _watched(stack: Stack) -> Stack:
+    """The stack with a page, for which its world waits."""
+    world = stack.parameters["hallway_sim"]
+    waiting = {**world, "required_nodes": [*world["required_nodes"], PAGE]}
+    nodes, parameters = (*stack.nodes, PAGE), {**stack.parameters, "hallway_sim": waiting}
+    return stack.model_copy(update={"nodes": nodes, "parameters": parameters})
 
 
 def run_alone(

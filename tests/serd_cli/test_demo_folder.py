@@ -34,6 +34,14 @@ def test_an_unfinished_bag_is_set_aside_under_a_name_of_its_own(tmp_path):
     assert not folder.bag.exists()
 
 
+def test_the_time_of_a_phase_that_was_run_again_counts(tmp_path):
+    folder = new_folder(tmp_path, DemoSettings())
+    assert folder.wall_times_s() == {}
+    for phase, wall_s in (("demonstrate", 2.0), ("learn", 1.0), ("demonstrate", 3.5)):
+        folder.note_wall_time(phase, wall_s)
+    assert open_folder(folder.root)[0].wall_times_s() == {"demonstrate": 3.5, "learn": 1.0}
+
+
 def test_a_file_in_place_of_the_output_folder_gets_a_sentence(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises((UsageError, FileError), match="out"):

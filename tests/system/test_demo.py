@@ -90,12 +90,15 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     code, log = demo.wait()
     assert code == 130
     assert f"serd demo --resume {run}" in log
+    assert "2 demonstrations and 1 episode through ROS 2" in log
+    assert "watch the drives at http://127.0.0.1:" in log
     assert processes_of(tmp_path) == {}
     with AnyReader([run / "bag"]) as reader:
         assert reader.message_count > 1000
 
     code, log = Demo(tmp_path, "--resume", str(run)).wait()
     assert code == 0, log
+    assert processes_of(tmp_path) == {}
     assert log.splitlines()[-1] == f"report: {run / 'report.html'}"
     (row,) = load_episodes(run / "navigation/episodes.csv")
     assert row.outcome == "arrived"
@@ -113,6 +116,10 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
         main()
     summary = json.loads(capsys.readouterr().out)
     assert (summary["n_arrived"], summary["report"]) == (1, str(run / "report.html"))
+    # Whole phases, which the node that drives knows only parts of.
+    assert summary["wall_s"]["navigate"] > row.wall_s
+    factor = summary["real_time_factor"]["navigate"]
+    assert factor == row.duration_s / summary["wall_s"]["navigate"]
 
 
 @pytest.mark.parametrize("name", ["hallway_sim", "scripted_expert"])

@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
+from serd_bag.quantities import counted
 from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
-from serd_cli.demo.phases import demonstrate, learn, navigate
+from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
@@ -22,10 +23,14 @@ def demo(
     resume: Annotated[
         Path | None, typer.Option(help="continue this run-N folder; its settings count")
     ] = None,
+    page: Annotated[bool, typer.Option(help="show the drives on a web page")] = True,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes."""
+    """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes.
+
+    It takes two minutes; 'serd navigate MODEL --episodes 200' drives more.
+    """
     if resume is not None:
         folder, settings = open_folder(resume)
     else:
@@ -33,17 +38,20 @@ def demo(
         absolute = {"scenario": resolved_scenario(options["scenario"])}
         settings = validated(DemoSettings, **(options | absolute))
         folder = new_folder(output, settings)
-    _run(folder, settings, as_json=as_json)
+    _run(folder, settings, with_page=page, as_json=as_json)
 
 
-def _run(folder: DemoFolder, settings: DemoSettings, *, as_json: bool) -> None:
+def _run(folder: DemoFolder, settings: DemoSettings, *, with_page: bool, as_json: bool) -> None:
     """Run the phases; finished phases stay, and the message at an error names how to continue."""
-    progress_console.print(f"results go to {folder.root}", soft_wrap=True)
+    progress_console.print(
+        f"{counted(settings.demonstrations, 'demonstration')} and"
+        f" {counted(settings.episodes, 'episode')} through ROS 2; results go to {folder.root}",
+        soft_wrap=True,
+    )
     try:
         with stack_environment(folder.logs) as environment:
-            phases = [
-                phase(folder, settings, environment) for phase in (demonstrate, learn, navigate)
-            ]
+            page = LivePage() if with_page else None
+            phases = run_phases(folder, settings, environment, page)
         from serd_cli.demo.report import report_demo
 
         report_demo(folder, settings, phases, as_json=as_json)

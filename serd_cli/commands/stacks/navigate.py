@@ -113,14 +113,12 @@ def _strategy_of(settings: DriveSettings) -> Strategy:
 
 def _drive_through_ros(settings: DriveSettings, output: Path) -> list[EpisodeResult]:
     """Drive all episodes in lock-step; the strategy writes its tables to the folder."""
+    same_names = {*NavigationSettings.model_fields, "start_area", "people"}
     given = {
-        **settings.model_dump(include=set(NavigationSettings.model_fields)),
-        "start_area": settings.start_area,
+        **settings.model_dump(include=same_names, exclude_none=True),
         "local_planner.planner": settings.planner,
         "strategy.output": str(output),
     }
-    if settings.people is not None:
-        given["people"] = settings.people
     logs = output / "logs"
     with stack_environment(logs) as environment:
         total = settings.episodes

@@ -3,7 +3,6 @@
 import os
 import re
 import shlex
-import socket
 import sys
 import termios
 from collections import Counter
@@ -28,7 +27,7 @@ from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.stack_run import log_of_nodes, require_free_domain
+from serd_cli.processes.stack_run import log_of_nodes, port_fault, require_free_domain
 from serd_cli.processes.supervisor import Line, run_together
 from serd_cli.processes.workspace import ros_environment
 from serd_files.errors import USER_ERRORS
@@ -134,21 +133,11 @@ def require_a_way_to_drive(settings: TeleopSettings) -> None:
         raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
     if settings.page:
         PageAccess(settings.address, read_token(settings.token_file))
-    if settings.page and settings.port:
-        _require_free(settings.address, settings.port)
-
-
-def _require_free(address: str, port: int) -> None:
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with socket.socket(family) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address, port))
-        except OSError as error:
-            raise UsageError(
-                f"cannot serve the page on {address} port {port}: {error.strerror or error}"
-                "; choose another with --port, 0 takes a free one"
-            ) from None
+    if settings.page and (fault := port_fault(settings.address, settings.port)):
+        raise UsageError(
+            f"cannot serve the page on {settings.address} port {settings.port}: {fault}"
+            "; choose another with --port, 0 takes a free one"
+        )
 
 
 @contextmanager
