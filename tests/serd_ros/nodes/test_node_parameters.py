@@ -30,6 +30,7 @@ def given(tmp_path, save_model_of, messages):
         "demo_recorder": {"output": str(tmp_path / "bag")},
         "bag_replay": {"bag": str(tmp_path / "played"), "paused": True},
         "teleop_page": {"port": 0},
+        "watch_page": {"port": 0},
         "hallway_sim": {"people": 0},
     }
 
