@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NavigationProblem, build_navigation_problem
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
@@ -91,6 +94,14 @@ class Case:
     weights: np.ndarray
     probabilities: np.ndarray
     decisions: Decisions
+
+
+def fit_of(
+    case: Case, weights: ArrayLike, fit: Callable[..., FitResult] = fit_mdce_serd, **options: Any
+) -> FitResult:
+    """The fit of the decisions of a case, which starts at the weights."""
+    start = np.array(weights, dtype=np.float64)
+    return fit(case.problem, case.decisions, initial_weights=start, **options)
 
 
 def gridworld_problem(side: int, discount: float, seed: int = 0) -> TabularProblem:

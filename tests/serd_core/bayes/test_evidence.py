@@ -38,7 +38,7 @@ from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from support.small_problems import PROPER, apart, one_choice, sampled
+from support.small_problems import PROPER, apart, fit_of, one_choice, sampled
 
 BY_EVIDENCE = PriorByEvidence()
 #: Stay, and one cell up, right, down or left: rows and columns.
@@ -379,13 +379,7 @@ def test_a_direction_that_bends_up_is_named(minimum_example):
 
 
 def test_a_point_on_the_way_has_no_approximation(gridworld):
-    stopped = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        prior=PROPER,
-        on_step=lambda step: step.number == 4,
-    )
+    stopped = fit_of(gridworld, [1.0, 1.0], prior=PROPER, on_step=lambda step: step.number == 4)
     with pytest.raises(SerdError, match=r"Newton step is at most|bend down"):
         laplace(gridworld.problem, gridworld.decisions, stopped)
 

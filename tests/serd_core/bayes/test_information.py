@@ -15,7 +15,7 @@ from serd_core.posterior.beliefs import FreeBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianPrior
-from support.small_problems import PROPER, apart
+from support.small_problems import PROPER, apart, fit_of
 
 C = 0.7
 
@@ -133,10 +133,10 @@ def test_where_all_outcomes_lead_to_one_state_nothing_is_learned_of_them():
 
 def test_a_fit_of_rewards_alone_is_rejected(gridworld):
     prior = GaussianPrior(2.0, Block.REWARD)
-    fit = fit_mdce_irl_by_likelihood(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.zeros(2),
+    fit = fit_of(
+        gridworld,
+        [0.0, 0.0],
+        fit=fit_mdce_irl_by_likelihood,
         dynamics=gridworld.probabilities,
         prior=prior,
     )

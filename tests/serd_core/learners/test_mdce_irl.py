@@ -16,10 +16,9 @@ from serd_core.learners.mdce_irl import (
     fit_mdce_irl_by_likelihood,
     weights_under_initial_dynamics,
 )
-from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.tables import from_transitions
 from serd_core.policies.solved_policy import soft_policy
-from support.small_problems import sampled
+from support.small_problems import fit_of, sampled
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +80,10 @@ def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
     for least in (0.0, 1e-12):
         smoothed = np.maximum(known, least)
         smoothed /= smoothed.sum(axis=1, keepdims=True)
-        fits[least] = fit_mdce_irl_by_likelihood(
-            gridworld.problem,
-            gridworld.decisions,
-            initial_weights=np.zeros(2),
+        fits[least] = fit_of(
+            gridworld,
+            [0.0, 0.0],
+            fit=fit_mdce_irl_by_likelihood,
             dynamics=smoothed,
             ascent=TrustRegion(gradient_tolerance=1e-9),
         )
@@ -97,12 +96,7 @@ def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
 
 def test_learned_dynamics_may_not_start_at_zeros_and_the_sentence_says_who_may(gridworld):
     with pytest.raises(SerdError, match=r"probabilities\[0, 1\] must be above 0 .* FixedBelief"):
-        fit_mdce_serd(
-            gridworld.problem,
-            gridworld.decisions,
-            initial_weights=np.zeros(2),
-            dynamics=gridworld.probabilities,
-        )
+        fit_of(gridworld, [0.0, 0.0], dynamics=gridworld.probabilities)
 
 
 def test_dynamics_that_rule_an_observed_step_out_are_refused_by_its_name(minimum_example):

@@ -17,7 +17,7 @@ from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
-from support.small_problems import apart, sampled
+from support.small_problems import apart, fit_of, sampled
 
 
 def test_rewards_and_dynamics_are_recovered_from_many_decisions(make_gridworld):
@@ -60,20 +60,10 @@ def test_both_explanations_of_the_minimum_example_are_found(minimum_example, sta
 
 def test_a_heavy_divergence_prior_turns_serd_into_irl_with_the_estimated_dynamics(gridworld):
     """Section 5.2: for lambda to infinity MDCE SERD turns to MDCE IRL."""
-    heavy = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        prior=KldPrior(1e6),
-        ascent=Lbfgs(gradient_tolerance=1e-3),
+    heavy = fit_of(
+        gridworld, [1.0, 1.0], prior=KldPrior(1e6), ascent=Lbfgs(gradient_tolerance=1e-3)
     )
-    fixed = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.ones(2),
-        belief=FixedBelief(),
-        prior=UniformPrior(),
-    )
+    fixed = fit_of(gridworld, [1.0, 1.0], belief=FixedBelief(), prior=UniformPrior())
     estimate = estimate_dynamics(gridworld.problem, gridworld.decisions)
     np.testing.assert_allclose(heavy.outcome_probabilities, estimate, atol=1e-3)
     np.testing.assert_allclose(fixed.outcome_probabilities, estimate, rtol=1e-12)
@@ -110,14 +100,7 @@ def test_coupling_leads_from_free_to_tied_blocks(gridworld):
     def fit(belief):
         prior = KldPrior(0.1) + KldPrior(0.1, block=Block.BELIEF)
         prior = prior + GaussianPrior(3.0, Block.REWARD)
-        return fit_mdce_serd(
-            gridworld.problem,
-            gridworld.decisions,
-            initial_weights=np.ones(2),
-            belief=belief,
-            prior=prior,
-            ascent=TrustRegion(),
-        )
+        return fit_of(gridworld, [1.0, 1.0], belief=belief, prior=prior, ascent=TrustRegion())
 
     free, weak, strong = (
         fit(belief) for belief in (FreeBelief(), CoupledBelief(1e-7), CoupledBelief(1e4))
@@ -136,13 +119,7 @@ def test_progress_is_reported_and_a_fit_can_be_stopped(gridworld):
         seen.append(step.objective)
         return len(seen) == 3
 
-    fit = fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        initial_weights=np.zeros(2),
-        prior=UniformPrior(),
-        on_step=stop_at_three,
-    )
+    fit = fit_of(gridworld, [0.0, 0.0], prior=UniformPrior(), on_step=stop_at_three)
     assert len(seen) == 3
     assert fit.n_steps == 3
     assert not fit.converged

@@ -5,7 +5,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.errors import SerdError
 from serd_core.learners.policy_matching import fit_policy_matching, squared_loss
 from serd_core.policies.solved_policy import boltzmann_policy
-from support.small_problems import sampled
+from support.small_problems import fit_of, sampled
 
 
 def test_the_gradient_by_q_is_the_finite_difference():
@@ -56,11 +56,11 @@ def test_the_loss_weighs_states_by_how_often_they_were_visited():
 
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
     def started(weights):
-        return fit_policy_matching(
-            gridworld.problem,
-            gridworld.decisions,
+        return fit_of(
+            gridworld,
+            weights,
+            fit=fit_policy_matching,
             inverse_temperature=0.5,
-            initial_weights=weights,
             dynamics=gridworld.probabilities,
             ascent=Lbfgs(gradient_tolerance=np.inf),
         )
