@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import (
-    BoolArray,
     FloatArray,
     IntArray,
     chosen_indices,
@@ -51,16 +50,6 @@ class TransitionTable:
         np.add.at(sums, (self.state, self.action), values * self.probability[:, None])
         sums[ends] = 0.0
         return sums
-
-    def select(self, rows: BoolArray) -> "TransitionTable":
-        """The entries of a mask."""
-        return TransitionTable(
-            self.n_pairs,
-            self.state[rows],
-            self.action[rows],
-            self.next_state[rows],
-            self.probability[rows],
-        )
 
 
 def from_transitions(
@@ -173,16 +162,16 @@ def _listed(
     learned: bool = False,
 ) -> TabularProblem:
     """The problem of a table of transitions, of which those from terminal states are not used."""
-    kept = table.select((table.probability != 0) & ~np.isin(table.state, ends))
+    kept = (table.probability != 0) & ~np.isin(table.state, ends)
     listed = (
-        np.concatenate([kept.state, ends]),
-        np.concatenate([kept.action, np.zeros_like(ends)]),
-        np.concatenate([kept.next_state, ends]),
+        np.concatenate([table.state[kept], ends]),
+        np.concatenate([table.action[kept], np.zeros_like(ends)]),
+        np.concatenate([table.next_state[kept], ends]),
     )
     if learned:
         model = learned_transitions(table.n_pairs, *listed)
     else:
-        probability = np.concatenate([kept.probability, np.ones(len(ends))])
+        probability = np.concatenate([table.probability[kept], np.ones(len(ends))])
         model = fixed_transitions(table.n_pairs, *listed, probability)
     return _problem(Mdp(model, discount), features, names, ends)
 

@@ -134,6 +134,12 @@ def test_the_choice_for_few_digits_is_that_of_newtons_steps(graph, n_states, hor
     assert for_steps.choose(pattern_of(graph, n_states), horizon) == chosen
 
 
+def test_fewer_digits_favour_bicgstab():
+    pattern = pattern_of("grid", 10_000)
+    assert Automatic().choose(pattern, 290.0) == SparseLu()
+    assert Automatic().for_systems(relative_residual=3e-2).choose(pattern, 290.0) == Krylov()
+
+
 def test_many_right_hand_sides_favour_a_factor_which_is_computed_once():
     pattern, horizon = pattern_of("grid", 10_000), 100.0
     assert Automatic().choose(pattern, horizon) == Krylov()
