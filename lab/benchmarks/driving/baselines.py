@@ -15,7 +15,7 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_task
 from serd_sim.errors import SimError
 from serd_sim.planning.recovery import RecoveringPlanner
-from serd_sim.planning.stopping import speed_to_stop_within
+from serd_sim.planning.rollouts import speed_to_stop_within
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import Observation

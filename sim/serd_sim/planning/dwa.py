@@ -17,11 +17,12 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
-from serd_sim.planning.rollouts import reachable_window, roll_out
-from serd_sim.planning.stopping import (
+from serd_sim.planning.rollouts import (
     REACTION_S,
     before_stop,
+    reachable_window,
     require_foresight,
+    roll_out,
     speed_to_stop_within,
 )
 from serd_sim.scenario.scenario import Scenario

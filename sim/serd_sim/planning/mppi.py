@@ -16,7 +16,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
-from serd_sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
+from serd_sim.planning.rollouts import before_stop, require_foresight, speed_to_stop_within
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import Observation

@@ -5,7 +5,7 @@ import pytest
 
 from serd_core.errors import SerdError
 from serd_sim.planning.catalogue import make_planner
-from serd_sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
+from serd_sim.planning.rollouts import before_stop, require_foresight, speed_to_stop_within
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.waypoint import Waypoint
