@@ -53,17 +53,6 @@ EXPERIMENTS = {
             "gridworld.ascents",
             "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
         ),
-        (
-            "avoidance",
-            "information.avoidance",
-            "what choices reveal of a move that is avoided",
-        ),
-        ("hidden-actions", "latent.hidden_actions", "rewards and dynamics from states alone"),
-        (
-            "next-demonstration",
-            "information.next_demonstration",
-            "what choosing the next demonstration saves",
-        ),
         ("routes", "routes", "route choice with many destinations (recursive logit)"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
     )
@@ -73,32 +62,14 @@ EXPERIMENTS = {
 BENCHMARKS = {
     name.replace("_", "-"): Work(".".join(filter(None, ("lab.benchmarks", folder, name))), about)
     for folder, name, about in (
-        ("driving", "arrival_bands", "how often 90 % bands of arrival hold it in other places"),
         ("driving", "closed_loop", "512 episodes: both planners, people as given and from scans"),
-        ("driving", "crowd_peers", "crowds against PySocialForce, JuPedSim and IR-SIM"),
-        ("driving", "drives", "arrivals, contacts, odometry and time of the physical robot"),
-        ("driving", "latency", "from a pose to the cmd_vel that answers it, in the live stack"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
-        ("driving", "planners", "planners and baselines in the suite social_v1"),
-        ("driving", "tracker", "people of the lidar tracker beside the true ones"),
-        ("faults", "kill_matrix", "how soon the robot stands when a node is killed or stopped"),
-        ("learning", "belief_bound", "largest power of tests for wrong beliefs"),
-        ("learning", "belief_choice", "whether the evidence finds a wrong belief, and the regret"),
-        ("learning", "belief_recorded", "the same choice for recorded people of the hallway"),
         ("learning", "calibration", "ranks of the truth among draws of both posteriors"),
         ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
-        ("learning", "growth", "a gradient from 10^2 to 10^7 states: time, memory, bandwidth"),
         ("learning", "learning_peers", "the same optimum against econirl, imitation, QuantEcon"),
-        ("learning", "route_peers", "route choice against irl-maxent"),
         ("learning", "scarce_data", "SERD and IRL from 1 to 50 demonstrations in fresh worlds"),
-        ("learning", "solvers", "the automatic choice of the linear solver against each by hand"),
-        ("recordings", "bag_faults", "what each fault of a recording costs"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
-        ("recordings", "compliance", "how usual robots are that keep to a side or do not"),
-        ("recordings", "receipt_times", "log times of a recorder against the wall clock"),
-        ("recordings", "sources", "recordings of 16 sources, by the commands typed first"),
         ("", "speed_figure", "the figure of the speed comparisons, from their results"),
-        ("", "start_up", "processor time of serd --help and others"),
     )
 }
 

@@ -50,10 +50,6 @@ KEPT = (
     Kept("hallway", "figure_5_9.csv", "figure_5_9.png"),
     Kept("detour", "summary.csv", "detour.png"),
     Kept("people", "summary.csv", "people.png"),
-    Kept("avoidance", "summary.csv", "avoidance.png"),
-    Kept("hidden-actions", "summary.csv", "hidden_actions.png"),
-    Kept("next-demonstration", "summary.csv", "next_demonstration.png"),
-    Kept("growth", figure="growth.png"),
     Kept("speed", figure="speed.png"),
 )
 

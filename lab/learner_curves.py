@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike
 
 from serd_app.report.figures.charts import draw_bars
 from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
@@ -30,13 +29,10 @@ class LearnerStyle:
 _SERD = LearnerStyle(BLUE, "o")
 _FREE_SERD = LearnerStyle(CYAN, "D")
 _IRL = LearnerStyle(PURPLE, "s", "--")
-#: By learner; in the comparison of assumptions about the belief, by assumption.
 STYLES = {
     "MDCE SERD": _SERD,
-    "tied": _SERD,
     "PM SERD, regularised": _SERD,
     "SERD, free belief": _FREE_SERD,
-    "free": _FREE_SERD,
     "SERD, evidence": LearnerStyle(INK, "P"),
     "SERD, averaged": LearnerStyle(MUTED, "h", ":"),
     "MDCE SERD, mode A": _FREE_SERD,
@@ -44,14 +40,11 @@ STYLES = {
     "MDCE SERD, training part": LearnerStyle(YELLOW, "X", ":"),
     "MDCE SERD, stopped early": LearnerStyle(GREEN, "P", "--"),
     "PM SERD": LearnerStyle(CYAN, "P"),
-    "coupled": LearnerStyle(YELLOW, "P"),
     "MDCE IRL": _IRL,
     "MDCE IRL, likelihood": _IRL,
-    "fixed (IRL)": _IRL,
     "MDCE IRL, entropy": LearnerStyle(RED, "^", "--"),
     "REIRL": LearnerStyle(GREEN, "v", "-."),
     "cloning": LearnerStyle(YELLOW, "X", ":"),
-    "true dynamics (IRL)": LearnerStyle(MUTED, "*", ":"),
 }
 
 
@@ -74,13 +67,6 @@ def draw_intervals(
     """
     look = STYLES[learner].arguments | {"markersize": 5, "linewidth": 1.4, "elinewidth": 1.0}
     draw_bars(axes, np.asarray(sizes) * 1.04**place, values, **look, label=learner)
-
-
-def draw_points(
-    axes: Axes, at: ArrayLike, values: ArrayLike, colour: str, label: str | None
-) -> None:
-    """Repetitions as small pale points."""
-    axes.plot(at, values, "o", color=colour, markersize=3, alpha=0.5, label=label)
 
 
 def tick_sizes(axes: Axes, sizes: Sequence[int]) -> None:

@@ -10,31 +10,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 
 def best_of(work: Callable[[], Any], at_least_s: float = 1.0, calls: int = 1) -> tuple[float, Any]:
     """Least processor seconds of repeated calls, and the last result.
 
     Called for at_least_s seconds of processor time, and at least `calls` times.
     """
-    processor_s, _, result = best_times(work, at_least_s, calls)
-    return processor_s, result
-
-
-def best_times(
-    work: Callable[[], Any], at_least_s: float = 1.0, calls: int = 1
-) -> tuple[float, float, Any]:
-    """The same with the least seconds that passed; one result at a time is held."""
-    times: list[tuple[float, float]] = []
+    times: list[float] = []
     result = None
-    while sum(processor_s for processor_s, _ in times) < at_least_s or len(times) < calls:
-        del result
-        start_s, began_s = time.process_time(), time.perf_counter()
+    while sum(times) < at_least_s or len(times) < calls:
+        del result  # one result at a time is held
+        start_s = time.process_time()
         result = work()
-        times.append((time.process_time() - start_s, time.perf_counter() - began_s))
-    processor_s, elapsed_s = np.min(times, axis=0)
-    return float(processor_s), float(elapsed_s), result
+        times.append(time.process_time() - start_s)
+    return min(times), result
 
 
 def peak_memory_mb() -> float:

@@ -3,10 +3,8 @@
 import json
 import os
 import platform
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -14,7 +12,7 @@ from rich.table import Table
 
 from lab import RESULTS
 from lab.experiments.running.provenance import code_commit
-from serd_bag.files import atomic_write_text, read_text
+from serd_bag.files import atomic_write_text
 
 Row = Mapping[str, Any]
 
@@ -63,19 +61,6 @@ def measured_rows(
                 file.write(json.dumps(done[0]) + "\n")
         rows.append(done[0])
     return rows
-
-
-def markdown_row(cells: Iterable[object]) -> str:
-    """A line of a Markdown table."""
-    return f"| {' | '.join(map(str, cells))} |\n"
-
-
-def write_rows(document: Path, first_columns: Sequence[str], lines: str) -> None:
-    """Replace the rows of a document's Markdown tables with these first columns."""
-    head = re.escape(markdown_row(first_columns).rstrip())
-    text = read_text(document)
-    pattern = rf"^({head}.*\n\|.*\n)(?:\|.*\n)*"
-    atomic_write_text(document, re.sub(pattern, lambda found: found[1] + lines, text, flags=re.M))
 
 
 def _text(value: Any) -> str:

@@ -13,7 +13,6 @@ from lab.benchmarks.report import RESULTS
 from serd_app.report import style
 from serd_app.report.style import new_figure, save_figure
 
-PEOPLE = 200
 _BAR_IN, _ROOM_IN, _WIDTH_IN = 0.23, 1.3, 8.2
 
 
@@ -55,11 +54,6 @@ def comparisons() -> Iterator[Comparison]:
     ):
         rows = [row for row in learning if row["problem"] == problem]
         yield _by_time(work, "ms", rows, "by", "serd_core")
-    crowd = [_named(row) for row in _rows("crowd_peers") if row["people"] == PEOPLE]
-    with_rays = [row for row in crowd if "rays" in row["computes"]]
-    without = [row for row in crowd if "rays" not in row["computes"] and "1995" not in row["name"]]
-    yield _by_time(f"crowd of {PEOPLE}", "ms_per_step", without, "name", "SERD")
-    yield _by_time(f"crowd of {PEOPLE} and lidar", "ms_per_step", with_rays, "name", "SERD")
     bags = {(row["work"], row["by"]): row["messages/s"] for row in _rows("bags_throughput")}
     ours, theirs = bags["read bytes", "BagReader"], bags["read bytes", "rosbags"]
     yield Comparison("bags read", f"{ours:,.0f} messages/s", (Peer("rosbags", ours / theirs),))
@@ -125,12 +119,6 @@ def _by_time(
     names = chosen or {name: name for name in times}
     peers = tuple(Peer(text, times[name] / base) for name, text in names.items())
     return Comparison(work, f"{base:.3g} ms", tuple(sorted(peers, key=lambda p: -p.times_ours)))
-
-
-def _named(row: dict[str, Any]) -> dict[str, Any]:
-    """With a name of its own for each of JuPedSim's models."""
-    name = "SERD" if row["simulator"].startswith("SERD, circular") else row["simulator"]
-    return row | {"name": f"{name}, {row['computes'].split(',')[0]}" if "JuPed" in name else name}
 
 
 def _rows(name: str) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ def bench(
 ) -> None:
     """Run all benchmarks, or those named.
 
-    python -m lab bench gradient growth
+    python -m lab bench gradient lockstep
 
     Each prints a table and writes lab/results/NAME.json.
     """

@@ -1,28 +1,24 @@
 """`python -m lab crowd`: simulated people beside measured ones."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
+import pandas as pd
 import typer
-from rich.table import Table
 
-from lab.crowd.comparison import (
-    ComparedCrowd,
-    compare_with_recording,
-    compare_with_weidmann,
-)
+from lab.command.summary import print_results
+from lab.crowd.comparison import compare_with_recording, compare_with_weidmann
 from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
-from lab.crowd.figure import CrowdCurve, CrowdPlace, draw_crowd_comparison
+from lab.crowd.figure import draw_crowd_comparison
 from lab.crowd.straight_corridor import corridor_people
+from lab.experiments.running.tables import Row, plain_rows
 from serd_app.report.style import save_figure
 from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, require_suffix
 from serd_cli.output.demonstrations import short_names
-from serd_cli.output.terminal import console, finite_values, print_json, progress_console, table_of
+from serd_cli.output.terminal import print_json, progress_console
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories
 from serd_sim.crowd.social_force import model_names
@@ -61,17 +57,17 @@ def crowd(
     recorded = [
         (name, *_read(path, fps, width)) for name, path in _named(dict.fromkeys(recording or ()))
     ]
-    rows = []
     with progress_console.status("walking") as status:
+        rows = []
         for row in _compared(recorded):
             rows.append(row)
-            status.update(f"{row.model}, {row.place}, {row.density_pm2:g} people per m²")
-    save_figure(output, draw_crowd_comparison(_places(rows)))
+            status.update(f"{row['model']}, {row['place']}, {row['density_pm2']} people per m²")
+    table = pd.DataFrame(rows)
+    save_figure(output, draw_crowd_comparison(table))
     if as_json:
-        values = [finite_values(_flat(row)) for row in rows]
-        print_json({"rows": values, "picture": str(output.resolve())})
+        print_json({"rows": plain_rows(table), "picture": str(output.resolve())})
         return
-    console.print(_table(rows))
+    print_results(table, "Simulated and measured people")
     print(f"picture: {output.resolve()}")
 
 
@@ -103,49 +99,8 @@ def _read(
     return corridor, measures
 
 
-def _compared(recorded: list[_Recording]) -> Iterator[ComparedCrowd]:
+def _compared(recorded: list[_Recording]) -> Iterator[Row]:
     for model in model_names():
         yield from compare_with_weidmann(model)
         for name, corridor, measures in recorded:
             yield from compare_with_recording(model, name, corridor, measures)
-
-
-def _places(rows: list[ComparedCrowd]) -> list[CrowdPlace]:
-    places = dict.fromkeys((row.place, row.flow) for row in rows)
-    found = []
-    for place, flow in places:
-        there = [row for row in rows if row.place == place]
-        of = {name: [row for row in there if row.model == name] for name in model_names()}
-        found.append(
-            CrowdPlace(
-                f"{place}, {flow}",
-                _curve("measured", of[model_names()[0]], "measured"),
-                [_curve(name, mine, "simulated") for name, mine in of.items()],
-            )
-        )
-    return found
-
-
-def _curve(name: str, rows: list[ComparedCrowd], side: str) -> CrowdCurve:
-    columns = np.array([astuple(getattr(row, side)) for row in rows]).T
-    return CrowdCurve(name, np.array([row.density_pm2 for row in rows]), *columns)
-
-
-def _flat(row: ComparedCrowd) -> dict[str, object]:
-    values = {name: getattr(row, name) for name in ("model", "place", "flow", "density_pm2")}
-    measured = {f"measured_{key}": value for key, value in asdict(row.measured).items()}
-    return values | asdict(row.simulated) | measured | {"deviations": row.deviations}
-
-
-def _table(rows: list[ComparedCrowd]) -> Table:
-    names = ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m")
-    table = table_of("Simulated | measured", "model, place", names, no_wrap=True)
-    for row in rows:
-        both = map(_both, astuple(row.simulated), astuple(row.measured))
-        table.add_row(f"{row.model}, {row.place}, {row.flow}", f"{row.density_pm2:g}", *both)
-    return table
-
-
-def _both(simulated: float, measured: float) -> str:
-    text = "" if np.isnan(simulated) else f"{simulated:.2f}"
-    return text if np.isnan(measured) else f"{text} | {measured:.2f}"

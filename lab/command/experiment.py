@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import pandas as pd
 import typer
@@ -11,8 +11,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from lab import RESULTS
-from lab.command.progress import remark_other_code
-from lab.command.tables import print_results
+from lab.command.summary import print_results
 from lab.experiments.running.experiment import Experiment, Session, settings_of_file
 from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import plain_rows
@@ -21,9 +20,6 @@ from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_par
 from serd_cli.output.terminal import counting_bar, print_json, results_kept_in
 from serd_files.settings import Setting, settings_of
 from serd_sim.episodes.execution import Execution
-
-#: Numbers below this are written with an exponent: four decimals would lose their digits.
-SMALL = 1e-3
 
 
 def command_of(experiment: Experiment) -> Callable[..., None]:
@@ -47,12 +43,11 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         made = experiment.make_config(given)
         require_folder(output)
         with recorded(output, words, made):
-            remark_other_code(output)
             table = _run(experiment, made, output, execution)
         if as_json:
             print_json({"rows": plain_rows(table), "results": str(output.resolve())})
             return
-        print_results(table, experiment.shows, _text)
+        print_results(table, experiment.shows)
         print(f"results: {output.resolve()}")
 
     settings = {
@@ -94,15 +89,6 @@ def _run(
             bar.update(task, completed=done, total=total)
 
         return experiment.write(config, Session(output, execution, show))
-
-
-def _text(value: Any) -> str:
-    if pd.isna(value):
-        return ""
-    if not isinstance(value, float):
-        return str(value)
-    # Likelihoods next to one differ from zero in late digits only.
-    return f"{value:.2e}" if 0.0 < abs(value) < SMALL else f"{value + 0.0:.4f}"
 
 
 def _flags(name: str) -> list[str]:

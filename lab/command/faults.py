@@ -1,16 +1,15 @@
 """`python -m lab faults`: episodes in which inputs fail, with and without the guard."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import pandas as pd
 import typer
-from rich.box import SIMPLE
-from rich.table import Table
 
+from lab.command.summary import print_results
 from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
-from lab.faults.campaign_summary import arrival_price, summarise_faults
 from lab.faults.faults import FAULTS
 from lab.faults.figure import FaultWays, draw_fault_ways
 from serd_app.report.style import save_figure
@@ -22,6 +21,10 @@ from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.execution import Execution
 from serd_sim.planning.catalogue import planner_names
+
+_PRINTED = ["fault", "guarded", "n_episodes", "n_stood", "mean_zero_s", "mean_stood_s"]
+_PRINTED += ["largest_stood_s", "mean_stood_m", "largest_stood_m", "largest_later_m"]
+_PRINTED += ["robot_on_person", "person_on_robot", "robot_on_wall"]
 
 
 def faults(
@@ -78,7 +81,7 @@ def faults(
             {"faults": values, "price": finite_values(prices), "table": str(output.resolve())}
         )
         return
-    console.print(_table(summaries))
+    print_results(summaries[_PRINTED], "Faults; contacts are those of all episodes")
     for each in summaries.itertuples():
         price = prices.get(each.fault, math.nan)
         if each.guarded and not math.isnan(price):
@@ -105,33 +108,42 @@ def _ways(rows: list[Row]) -> list[FaultWays]:
     return found
 
 
-def _table(summaries: pd.DataFrame) -> Table:
-    """zero: until the command is zero; later: way after standing.
+def summarise_faults(rows: Sequence[Row]) -> pd.DataFrame:
+    """One row per fault and guard, in the order they first appear.
 
-    Contacts: robot into people, people into robot, walls.
+    n_episodes: those in which the fault began. Times (s) and distances (m) from there. n_stood: of
+    these, where the robot stood. Means and maxima are over those, NaN for none. largest_later_m:
+    way after standing. Contacts and input stops are sums, hours simulated time.
     """
-    table = Table(title="Faults: mean (largest)", title_justify="left", box=SIMPLE, pad_edge=False)
-    table.add_column("fault", no_wrap=True)
-    table.add_column("guard", no_wrap=True)
-    for name in ("stood", "zero, s", "stood, s", "way, m", "later", "contacts"):
-        table.add_column(name, justify="right")
-    for each in summaries.itertuples():
-        lasts = FAULTS[each.fault].lasts
-        measured = (
-            f"{each.n_stood}/{each.n_episodes}",
-            _mean_and_largest(each.mean_zero_s, each.largest_zero_s),
-            _mean_and_largest(each.mean_stood_s, each.largest_stood_s),
-            _mean_and_largest(each.mean_stood_m, each.largest_stood_m),
-            f"{each.largest_later_m:.1f}",
-        )
-        table.add_row(
-            each.fault,
-            "with" if each.guarded else "without",
-            *(("",) * len(measured) if lasts else measured),
-            f"{each.robot_on_person}, {each.person_on_robot}, {each.robot_on_wall}",
-        )
-    return table
+    frame = pd.DataFrame(rows)
+    groups = frame[frame["began"] == 1].groupby(["fault", "guarded"], sort=False)
+    summary = groups.agg(
+        n_episodes=("began", "size"),
+        n_stood=("stood_s", "count"),
+        mean_zero_s=("zero_s", "mean"),
+        largest_zero_s=("zero_s", "max"),
+        mean_stood_s=("stood_s", "mean"),
+        largest_stood_s=("stood_s", "max"),
+        mean_stood_m=("stood_m", "mean"),
+        largest_stood_m=("stood_m", "max"),
+        largest_later_m=("later_m", "max"),
+        robot_on_person=("robot_on_person", "sum"),
+        person_on_robot=("person_on_robot", "sum"),
+        robot_on_wall=("robot_on_wall", "sum"),
+        n_input_stops=("n_input_stops", "sum"),
+        hours=("duration_s", "sum"),
+    ).reset_index()
+    return summary.assign(guarded=summary["guarded"] == 1, hours=summary["hours"] / 3600.0)
 
 
-def _mean_and_largest(mean: float, largest: float) -> str:
-    return "" if math.isnan(mean) else f"{mean:.2f} ({largest:.2f})"
+def arrival_price(rows: Sequence[Row], fault: str) -> float:
+    """Relative increase of the mean time of arrival by the guard, where a seed arrives in both."""
+    frame = pd.DataFrame(rows)
+    times = (
+        frame[frame["fault"] == fault]
+        .pivot_table(index="seed", columns="guarded", values="time_of_arrival_s")
+        .dropna()
+    )
+    if not {0, 1} <= {*times.columns}:
+        return float("nan")
+    return float(times[1].mean() / times[0].mean() - 1.0)

@@ -8,18 +8,16 @@ from typing import Annotated, Any, TypeVar
 import pandas as pd
 import typer
 from pydantic import BaseModel
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from lab import RESULTS
-from lab.command.progress import TimeLeftColumn, remark_other_code
-from lab.command.tables import print_results
-from lab.experiments.running.provenance import recorded, require_same_work
+from lab.command.summary import print_results
+from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import plain_rows
 from lab.experiments.study.detour.run import run_detour
 from lab.experiments.study.detour.settings import detour_settings
 from lab.experiments.study.detour.tables import headline as detour_headline
-from lab.experiments.study.hallway.figures.catalogue import FIGURES
-from lab.experiments.study.hallway.run import redraw, run_study
+from lab.experiments.study.hallway.run import run_study
 from lab.experiments.study.hallway.tables.catalogue import headline
 from lab.experiments.study.people.run import run_people
 from lab.experiments.study.people.settings import people_settings
@@ -27,14 +25,12 @@ from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
 from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
-from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.terminal import WorkProgress, print_json, results_kept_in
 from serd_files.trajectories.columns import TableColumns
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.episodes.execution import Execution
 
-_FIGURES = ", ".join(figure.name for figure in FIGURES)
 Quick = Annotated[bool, typer.Option("--quick", help="small numbers that still run every stage")]
 Settings = TypeVar("Settings", bound=BaseModel)
 Tables = Mapping[str, pd.DataFrame]
@@ -52,13 +48,6 @@ def hallway(
     output: Annotated[Path | None, _output_of("hallway")] = None,
     quick: Quick = False,
     config: Annotated[Path | None, _config_of("hallway")] = None,
-    bags: Annotated[
-        list[Path] | None,
-        typer.Option(help="recorded demonstrations in place of the scripted ones; repeat"),
-    ] = None,
-    figure: Annotated[
-        list[str] | None, typer.Option(help=f"only draw again from the tables: {_FIGURES}; repeat")
-    ] = None,
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
     address: Address = EXECUTION.address,
@@ -71,18 +60,8 @@ def hallway(
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
     folder = _folder("hallway", output, quick=quick)
-    if figure:
-        if output is not None and not output.is_dir():
-            raise UsageError(f"--output must be a folder that exists with --figure, got {output}")
-        pictures = [str(picture.resolve()) for picture in _redraw(figure, folder)]
-        if as_json:
-            print_json({"pictures": pictures})
-        else:
-            print("\n".join(pictures))
-        return
-    settings = study_settings(quick=quick, config=config, bags=bags or ())
-    own = [word for bag in bags or () for word in ("--bags", str(bag))]
-    command = _command("hallway", own, folder, quick=quick, config=config)
+    settings = study_settings(quick=quick, config=config)
+    command = _command("hallway", (), folder, quick=quick, config=config)
     tables = _run(run_study, settings, folder, Execution(jobs, backend, address), command)
     title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
     _show(tables, headline(tables), title, folder, as_json=as_json)
@@ -138,16 +117,7 @@ def people(
     own = [*map(str, files), *(["--mapping", str(mapping)] if mapping is not None else [])]
     command = _command("people", own, folder, quick=quick, config=config)
     tables = _run(run_people, settings, folder, Execution(jobs, backend, address), command)
-    if not as_json:
-        _remark_recordings(tables["recordings"])
     _show(tables, people_headline(tables), "People held out", folder, as_json=as_json)
-
-
-def _remark_recordings(recordings: pd.DataFrame) -> None:
-    for row in recordings.to_dict("records"):
-        remarks = [row["assumed"], f"left out: {row['reasons']}" if row["left_out"] else ""]
-        for remark in filter(None, remarks):
-            print(f"{row['recording']}: {remark}")
 
 
 def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
@@ -160,7 +130,7 @@ def _show(tables: Tables, shown: pd.DataFrame, title: str, folder: Path, *, as_j
     if as_json:
         print_json({name: plain_rows(rows) for name, rows in tables.items()})
         return
-    print_results(shown, title, _text)
+    print_results(shown, title)
     print(f"results: {folder.resolve()}")
 
 
@@ -176,10 +146,9 @@ def _run(
         TextColumn("{task.description}"),
         BarColumn(),
         TimeElapsedColumn(),
-        TimeLeftColumn(execution.n_processes),
+        TimeRemainingColumn(),
     )
     with recorded(folder, command, settings), results_kept_in(folder), bar:
-        remark_other_code(folder)
         task = bar.add_task("", total=None)
         return study(
             settings,
@@ -198,12 +167,3 @@ def _command(
     words = ["python", "-m", "lab", study, *own, *(["--quick"] if quick else [])]
     words += ["--config", str(config)] if config is not None else []
     return shlex.join([*words, "--output", str(folder)])
-
-
-def _redraw(names: list[str], folder: Path) -> list[Path]:
-    require_same_work(folder, "python -m lab hallway")
-    return redraw(names, folder)
-
-
-def _text(value: object) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else str(value)

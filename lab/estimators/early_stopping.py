@@ -38,10 +38,6 @@ class EarlyStopping(Ascent):
     score: Callable[[FloatArray], float]
     patience: int = 20
 
-    def __post_init__(self) -> None:
-        if self.patience < 1:
-            raise SerdError(f"patience must be at least 1, got {self.patience}")
-
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:

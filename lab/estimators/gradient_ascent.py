@@ -18,7 +18,6 @@ from serd_core.ascent.ascent import (
     Objective,
     Point,
     StepCallback,
-    require_limits,
 )
 
 DIVERGED = (
@@ -39,9 +38,6 @@ class GradientAscent(Ascent):
     step_size: Callable[[int], float] = constant_step
     gradient_tolerance: float = 1e-6
     max_steps: int = 100_000
-
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None

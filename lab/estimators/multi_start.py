@@ -54,15 +54,6 @@ class MultiStart:
         return tuple(start for start, fit in enumerate(self.fits) if not fit.converged)
 
 
-@dataclass(frozen=True)
-class Difference:
-    """One number in which two explanations differ."""
-
-    name: str
-    first: float
-    second: float
-
-
 def multi_start(
     fit: Callable[[np.random.Generator], FitResult],
     n_starts: int,
@@ -88,49 +79,10 @@ def multi_start(
 
 def signature(fit: FitResult) -> FloatArray:
     """(n,) what fits are compared by; weights are squashed so that huge ones are alike."""
-    weights, *probabilities = _numbers(fit)
-    return np.concatenate([np.arcsinh(weights), *probabilities])
-
-
-def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[Difference, ...]:
-    """The numbers in which two fits differ most, the largest first."""
-    names = [f"reward {name}" for name in first.feature_names]
-    for block, table in (
-        ("believed", first.believed_outcome_probabilities),
-        ("true", first.outcome_probabilities),
-    ):
-        names += [f"{block} outcome {list(map(int, i))}" for i in np.ndindex(table.shape)]
-    order = np.argsort(-np.abs(signature(first) - signature(second)), kind="stable")[:largest]
-    values, others = np.concatenate(_numbers(first)), np.concatenate(_numbers(second))
-    return tuple(Difference(names[i], float(values[i]), float(others[i])) for i in order)
-
-
-def describe(found: MultiStart, largest: int = 3) -> str:
-    """Text report: how many explanations, how likely, and how they differ."""
-    n_starts, n_distinct = len(found.fits), len(found.explanations)
-    lines = [
-        f"{n_distinct} distinct explanation(s) from {n_starts} starts"
-        f" ({found.n_converged} converged)"
-    ]
-    if found.unconverged:
-        numbers = ", ".join(map(str, found.unconverged))
-        lines.append(f"fits that did not converge and are no explanation: starts {numbers}")
-    for number, one in enumerate(found.explanations, start=1):
-        likelihood = one.fit.policy_log_likelihood + one.fit.dynamics_log_likelihood
-        line = f"{number}. objective {one.fit.objective:.4f}, log-likelihood {likelihood:.4f}"
-        line += f", reached from {len(one.starts)} starts"
-        if number > 1:
-            parts = differences(found.best, one.fit, largest)
-            named = [f"{part.name} {part.second:.3g} instead of {part.first:.3g}" for part in parts]
-            line += "; differs from 1 in " + ", ".join(named)
-        lines.append(line)
-    return "\n".join(lines)
-
-
-def _numbers(fit: FitResult) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Reward weights per temperature, on which the policy depends; believed, true outcomes."""
+    # The policy depends on reward weights per temperature.
+    weights = np.arcsinh(fit.reward_weights / fit.temperature)
     belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
-    return fit.reward_weights / fit.temperature, belief.ravel(), truth.ravel()
+    return np.concatenate([weights, belief.ravel(), truth.ravel()])
 
 
 def _labels(signatures: list[FloatArray], tolerance: float) -> FloatArray:

@@ -17,14 +17,10 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
-from lab.learner_curves import tick_sizes
-from serd_app.report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.equations import SoftBellman
@@ -42,8 +38,6 @@ STATED: dict[str, dict[str, float]] = {
     "hard step": {"n_states": 2, "n_actions": 1, "n_parameters": 1},
     "adjoint": {"n_states": 1, "n_actions": 1, "n_parameters": 0},
 }
-COLOURS = dict(zip(STATED, (RED, BLUE, PURPLE, GREEN), strict=True))
-LABELS = {"n_states": "states", "n_actions": "actions", "n_parameters": "parameters"}
 
 
 Ladder = Annotated[tuple[Count, ...], Field(min_length=2)]
@@ -81,8 +75,7 @@ def run_policy_cost(config: PolicyCostConfig, session: Session) -> Findings:
     table = measure_policy_cost(config, time.perf_counter)
     exponents = fitted_exponents(table)
     session.progress(1, 1)
-    figure = cost_figure(table, exponents)
-    files = {"seconds.csv": table, "exponents.csv": exponents, "cost.png": figure}
+    files = {"seconds.csv": table, "exponents.csv": exponents}
     return Findings(exponents, files)
 
 
@@ -111,18 +104,6 @@ def fitted_exponents(table: pd.DataFrame) -> pd.DataFrame:
             slope = float(np.polyfit(np.log(ladder[varied]), np.log(ladder["seconds"]), 1)[0])
             rows.append({"method": method, "varied": varied, "fitted": slope, "stated": exponent})
     return pd.DataFrame(rows)
-
-
-def cost_figure(table: pd.DataFrame, exponents: pd.DataFrame) -> Figure:
-    """One panel per ladder; the legend gives fitted and stated exponents."""
-    with report_style():
-        figure = new_figure(9.0, 4.4)
-        panels = figure.subplots(1, 3, sharey=True)
-        for axes, (varied, label) in zip(panels, LABELS.items(), strict=True):
-            _draw_ladder(axes, varied, table, exponents[exponents["varied"] == varied])
-            axes.set_xlabel(label)
-        panels[0].set_ylabel("seconds")
-    return figure
 
 
 def cost_case(
@@ -201,19 +182,3 @@ def _ladders(config: PolicyCostConfig) -> list[tuple[str, list[tuple[int, int, i
 
 def _ladder(table: pd.DataFrame, method: str, varied: str) -> pd.DataFrame:
     return table[(table["method"] == method) & (table["varied"] == varied)]
-
-
-def _draw_ladder(axes: Axes, varied: str, table: pd.DataFrame, exponents: pd.DataFrame) -> None:
-    for fit in exponents.itertuples():
-        ladder = _ladder(table, fit.method, varied)
-        axes.loglog(
-            ladder[varied],
-            ladder["seconds"],
-            "o-",
-            color=COLOURS[fit.method],
-            label=f"{fit.method}: {fit.fitted:.2f} ({fit.stated})",
-        )
-    axes.grid(visible=True)
-    tick_sizes(axes, sorted(ladder[varied]))
-    title = "fitted exponent (stated)"
-    axes.legend(title=title, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

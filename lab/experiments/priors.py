@@ -1,20 +1,14 @@
 """What each prior prefers (section 4.5.4, Fig. 4.6, Table 4.3).
 
 A Boltzmann distribution over two outcomes, P(x_i) proportional to exp(theta_i); each log prior is
-drawn over the plane of parameters and maximised on the circle |theta|_2 = 1, which stands in for
-the likelihood.
+maximised on the circle |theta|_2 = 1, which stands in for the likelihood.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from lab.experiments.running.experiment import Findings, Session
 from lab.experiments.running.tables import Row
-from serd_app.report.style import INK, RED, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.posterior.parameters import Block, Parameters
@@ -44,36 +38,14 @@ PRIORS: dict[str, Prior] = {
 class PriorsConfig(StrictModel):
     """Settings of section 4.5.4."""
 
-    extent: float = setting(2.0, "half-width of the drawn plane of two parameters", gt=0)
-    n_points: int = setting(81, "drawn points along each side of it", ge=2)
     n_angles: int = setting(7_200, "points on the unit circle among which optima are sought", ge=8)
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """A log prior over the plane: theta (n,) along both axes, value (n, n) by [second, first]."""
-
-    theta: FloatArray
-    value: FloatArray
-
-
 def run_priors(config: PriorsConfig, session: Session) -> Findings:
-    """The maxima, and the figure of all surfaces."""
+    """The maxima."""
     optima = optimal_distributions(config)
-    figure = surfaces_figure(prior_surfaces(config), optima)
     session.progress(1, 1)
-    return Findings(optima, {"optimal_distributions.csv": optima, "surfaces.png": figure})
-
-
-def prior_surfaces(config: PriorsConfig) -> dict[str, Surface]:
-    """Centre column of Table 4.3."""
-    axis = np.linspace(-config.extent, config.extent, config.n_points)
-    return {
-        name: Surface(
-            axis, np.array([[log_prior(prior, one, two) for one in axis] for two in axis])
-        )
-        for name, prior in PRIORS.items()
-    }
+    return Findings(optima, {"optimal_distributions.csv": optima})
 
 
 def optimal_distributions(config: PriorsConfig) -> pd.DataFrame:
@@ -84,23 +56,6 @@ def optimal_distributions(config: PriorsConfig) -> pd.DataFrame:
     angles = np.linspace(0.0, 2.0 * np.pi, config.n_angles, endpoint=False)
     rows = [row for name, prior in PRIORS.items() for row in _optima(name, prior, angles)]
     return pd.DataFrame(rows)
-
-
-def surfaces_figure(surfaces: dict[str, Surface], optima: pd.DataFrame) -> Figure:
-    """One panel per prior; dots mark the maxima on the circle."""
-    figure = new_figure(2.8 * len(surfaces), 2.6)
-    panels = np.atleast_1d(figure.subplots(1, len(surfaces)))
-    angle = np.linspace(0.0, 2.0 * np.pi, 200)
-    for axes, (name, surface) in zip(panels, surfaces.items(), strict=True):
-        drawn = axes.contourf(surface.theta, surface.theta, surface.value, levels=20)
-        axes.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=1)
-        found = optima[optima["prior"] == name].dropna(subset="theta_1")
-        axes.plot(found["theta_1"], found["theta_2"], "o", color=RED)
-        axes.set(title=name, xlabel="θ₁", ylabel="θ₂", aspect="equal")
-        bar = figure.colorbar(drawn, ax=axes, shrink=0.75)
-        bar.locator = MaxNLocator(5)
-        bar.update_ticks()
-    return figure
 
 
 def log_prior(prior: Prior, one: float, two: float) -> float:

@@ -51,9 +51,10 @@ def run_routes(config: RoutesConfig, session: Session) -> Findings:
             "estimate": [*fit.weights, fit.log_likelihood],
             "error": [*fit.standard_errors, np.nan],
             "robust error": [*fit.robust_errors, np.nan],
+            "converged": fit.converged,
         }
     )
-    return Findings(table, {"estimates.csv": table, "fit.txt": fit.summary() + "\n"})
+    return Findings(table, {"estimates.csv": table})
 
 
 def read_routes(config: RoutesConfig) -> tuple[RouteNetwork, Trips]:

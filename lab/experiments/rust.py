@@ -13,11 +13,10 @@ month is dropped; after a replacement the increment is the new bin counted from 
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
-import scipy.special
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -26,8 +25,6 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.sparse_model import SparseModel
-from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
@@ -66,9 +63,6 @@ class RustConfig(StrictModel):
         (4,), "groups of buses, 1 to 8", min_length=1
     )
     n_bins: int = setting(90, "bins of the odometer reading", ge=2)
-    transitions: Literal["outcomes", "sparse"] = setting(
-        "outcomes", "outcomes of local models, or P given entry by entry (SparseModel)"
-    )
     discount: float = setting(0.9999, "discount per month", ge=0, lt=1)
 
     @property
@@ -113,15 +107,12 @@ def estimate_rust(config: RustConfig) -> RustResult:
     """Joint maximum-likelihood estimate of rewards and dynamics."""
     increments, rows = bus_months(config)
     n_increments = int(increments.max()) + 1
-    is_sparse = config.transitions == "sparse"
-    make = sparse_rust_problem if is_sparse else rust_problem
-    problem = make(config.n_bins, n_increments, config.discount)
+    problem = rust_problem(config.n_bins, n_increments, config.discount)
     decisions = as_decisions(rows, increments, config.n_bins)
     fit = fit_mdce_serd(
         problem,
         decisions,
         initial_weights=np.array([2.0, 10.0]),
-        dynamics=np.zeros(n_increments - 1) if is_sparse else None,
         ascent=TrustRegion(gradient_tolerance=1e-9),
     )
     information = fit_information(problem, decisions, fit)
@@ -143,52 +134,14 @@ def estimate_rust(config: RustConfig) -> RustResult:
 
 def rust_problem(n_bins: int, n_increments: int, discount: float) -> TabularProblem:
     """The replacement problem with one outcome model of mileage increments."""
-    models = OutcomeModels(
-        _successors(n_bins, n_increments),
-        np.zeros((n_bins, 2), dtype=np.int64),
-        np.ones((n_bins, 2), bool),
-        n_models=1,
-    )
-    return _with_costs(models, n_bins, discount)
-
-
-def sparse_rust_problem(n_bins: int, n_increments: int, discount: float) -> TabularProblem:
-    """The same problem with P(s' | s, a) as a SparseModel of n_increments - 1 logits."""
-    shape = (n_bins, 2, n_increments)
-    state, action, _ = np.indices(shape)
-
-    def increments(logits: FloatArray) -> FloatArray:
-        return np.asarray(scipy.special.softmax(np.append(0.0, logits)))
-
-    def pulled_back(logits: FloatArray, gradient: FloatArray) -> FloatArray:
-        share = increments(logits)
-        by_share = gradient.reshape(shape).sum(axis=(0, 1))
-        return np.asarray(share * (by_share - share @ by_share))[1:]
-
-    model = SparseModel(
-        n_pairs=(n_bins, 2),
-        state=state.ravel(),
-        action=action.ravel(),
-        next_state=_successors(n_bins, n_increments).ravel(),
-        parameter_count=n_increments - 1,
-        probabilities=lambda logits: np.tile(increments(logits), n_bins * 2),
-        vector_jacobian=pulled_back,
-    )
-    return _with_costs(model, n_bins, discount)
-
-
-def _successors(n_bins: int, n_increments: int) -> IntArray:
-    """(n_bins, 2, n_increments) next state of each increment."""
     bins, steps = np.arange(n_bins), np.arange(n_increments)
     successors = np.empty((n_bins, 2, n_increments), dtype=np.int64)
     successors[:, KEEP] = np.minimum(bins[:, None] + steps, n_bins - 1)
     successors[:, REPLACE] = steps
-    return successors
-
-
-def _with_costs(models: TransitionModel, n_bins: int, discount: float) -> TabularProblem:
+    model_of, available = np.zeros((n_bins, 2), dtype=np.int64), np.ones((n_bins, 2), bool)
+    models = OutcomeModels(successors, model_of, available, n_models=1)
     features = np.zeros((n_bins, 2, 2))
-    features[:, KEEP, 0] = -0.001 * np.arange(n_bins)
+    features[:, KEEP, 0] = -0.001 * bins
     features[:, REPLACE, 1] = -1.0
     return TabularProblem(Mdp(models, discount), features, FEATURE_NAMES)
 

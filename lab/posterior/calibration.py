@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.stats
 
-from serd_core.arrays import FloatArray, IntArray, require_generator
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.draws import PosteriorDraws, laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.bayes.strengths import PriorByEvidence
@@ -55,7 +55,6 @@ def calibration_ranks(
     prior: with both strengths given, as they are those of the true parameters. Episodes start
     anywhere.
     """
-    require_generator(rng)
     if prior.deviation is None or prior.pseudo_count is None:
         raise SerdError(
             "prior must have a deviation and a pseudo_count, from which the truth is drawn, got"
@@ -90,8 +89,6 @@ def calibration_ranks(
 
 def uniformity(ranks: IntArray, n_draws: int = N_RANKED, n_bins: int = 8) -> FloatArray:
     """(n,) p-value of each number's ranks by the chi-squared test in bins of equal width."""
-    if (n_draws + 1) % n_bins:
-        raise SerdError(f"n_bins must divide n_draws + 1 = {n_draws + 1}, got {n_bins}; use 8")
     bins = ranks * n_bins // (n_draws + 1)
     counts = np.stack([np.bincount(column, minlength=n_bins) for column in bins.T])
     return np.asarray(scipy.stats.chisquare(counts, axis=1).pvalue)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_count, require_generator
+from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import PosteriorDraws, draws_at
 from serd_core.bayes.laplace import Laplace
 from serd_core.bayes.modes import PosteriorModes
@@ -38,14 +38,12 @@ class SampledPosterior:
 
     draws: of all chains of all modes, in shares of the weights; r_hat: the largest;
     n_effective: the smallest effective sample size, of bulk and tails; n_diverged: trajectories.
-    inference_data: `arviz.InferenceData` of the mode of most weight.
     """
 
     draws: PosteriorDraws
     r_hat: float
     n_effective: float
     n_diverged: int
-    inference_data: Any
 
 
 def sample_posterior(
@@ -59,9 +57,6 @@ def sample_posterior(
     least_weight: float = 0.01,
 ) -> SampledPosterior:
     """Chains around every mode of at least that weight."""
-    for name, value, least in (("n_chains", n_chains, 2), ("n_draws", n_draws, 4)):
-        require_count(name, value, least, "the default")
-    require_generator(rng)
     arviz = _library("arviz")
     kept = modes.weights >= min(least_weight, float(modes.weights.max()))
     weights = modes.weights[kept] / modes.weights[kept].sum()
@@ -82,7 +77,6 @@ def sample_posterior(
         r_hat=max(r_hat for r_hat, _ in checks),
         n_effective=min(size for _, size in checks),
         n_diverged=sum(int(diverged.sum()) for _, diverged in found),
-        inference_data=_inference_data(arviz, problem, modes.objective, *found[0]),
     )
 
 
@@ -147,30 +141,6 @@ def _of_each(measure: Callable[..., Any], chains: FloatArray, **options: str) ->
     """(d,) a diagnostic of every coordinate."""
     columns = np.moveaxis(chains, 2, 0)
     return np.array([float(measure(column, **options)) for column in columns])
-
-
-def _inference_data(
-    arviz: ModuleType,
-    problem: Problem,
-    objective: LogPosterior,
-    chains: FloatArray,
-    diverged: FloatArray,
-) -> Any:
-    """Rewards and dynamics by chain and draw, with names, for ArviZ."""
-    flat = draws_at(problem, objective.coordinates, chains.reshape(-1, chains.shape[2]))
-    dims = {
-        "reward": ["feature"],
-        "outcome_probabilities": ["model", "outcome"],
-        "believed_outcome_probabilities": ["model", "outcome"],
-    }
-    values = {name: getattr(flat, name) for name in dims}
-    shape = chains.shape[:2]
-    return arviz.from_dict(
-        posterior={name: each.reshape(*shape, *each.shape[1:]) for name, each in values.items()},
-        sample_stats={"diverging": diverged},
-        coords={"feature": list(problem.feature_names)},
-        dims=dims,
-    )
 
 
 def _library(name: str) -> ModuleType:

@@ -35,7 +35,6 @@ from serd_core.arrays import (
     require_each,
     require_generator,
     require_index,
-    require_kind,
 )
 from serd_core.ascent.ascent import Objective, Scaled
 from serd_core.ascent.newton_ascent import NewtonAscent
@@ -74,11 +73,7 @@ class RouteLikelihood(Objective):
     _slope_tables: tuple[RouteValues, list[FloatArray]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        require_kind("network", self.network, (RouteNetwork,), "the one of the trips")
-        require_kind("trips", self.trips, (Trips,), "trips_on(network, destination, links)")
         n_goals, n_features = len(self.trips.destinations), len(self.network.feature_names)
-        require_index("origin", self.trips.origin, self.network.n_links, "a link")
-        float_array("features of trips", self.trips.features, (len(self.trips), n_features))
         assert self.network.exits is not None
         goals, fix = self.trips.destinations, "add the exit or drop the destination"
         known = np.isin(goals, self.network.exits[:, 1])
@@ -110,11 +105,14 @@ class RouteLikelihood(Objective):
 
     def scores(self, weights: FloatArray) -> FloatArray:
         """(N, F) gradient of the log-probability of each trip."""
-        return self.trips.features - self._slopes(weights) / self._found(weights).at_origin[:, None]
+        return (
+            self.trips.features
+            - self._slopes(weights) / self.solution_at(weights).at_origin[:, None]
+        )
 
     def hessian(self, vector: FloatArray) -> FloatArray:
         """(F, F) second derivatives: those of -log z at the origins, by one adjoint solve."""
-        found, network = self._found(vector), self.network
+        found, network = self.solution_at(vector), self.network
         slopes = self._slopes(vector) / found.at_origin[:, None]
         adjoint = self._adjoint(found)
         table = slopes.T @ slopes
@@ -152,7 +150,7 @@ class RouteLikelihood(Objective):
 
     def _by_weight(self, weights: FloatArray) -> list[FloatArray]:
         """F tables (L, D): derivative of z by each weight."""
-        found = self._found(weights)
+        found = self.solution_at(weights)
         if self._slope_tables is None or self._slope_tables[0] is not found:
             tables = [
                 found.factor.solve(self.network.matrix(found.flow * column) @ found.z)
@@ -161,7 +159,7 @@ class RouteLikelihood(Objective):
             self._slope_tables = (found, tables)
         return self._slope_tables[1]
 
-    def _found(self, weights: FloatArray) -> RouteValues:
+    def solution_at(self, weights: FloatArray) -> RouteValues:
         found = self.values(weights)
         if found is None:
             raise SerdError(_diverges(weights))
@@ -232,26 +230,6 @@ class RouteFit:
     def _covariance(self) -> FloatArray:
         return covariance_of(self.information)
 
-    def summary(self) -> str:
-        """A table of the weights, for people."""
-        state = "yes" if self.converged else "no"
-        width = max(len("feature"), *map(len, self.feature_names))
-        lines = [
-            f"converged: {state} ({self.message})",
-            f"trips: {len(self.scores)}   steps: {self.n_steps}   log-likelihood:"
-            f" {self.log_likelihood:.4f}",
-            "",
-            f"{'feature':{width}}  {'weight':>11}  {'std. error':>11}  {'robust':>11}  {'z':>8}",
-        ]
-        rows = zip(
-            self.feature_names, self.weights, self.standard_errors, self.robust_errors, strict=True
-        )
-        lines += [
-            f"{name:{width}}  {weight:11.5g}  {error:11.4g}  {robust:11.4g}  {weight / error:8.2f}"
-            for name, weight, error, robust in rows
-        ]
-        return "\n".join(lines)
-
 
 def fit_routes(
     network: RouteNetwork,
@@ -296,7 +274,7 @@ def route_values(
     goals = int_array("destinations", destinations, (None,))
     none = np.zeros(0, dtype=np.int64)
     trips = Trips(none, goals, none, np.zeros((0, len(network.feature_names))))
-    found = RouteLikelihood(network, trips)._found(checked)
+    found = RouteLikelihood(network, trips).solution_at(checked)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(np.maximum(found.z, 0.0)), dtype=np.float64)
 

@@ -1,5 +1,4 @@
-"""Nodes that are killed or stopped while the robot drives; `python -m lab kill-matrix` has
-every node of every stack.
+"""Nodes that are killed or stopped while the robot drives.
 
 Time is that of the stamps. The time that threads waited for a processor is added to each limit.
 """
@@ -8,9 +7,9 @@ import signal
 
 import pytest
 
-from lab.benchmarks.faults.driven_stack import SOURCE, DrivenStack
-from lab.benchmarks.faults.launched_stack import LaunchedStack
 from serd_ros.graph.graph import find_stack
+from support.driven_stack import SOURCE, DrivenStack
+from support.launched_stack import LaunchedStack
 from support.node_processes import NodeProcess
 from support.waiting import ProcessorWait
 

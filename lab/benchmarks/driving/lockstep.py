@@ -1,21 +1,30 @@
 """How many times faster than real time the hallway runs: in process, and through ROS in lock-step.
 
 The same seed, the same expert, the same 30 people and trajectory; only what carries the messages
-differs. The profile gives the time of each part of a step.
+differs.
 """
 
+import os
 import subprocess
+import tempfile
+import time
+from pathlib import Path
 
-from lab.benchmarks.driving.step_profile import StepProfile, profile_steps
-from lab.benchmarks.faults.kill_matrix import place
+from domain_coordinator import domain_id
+
 from lab.benchmarks.report import Row, save
 from serd_bag.files import atomic_write_text
 from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.workspace import ros_environment
 from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.graph.graph import find_stack
-from serd_sim.planning.catalogue import planner_names
+from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.world.world import HallwayWorld
 
 PEOPLE, SEED, EPISODES = 30, 3, 5
 _WITHOUT_RECORDER = {
@@ -27,10 +36,11 @@ _WITHOUT_RECORDER = {
 
 
 def run() -> None:
-    """Measure in process with a profile, then through ROS."""
+    """Measure in process, then through ROS."""
     scenario = load_scenario("hallway").with_pedestrian_count(PEOPLE)
-    profiles, factors = _in_process(scenario)
-    factors |= {
+    factors = {
+        "in process": _in_process(scenario, guarded=True),
+        "in process, no guard": _in_process(scenario, guarded=False),
         "ROS lock-step": _through_ros(scenario, recorded=False),
         "ROS lock-step, all topics recorded": _through_ros(scenario, recorded=True),
     }
@@ -43,38 +53,29 @@ def run() -> None:
         for way, factor in factors.items()
     ]
     save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
-    messages = factors["ROS lock-step"] / factors["in process"]
-    _save_profile(profiles, 1.0 - messages)
 
 
-def _in_process(scenario: Scenario) -> tuple[dict[str, StepProfile], dict[str, float]]:
-    """By planner and way of driving: profiles, and times faster than real time."""
-    profiles = {
-        name: profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
-        for name in planner_names()
-    }
-    unguarded = profile_steps(scenario, seed=SEED, episodes=EPISODES, guarded=False)
-    return profiles, {
-        "in process": profiles["dwa"].real_time_factor,
-        "in process, no guard": unguarded.real_time_factor,
-    }
+def _in_process(scenario: Scenario, *, guarded: bool) -> float:
+    """Simulated over processor time from each first step on; all scans are made."""
+    driven_s = processor_s = 0.0
+    with HallwayWorld(scenario, seed=SEED) as world:
+        driver, planner = ScriptedExpert(scenario, SEED), make_planner("dwa", scenario)
+        began_s: list[float] = []
 
+        def scan(*_: object) -> None:
+            began_s.append(time.process_time())
+            if world.is_scan_tick:
+                world.scan()
 
-def _save_profile(profiles: dict[str, StepProfile], message_share: float) -> None:
-    rows: list[Row] = []
-    for planner, profile in profiles.items():
-        for part, part_us in sorted(profile.parts_us.items(), key=lambda each: -each[1]):
-            rows.append(
-                {"planner": planner, "part": part, "us": part_us, "share": profile.share(part)}
+        for episode in range(EPISODES):
+            began_s.clear()
+            guard = None if guarded else no_guard
+            record = run_episode(
+                world, planner, driver, episode=episode, guard=guard, observer=scan
             )
-    dwa = profiles["dwa"]
-    save(
-        "step_profile",
-        f"A step in process, {PEOPLE} people. Next bottleneck: the {dwa.bottleneck}, "
-        f"{dwa.share(dwa.bottleneck):.0%} of a step; through ROS the messages, "
-        f"{message_share:.0%} of a step",
-        rows,
-    )
+            processor_s += time.process_time() - began_s[0]
+            driven_s += record.n_ticks * scenario.control_period_s
+    return driven_s / processor_s
 
 
 def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
@@ -82,7 +83,10 @@ def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
     if not recorded:
         nodes = tuple(node for node in stack.nodes if node != "demo_recorder")
         stack = stack.model_copy(update={"nodes": nodes, "parameters": {}})
-    with place() as (environment, folder):
+    with tempfile.TemporaryDirectory() as name, domain_id() as domain:
+        folder = Path(name)
+        environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}
+        environment["ROS_LOG_DIR"] = str(folder / "ros")
         file = folder / "scenario.yaml"
         atomic_write_text(file, model_yaml(scenario))
         given = {"scenario": str(file), "seed": SEED, "scripted_expert.episodes": EPISODES}

@@ -4,7 +4,7 @@ Each has demonstrations of a soft expert, and another task with the same rewards
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
@@ -27,16 +27,12 @@ DISCOUNT, N_STEPS = 0.95, 20
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A problem, a transfer problem, (F,) weights, and what is true and believed of dynamics.
-
-    truth, belief: (M, K) outcome probabilities, which are equal where the expert knows the world.
-    """
+    """A problem, a transfer problem, (F,) weights and (M, K) true outcome probabilities."""
 
     problem: TabularProblem
     transfer: TabularProblem
     weights: FloatArray
     truth: FloatArray
-    belief: FloatArray
 
     def demonstrations(self, n_episodes: int, rng: np.random.Generator) -> Decisions:
         """Episodes from random states."""
@@ -52,7 +48,7 @@ class World:
 
     def policy(self, problem: TabularProblem) -> FloatArray:
         """(S, A) the expert's policy in the problem or in the transfer problem."""
-        return soft_policy(problem, self.weights, self.belief).probabilities
+        return soft_policy(problem, self.weights, self.truth).probabilities
 
     def log_likelihood(self, problem: TabularProblem, policy: FloatArray) -> float:
         """Of the expert's decisions under an (S, A) policy, per decision, less that of its own."""
@@ -67,36 +63,24 @@ class World:
         return np.asarray(visits / visits.sum())
 
 
-def grid_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World:
+def grid_world(rng: np.random.Generator) -> World:
     """8 x 8 cells of three terrains; a move goes ahead, aside, back or nowhere by its terrain."""
     truth = _relative_moves(rng)
-    belief = _relative_moves(rng) if wrong_belief else truth
     weights = np.concatenate([[rng.uniform(1.0, 5.0)], -rng.uniform(0.0, 2.0, N_TERRAINS - 1)])
-    return World(_grid_problem(rng), _grid_problem(rng), weights, truth, belief)
+    return World(_grid_problem(rng), _grid_problem(rng), weights, truth)
 
 
-def relative_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World:
-    """A gridworld described by 3 outcome models, as outcomes are relative to the move."""
-    world = grid_world(rng, wrong_belief=wrong_belief)
-    return replace(
-        world,
-        problem=_by_relative_outcomes(world.problem),
-        transfer=_by_relative_outcomes(world.transfer),
-        truth=world.truth[::4],
-        belief=world.belief[::4],
-    )
-
-
-def random_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World:
+def random_world(rng: np.random.Generator) -> World:
     """25 states, 4 actions, 10 outcome models of 4 outcomes, 4 features."""
-    truth = rng.dirichlet(np.full(4, 0.5), N_MODELS)
-    truth = 0.98 * truth + 0.02 / 4
-    belief = 0.98 * rng.dirichlet(np.full(4, 0.5), N_MODELS) + 0.02 / 4
-    problem, transfer = _random_problem(rng), _random_problem(rng)
-    return World(problem, transfer, rng.normal(size=4), truth, belief if wrong_belief else truth)
+    truth = 0.98 * rng.dirichlet(np.full(4, 0.5), N_MODELS) + 0.02 / 4
+    rng.dirichlet(np.full(4, 0.5), N_MODELS)  # drawn so that worlds are those that were measured
+    return World(_random_problem(rng), _random_problem(rng), rng.normal(size=4), truth)
 
 
-FAMILIES: dict[str, Callable[..., World]] = {"gridworlds": grid_world, "random MDPs": random_world}
+FAMILIES: dict[str, Callable[[np.random.Generator], World]] = {
+    "gridworlds": grid_world,
+    "random MDPs": random_world,
+}
 
 
 def _relative_moves(rng: np.random.Generator) -> FloatArray:
@@ -107,21 +91,9 @@ def _relative_moves(rng: np.random.Generator) -> FloatArray:
         other = (1.0 - ahead) * rng.dirichlet(np.array([1.0, 1.0, 0.3, 1.0]))
         stay, right, back, left = other
         for move in range(4):
-            table[terrain * 4 + move, _outcomes(move)] = [stay, ahead, right, back, left]
+            turned = [0] + [1 + (move + turn) % 4 for turn in range(4)]
+            table[terrain * 4 + move, turned] = [stay, ahead, right, back, left]
     return 0.98 * table + 0.02 / 5
-
-
-def _outcomes(move: int) -> list[int]:
-    """Which of stay, up, right, down, left it is to stay, and to go ahead, right, back, left."""
-    return [0] + [1 + (move + turn) % 4 for turn in range(4)]
-
-
-def _by_relative_outcomes(problem: TabularProblem) -> TabularProblem:
-    models = problem.mdp.transitions
-    assert isinstance(models, OutcomeModels)
-    successors = np.stack([models.successors[:, m, _outcomes(m)] for m in range(4)], axis=1)
-    relative = OutcomeModels(successors, models.model_of // 4, models.available, N_TERRAINS)
-    return TabularProblem(Mdp(relative, DISCOUNT), problem.features, problem.feature_names)
 
 
 def _grid_problem(rng: np.random.Generator) -> TabularProblem:

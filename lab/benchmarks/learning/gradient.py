@@ -135,9 +135,9 @@ def _fits(problem: Problem, decisions: Decisions) -> list[Row]:
     rows: list[Row] = []
     for name, ascent in (("trust region", TrustRegion()), ("L-BFGS", Lbfgs())):
         seconds, found = best_of(lambda ascent=ascent: fit(ascent), calls=2)  # type: ignore[misc]
-        rows.append(_row(name, seconds, found))
+        rows.append(_row(f"{name}, no prior", seconds, found))
     seconds, found = best_of(lambda: fit_mdce_serd(problem, decisions), calls=2)
-    rows.append(_row("priors by evidence", seconds, found))
+    rows.append(_row("priors by evidence, the default", seconds, found))
     draw_s, _ = best_of(lambda: _summary(problem, decisions, found), calls=2)
     rows.append({"ascent": "Laplace's posterior: intervals and averaged policy", "s": draw_s})
     return rows
@@ -156,7 +156,7 @@ def _row(name: str, seconds: float, found: FitResult) -> Row:
         "s": seconds,
         "steps": found.n_steps,
         "evaluations": found.n_evaluations,
-        "converged": found.converged,
+        "message": found.message,
         "log posterior per decision": found.objective / found.n_decisions,
         "largest gradient": found.gradient_norm,
     }

@@ -7,12 +7,8 @@ benchmark, so that no peer is a dependency of the project or meets its versions.
 import os
 import subprocess
 import sys
-from collections import deque
-from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-from rich.console import Console
 
 PEERS = Path(__file__).parent
 ENVIRONMENTS = Path(__file__).parents[3] / ".cache" / "peers"
@@ -58,33 +54,17 @@ def run_peer(name: str, script: str, *arguments: str | Path) -> None:
 
 
 def _install(name: str, requirements: Path, folder: Path, python: Path) -> None:
-    _follow(name, [sys.executable, "-m", "venv", "--clear", "--without-pip", str(folder)])
+    print(f"installing peers {name}", file=sys.stderr)
     pip = [sys.executable, "-m", "pip", "--python", str(python), "--disable-pip-version-check"]
-    _follow(name, [*pip, "install", "-r", str(requirements)])
-
-
-def _follow(name: str, command: list[str]) -> None:
-    """Run a command with its latest line shown; PeerError with its last words where it fails."""
-    with (
-        Console(stderr=True).status(f"installing peers {name}") as status,
-        subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        ) as process,
+    for command in (
+        [sys.executable, "-m", "venv", "--clear", "--without-pip", str(folder)],
+        [*pip, "install", "-r", str(requirements)],
     ):
-        assert process.stdout is not None
-        last = deque[str](maxlen=20)
-        for line in process.stdout:
-            last.append(line.strip())
-            status.update(f"installing peers {name}: {line.strip()[:80]}")
-    if process.returncode != 0:
-        raise PeerError(
-            f"peers {name} must install from {name}.txt, but {_reason(last)}; correct that file,"
-            " or make the package index reachable"
-        )
-
-
-def _reason(lines: Iterable[str]) -> str:
-    """The last line that pip marks as an error, or the last one."""
-    kept = list(lines)
-    errors = [line for line in kept if line.startswith("ERROR")]
-    return (errors or kept or ["no output"])[-1]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            lines = (done.stdout + done.stderr).splitlines() or ["no output"]
+            errors = [line for line in lines if line.startswith("ERROR")]
+            raise PeerError(
+                f"peers {name} must install from {name}.txt, but {(errors or lines)[-1]}; correct"
+                " that file, or make the package index reachable"
+            )

@@ -17,10 +17,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import rel_entr
 
-from lab.experiments.gridworld.figures import MEASURES, environment_figure, measures_figure
+from lab.experiments.gridworld.figures import MEASURES, measures_figure
 from lab.experiments.gridworld.landscape import (
     Landscape,
-    cell_means,
     generated_landscape,
     image_brightness,
     landscape_of_image,
@@ -31,10 +30,10 @@ from lab.experiments.running.experiment import Count, Findings, SeededConfig, Se
 from lab.experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import posterior_policy
-from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
+from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,
     policy_log_likelihood,
@@ -50,10 +49,6 @@ class GridworldConfig(SeededConfig):
     )
     image: Path | None = setting(None, "training image; without it a generated landscape")
     transfer_image: Path | None = setting(None, "transfer image; without it a generated landscape")
-    forest_mask: Path | None = setting(
-        None, "image of the training scene, bright where there is forest; without it a rule decides"
-    )
-    transfer_forest_mask: Path | None = setting(None, "the same of the transfer scene")
     side: int = setting(20, "cells along each side of the grid", ge=4)
     discount: float = setting(0.99, "discount per decision", ge=0, lt=1)
     weights: tuple[float, float] = setting((6.0, 6.0), "true weights of brightness and goal")
@@ -74,18 +69,12 @@ class Scene:
 
 
 def run_gridworld(config: GridworldConfig, session: Session) -> Findings:
-    """The measures with their tests, and the two environments."""
+    """The measures with their tests."""
     table = session.repeat(partial(one_repetition, config), config.n_repetitions, config)
     found = with_measures(table)
     files = dict(found.files)
     if config.n_repetitions > 1:
         files |= _tests(config, table)
-    weights = np.array(config.weights)
-    solve = soft_policy if config.expert == "mdce" else optimal_policy
-    for name, scene in zip(("training", "transfer"), scenes(config), strict=True):
-        value = solve(scene.world.problem, weights, true_dynamics()).value
-        visits = state_counts(scene.test, len(value))
-        files[f"{name}.png"] = environment_figure(scene.world, weights, value, visits)
     return Findings(found.summary, files)
 
 
@@ -115,8 +104,8 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
 
 def scenes(config: GridworldConfig) -> tuple[Scene, Scene]:
     """Training and transfer environments; the same for all repetitions."""
-    training = _landscape(config, config.image, config.forest_mask, 0)
-    transfer = _landscape(config, config.transfer_image, config.transfer_forest_mask, 1)
+    training = _landscape(config, config.image, 0)
+    transfer = _landscape(config, config.transfer_image, 1)
     return (
         _scene(config, gridworld(training, config.discount, goal_at_left=False), 0),
         _scene(config, gridworld(transfer, config.discount, goal_at_left=True), 1),
@@ -178,15 +167,10 @@ def _tests(config: GridworldConfig, table: pd.DataFrame) -> dict[str, pd.DataFra
     }
 
 
-def _landscape(
-    config: GridworldConfig, image: Path | None, mask: Path | None, number: int
-) -> Landscape:
+def _landscape(config: GridworldConfig, image: Path | None, number: int) -> Landscape:
     if image is None:
         return generated_landscape(config.side, np.random.default_rng([config.seed, 2, number]))
-    forest = None
-    if mask is not None:
-        forest = cell_means(image_brightness(mask), config.side) > 0.5
-    return landscape_of_image(image_brightness(image), config.side, forest)
+    return landscape_of_image(image_brightness(image), config.side)
 
 
 def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:

@@ -1,18 +1,12 @@
-"""Figures 4.10 to 4.13: the environments, and the four measures over the demonstrations."""
+"""Figures 4.12 and 4.13: the four measures over the demonstrations."""
 
-from typing import Any
-
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, PowerNorm
 from matplotlib.figure import Figure
 
-from lab.experiments.gridworld.problem import Gridworld
 from lab.experiments.running.tables import quartiles
 from lab.learner_curves import draw_band, tick_sizes
-from serd_app.report.style import HAIRLINE, MUTED, RED, VISITS_MAP, new_figure
-from serd_core.arrays import FloatArray
+from serd_app.report.style import HAIRLINE, MUTED, new_figure
 
 MEASURES = {
     "log_likelihood": "log-likelihood per decision",
@@ -24,9 +18,6 @@ MEASURES = {
 LOWEST = -4.0
 #: Divergences above this, infinity (the truth ruled out) among them, are drawn here.
 HIGHEST = 100.0
-#: Visits are drawn by their cube root, so that paths show beside places where people stay.
-VISITS_POWER = 1.0 / 3.0
-LAWN_AND_FOREST = ListedColormap(["#e8e4c9", "#5d8a54"])
 
 
 def measures_figure(table: pd.DataFrame) -> Figure:
@@ -54,43 +45,6 @@ def measures_figure(table: pd.DataFrame) -> Figure:
     for unused in panels[len(present) :]:
         unused.set_axis_off()
     return figure
-
-
-def environment_figure(
-    world: Gridworld, weights: FloatArray, value: FloatArray, visits: FloatArray
-) -> Figure:
-    """Figs. 4.10 and 4.11: brightness, terrain, reward, value and visits; the last two (S,)."""
-    problem = world.problem
-    side = int(np.sqrt(problem.mdp.n_states))
-    panels: dict[str, tuple[FloatArray, dict[str, Any]]] = {
-        "brightness": (problem.features[:, 0, 0], {"cmap": "gray"}),
-        "forest": (world.forest.astype(np.float64), {"cmap": LAWN_AND_FOREST}),
-        "reward": (problem.features[:, 0] @ weights, {"cmap": "viridis"}),
-        "value": (value, {"cmap": "viridis"}),
-        "visits": (visits, {"cmap": VISITS_MAP, "norm": PowerNorm(VISITS_POWER)}),
-    }
-    figure = new_figure(2.5 * len(panels), 2.5)
-    goal = np.unravel_index(world.goal, (side, side))
-    for axes, (title, (values, look)) in zip(
-        figure.subplots(1, len(panels)), panels.items(), strict=True
-    ):
-        drawn = axes.imshow(values.reshape(side, side), origin="lower", **look)
-        axes.plot(goal[1], goal[0], "*", color=RED, markeredgecolor="white", markersize=9)
-        axes.set(title=title, xticks=[], yticks=[])
-        if title == "forest":
-            bar = figure.colorbar(drawn, ax=axes, shrink=0.8, ticks=[0.25, 0.75])
-            bar.ax.set_yticklabels(["open", "forest"], rotation=90, va="center")
-        else:
-            bar = figure.colorbar(drawn, ax=axes, shrink=0.8)
-            if title == "visits":
-                bar.set_ticks(visit_ticks(int(visits.max())))
-    return figure
-
-
-def visit_ticks(most: int) -> list[int]:
-    """Numbers of visits that stand apart where a colour bar grows by the cube root."""
-    shares = (0.0, 0.02, 0.15, 0.45, 1.0)
-    return sorted({round(share * most) for share in shares})
 
 
 def _mark_limit(axes: Axes, value: float, text: str, *, offset_points: float) -> None:

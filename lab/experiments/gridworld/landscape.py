@@ -3,7 +3,7 @@
 Terrain by a stated rule: a cell is forest where its *roughness* is above Otsu's threshold over all
 cells. Roughness is the mean absolute difference between the brightness and the same smoothed by a
 tenth of a cell: crowns and their shadows are rough at that scale, lawns, water and roads are not.
-A mask may replace the rule. Photographs are read by Pillow, multi-band TIFF tiles by tifffile.
+Photographs are read by Pillow, multi-band TIFF tiles by tifffile.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import scipy.ndimage
 
-from serd_core.arrays import BoolArray, FloatArray, bool_array, float_array
+from serd_core.arrays import BoolArray, FloatArray, float_array
 from serd_core.errors import SerdError
 
 SMOOTHING_CELLS = 0.1
@@ -29,28 +29,18 @@ class Landscape:
     brightness: FloatArray
     forest: BoolArray
 
-    def __post_init__(self) -> None:
-        brightness = float_array("brightness", self.brightness, (None, None))
-        object.__setattr__(self, "brightness", brightness)
-        object.__setattr__(self, "forest", bool_array("forest", self.forest, brightness.shape))
 
-
-def landscape_of_image(
-    image: FloatArray, side: int, forest_mask: BoolArray | None = None
-) -> Landscape:
-    """Cut an (height, width) brightness image, northern row first, into side x side cells.
-
-    forest_mask: (side, side), northern row first, instead of the rule.
-    """
+def landscape_of_image(image: FloatArray, side: int) -> Landscape:
+    """Cut an (height, width) brightness image, northern row first, into side x side cells."""
     pixels = float_array("image", image, (None, None))
     if min(pixels.shape) < side:
         raise SerdError(f"image must have at least {side} pixels a side, got {pixels.shape}")
     sigma = SMOOTHING_CELLS * np.sqrt(pixels.size) / side
     rough = np.abs(pixels - scipy.ndimage.gaussian_filter(pixels, sigma))
     roughness = cell_means(rough, side)
-    forest = roughness > otsu_threshold(roughness) if forest_mask is None else forest_mask
+    forest = roughness > otsu_threshold(roughness)
     brightness = stretched(cell_means(pixels, side))
-    return Landscape(brightness=brightness[::-1], forest=np.asarray(forest)[::-1])
+    return Landscape(brightness=brightness[::-1], forest=forest[::-1])
 
 
 def generated_landscape(side: int, rng: np.random.Generator) -> Landscape:

@@ -9,9 +9,8 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from lab.estimators.multi_start import MultiStart, describe, multi_start
+from lab.estimators.multi_start import MultiStart, multi_start
 from lab.experiments.minimum_example.explanations import (
     ASCENT,
     MinimumExampleConfig,
@@ -21,12 +20,11 @@ from lab.experiments.minimum_example.explanations import (
 )
 from lab.experiments.running.experiment import Count, Findings, Session, Sizes
 from lab.experiments.running.tables import Row
-from serd_app.report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_files.settings import setting
 
-COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}
+KINDS = ("none", "1", "2", "3 or more")
 
 
 class MultiStartConfig(MinimumExampleConfig):
@@ -38,15 +36,13 @@ class MultiStartConfig(MinimumExampleConfig):
 
 
 def run_multi_start(config: MultiStartConfig, session: Session) -> Findings:
-    """Explanations of each set, their shares, and those of the last set in words."""
+    """Explanations of each set, and their shares."""
     n_all = config.n_sets * len(config.sizes)
     table = session.repeat(partial(explain_set, config), n_all, config)
     shares = explanation_shares(table)
     files = {
         "explanations.csv": table,
         "shares.csv": shares,
-        "example.txt": describe(fits_of_set(config, n_all - 1)) + "\n",
-        "shares.png": shares_figure(shares),
     }
     return Findings(shares, files)
 
@@ -82,21 +78,6 @@ def fits_of_set(config: MultiStartConfig, number: int) -> MultiStart:
 
 
 def explanation_shares(table: pd.DataFrame) -> pd.DataFrame:
-    """Per size: share of sets by number of distinct explanations, in columns as COLOURS."""
-    count = pd.cut(table["n_explanations"], [-1, 0, 1, 2, np.inf], labels=list(COLOURS))
+    """Per size: share of sets by number of distinct explanations, in columns as KINDS."""
+    count = pd.cut(table["n_explanations"], [-1, 0, 1, 2, np.inf], labels=list(KINDS))
     return pd.crosstab(table["size"], count, normalize="index", dropna=False).reset_index()
-
-
-def shares_figure(shares: pd.DataFrame) -> Figure:
-    """One stacked bar per size."""
-    with report_style():
-        figure = new_figure(5.6, 3.4)
-        axes = figure.subplots()
-        sizes, bottom = shares["size"].astype(str), np.zeros(len(shares))
-        for name, colour in COLOURS.items():
-            if shares[name].any():
-                axes.bar(sizes, shares[name], bottom=bottom, color=colour, label=name, width=0.6)
-                bottom += shares[name].to_numpy()
-        axes.set(xlabel="demonstrations", ylabel="share of demonstration sets", ylim=(0, 1))
-        figure.legend(title="distinct explanations", loc="outside right center")
-    return figure

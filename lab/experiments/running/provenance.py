@@ -58,13 +58,6 @@ def recorded(
     note(finished=True)
 
 
-def other_commits(folder: Path) -> tuple[str, ...]:
-    """Commits, other than that of the present code, by which earlier runs worked in `folder`."""
-    present = code_commit()
-    earlier = (run["commit"] for run in _runs(folder / FILE_NAME))
-    return tuple(dict.fromkeys(each for each in earlier if each not in (None, present)))
-
-
 def code_commit(folder: Path = Path(__file__).parent) -> str | None:
     """Commit of the repository around `folder`, "+ changes" where tracked files differ from it."""
     commit = _git(folder, "rev-parse", "HEAD")

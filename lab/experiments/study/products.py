@@ -15,17 +15,7 @@ from matplotlib.figure import Figure
 from pydantic import BaseModel
 
 from lab.experiments.running.experiment import write_files
-from lab.experiments.running.repetitions import (
-    claim_folder,
-    damaged,
-    digest_of,
-    read_result,
-    write_result,
-)
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_bag.files import read_bytes
-from serd_core.demonstrations.decisions import Decisions
-from serd_files.errors import USER_ERRORS
+from lab.experiments.running.repetitions import claim_folder, read_result, write_result
 from serd_files.yaml_config import model_yaml
 from serd_files.yaml_text import write_yaml
 from serd_sim.episodes.execution import Execution
@@ -122,35 +112,6 @@ def part_tasks(
 def load_part(study: StudyFolder, stage: str, *part: str | int) -> dict[str, Any]:
     """What a task of `part_tasks` wrote."""
     return read_result(_file(study, stage, part), dict)
-
-
-def save_recorded(file: Path, decisions: Decisions) -> None:
-    """Write the table that a task recorded; its digest is beside it, as .json."""
-    _digest_file(file).unlink(missing_ok=True)
-    save_decisions(file, decisions)
-    write_result(_digest_file(file), _digest(file))
-
-
-def load_recorded(file: Path) -> Decisions:
-    """What `save_recorded` wrote; SerdError where it has been damaged since."""
-    kept = _digest_file(file)
-    try:
-        decisions = load_decisions(file)
-        # Tables of earlier versions have no digest.
-        is_as_written = not kept.exists() or read_result(kept, dict) == _digest(file)
-    except USER_ERRORS:
-        is_as_written = False
-    if not is_as_written:
-        raise damaged(file)
-    return decisions
-
-
-def _digest_file(table: Path) -> Path:
-    return table.with_suffix(".json")
-
-
-def _digest(table: Path) -> dict[str, str]:
-    return {"digest": digest_of(read_bytes(table).decode())}
 
 
 def _file(study: StudyFolder, stage: str, part: tuple[str | int, ...]) -> Path:

@@ -20,16 +20,12 @@ Sizes = tuple[int, ...]
 
 
 class DemonstrationSettings(StrictModel):
-    """Episodes of each set of one repetition.
-
-    bags: recordings that take the place of the driver's; empty for none.
-    """
+    """Episodes of each set of one repetition."""
 
     driver: str
     training: int = Field(ge=2)
     test: int = Field(ge=1)
     transfer: int = Field(ge=1)
-    bags: tuple[str, ...] = ()
 
 
 class ReferenceSettings(StrictModel):
@@ -61,7 +57,6 @@ class ArrivalSettings(StrictModel):
     """How times of arrival are predicted and measured."""
 
     episodes: int = Field(ge=1)
-    sampled: int = Field(ge=1)
 
 
 class WorldSettings(StrictModel):
@@ -134,12 +129,9 @@ class StudySettings(WorldSettings):
 SettingsT = TypeVar("SettingsT", bound=StrictModel)
 
 
-def study_settings(
-    *, quick: bool = False, config: Path | None = None, bags: Sequence[Path] = ()
-) -> StudySettings:
-    """Those of the hallway study, also changed by bags."""
-    given = {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}} if bags else {}
-    return merged_settings(StudySettings, YAML, quick=quick, config=config, given=given)
+def study_settings(*, quick: bool = False, config: Path | None = None) -> StudySettings:
+    """The settings of the hallway study."""
+    return merged_settings(StudySettings, YAML, quick=quick, config=config)
 
 
 def merged_settings(

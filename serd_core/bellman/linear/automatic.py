@@ -6,7 +6,7 @@ cube. The iterations of BiCGSTAB grow with the root of the horizon 1 / (1 - gamm
 of the depth of the graph, hardly with the states, and with the digits that are asked for: Newton's
 steps need few. LU goes by band where that is narrow: three
 times faster than a sparse factor on 20 x 20 cells, four times in hallways of any length, no faster
-on 60 x 60. `python -m lab solvers` measures every choice against every solver.
+on 60 x 60.
 """
 
 import math

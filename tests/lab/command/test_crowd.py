@@ -1,7 +1,6 @@
 """`python -m lab crowd`: the crowd against measured ones, as a table and a picture."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -55,28 +54,6 @@ def test_every_model_is_compared_with_weidmann_and_with_the_recording(lab, recor
     assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
 
 
-def test_recordings_of_one_file_name_are_different_places(lab, recording, tmp_path):
-    given = []
-    for run in ("first", "second"):
-        (tmp_path / run).mkdir()
-        given += ["--recording", shutil.copy(recording, tmp_path / run)]
-    picture = tmp_path / "crowd.png"
-    ended = lab("crowd", *given, *given[:2], "--output", picture, "--json")
-    places = [row["place"] for row in json.loads(ended.out)["rows"]]
-    assert places[:3] == ["Weidmann", "first/people", "second/people"]
-
-
-def test_a_recording_along_y_with_other_frames_is_the_same(lab, recording, tmp_path):
-    rows = np.loadtxt(recording)[:, [0, 1, 3, 2, 4]]
-    turned = tmp_path / "turned.txt"
-    np.savetxt(turned, rows, header=HEADER)
-    words = ("--fps", 16, "--width", 3, "--json", "--output", tmp_path / "crowd.png")
-    ended = lab("crowd", "--recording", turned, *words)
-    people = json.loads(ended.out)["rows"][1]
-    assert people["measured_speed_mps"] == pytest.approx(16 / 25, abs=0.01)
-    assert "corridor of 3 m along y" in ended.err
-
-
 def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(lab, recording, tmp_path):
     rows = np.loadtxt(recording)
     one, far = tmp_path / "one.txt", tmp_path / "far.txt"
@@ -88,23 +65,6 @@ def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(lab, recordi
         assert ended.code == 2
         assert f"lab: {path}: " in ended.err
         assert sentence in " ".join(ended.err.split())
-
-
-def test_people_elsewhere_do_not_widen_the_corridor(lab, recording, tmp_path):
-    rows = np.loadtxt(recording)
-    far = rows[rows[:, 0] == 0] + [9, 0, 0, 4000, 0]
-    path = tmp_path / "far.txt"
-    np.savetxt(path, np.concatenate([rows, far]), header=HEADER)
-    ended = lab("crowd", "--recording", path, "--output", tmp_path / "crowd.png")
-    said = " ".join(ended.err.split())
-    assert "far.txt: agent 9, from row 1201, is more than 2 m away" in said
-    assert "far.txt: 8 people, corridor of 3.2 m along x, two ways" in said
-
-
-def test_without_a_recording_only_weidmann_is_there(lab, tmp_path):
-    ended = lab("crowd", "--output", tmp_path / "crowd.png")
-    assert "Weidmann, one way" in ended.out
-    assert "two ways" not in ended.out
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import pytest
 from lab.crowd.corridor_measures import corridor_of
 from lab.crowd.straight_corridor import corridor_people
 from serd_files.trajectories.read import Track
-from serd_sim.errors import SimError
 
 TIME_S = np.arange(0.0, 8.0, 0.1)
 
@@ -35,19 +34,6 @@ def test_a_corridor_at_any_angle_has_the_width_of_one_along_an_axis(angle_deg):
     np.testing.assert_allclose(np.ptp(across, axis=1), 0.0, atol=1e-9)
 
 
-def test_a_turned_corridor_is_stated():
-    (sentence,) = corridor_people(two_way(angle_rad=np.deg2rad(17))).remarks
-    assert sentence == ("the corridor is at 17° to the x axis, so places are turned by that angle")
-    assert corridor_people(two_way(angle_rad=np.deg2rad(2))).remarks == ()
-
-
-def test_few_people_who_walk_aslant_do_not_turn_the_corridor():
-    tracks = two_way(5, angle_rad=np.deg2rad(8))
-    np.testing.assert_array_equal(
-        corridor_people(tracks).tracks[0].position_m, tracks[0].position_m
-    )
-
-
 @pytest.mark.parametrize(
     "elsewhere",
     [walk(20, y_m=40.0), walk(20, y_m=0.0, x_m=90.0), walk(20, y_m=-3.6)],
@@ -61,26 +47,6 @@ def test_a_person_away_from_the_corridor_is_left_out_with_the_row(elsewhere):
         " left out",
     )
     assert corridor_of(found.tracks) == corridor_of(corridor_people(two_way()).tracks)
-
-
-def test_of_several_places_the_one_of_most_people_is_the_corridor():
-    others = [walk(20 + i, y_m=30.0 + i) for i in range(3)]
-    found = corridor_people([*others, *two_way()])
-    assert {int(track.agent) for track in found.tracks} == set(range(12))
-    assert "agent 20, from row 2001, is" in found.remarks[0]
-    assert found.remarks[0].endswith("corridor, as are 2 more; left out")
-
-
-def test_people_who_cross_are_refused():
-    across = [walk(20 + i, y_m=0.3 * i, angle_rad=np.pi / 2) for i in range(12)]
-    with pytest.raises(SimError, match="walk in several directions"):
-        corridor_people([*two_way(), *across])
-
-
-def test_people_who_stand_are_refused():
-    still = Track("1", TIME_S, np.zeros((len(TIME_S), 2)))
-    with pytest.raises(SimError, match="end where they begin"):
-        corridor_people([still])
 
 
 def test_an_id_that_is_used_again_is_another_person():

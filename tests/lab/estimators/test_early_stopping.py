@@ -8,11 +8,10 @@ from lab.estimators.early_stopping import (
 )
 from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.ascent.ascent import FunctionObjective
-from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import SerdSettings, fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.beliefs import FixedBelief, TiedBelief
+from serd_core.posterior.beliefs import TiedBelief
 from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import validation_log_likelihood
 from serd_core.selection.prior_weight import split_episodes
@@ -41,31 +40,6 @@ def test_a_start_without_a_score_is_refused_and_does_not_win():
         ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
 
 
-def test_known_dynamics_with_zeros_can_be_stopped_early(gridworld):
-    training, validation = split_episodes(gridworld.decisions, 0.3, np.random.default_rng(0))
-    fit = fit_serd_with_early_stopping(
-        gridworld.problem,
-        training,
-        validation,
-        MdcePolicy(),
-        SerdSettings(belief=FixedBelief()),
-        initial_weights=np.zeros(2),
-        dynamics=gridworld.probabilities,
-    )
-    np.testing.assert_allclose(fit.outcome_probabilities, gridworld.probabilities, rtol=1e-12)
-    assert np.all(np.isfinite(fit.reward_weights))
-
-
-def test_a_score_that_keeps_growing_changes_nothing():
-    inner = GradientAscent(step_size=lambda _: 0.5)
-    plain = inner.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
-    watched = EarlyStopping(inner, lambda v: -abs(float(v[0]))).maximise(
-        FunctionObjective(slope), np.array([1.0]), lambda _: False
-    )
-    assert watched.converged
-    np.testing.assert_array_equal(watched.vector, plain.vector)
-
-
 def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridworld):
     case = make_gridworld(side=5, n_episodes=12, n_steps=8)
     training, validation = split_episodes(case.decisions, 0.5, np.random.default_rng(0))
@@ -90,8 +64,3 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
     assert reached > scores[-1]
     assert not fit.converged
     assert fit.message.startswith("stopped early")
-
-
-def test_a_patience_of_no_step_is_refused():
-    with pytest.raises(USER_ERRORS, match="patience must be at least 1, got 0"):
-        EarlyStopping(Lbfgs(), lambda _: 0.0, patience=0)

@@ -9,7 +9,6 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_files.errors import USER_ERRORS
 from support.objectives import TOP, never, quadratic, valley
 
 
@@ -25,44 +24,6 @@ def test_the_top_of_a_quadratic_is_found():
     assert ascent.maximise(FunctionObjective(quadratic), TOP, never).n_steps == 0
 
 
-def test_the_callback_sees_every_step_and_can_stop():
-    seen = []
-
-    def stop_after_two(step):
-        seen.append(step)
-        return len(seen) == 2
-
-    ascent = GradientAscent(step_size=lambda _: 0.15)
-    found = ascent.maximise(FunctionObjective(quadratic), np.zeros(2), stop_after_two)
-    assert [step.number for step in seen] == [1, 2]
-    assert found.message == "stopped by the callback"
-    np.testing.assert_array_equal(found.vector, seen[-1].vector)
-
-
-@pytest.mark.parametrize("max_steps", [0, 1, 2, 5])
-def test_no_more_steps_are_taken_than_may_be(max_steps):
-    numbers = []
-    found = GradientAscent(step_size=lambda _: 1e-3, max_steps=max_steps).maximise(
-        FunctionObjective(valley), np.array([-1.2, 1.0]), lambda step: numbers.append(step.number)
-    )
-    assert numbers == list(range(1, max_steps + 1))
-    assert not found.converged
-    assert found.message == "not converged: out of steps"
-
-
-def test_wrong_starts_and_limits_are_refused():
-    with pytest.raises(
-        USER_ERRORS, match="parameter 1 of 2 became nan; start from smaller weights"
-    ):
-        GradientAscent().maximise(FunctionObjective(quadratic), np.array([0.0, np.nan]), never)
-    with pytest.raises(
-        USER_ERRORS, match="gradient_tolerance must not be negative or NaN, got nan"
-    ):
-        GradientAscent(gradient_tolerance=np.nan)
-    with pytest.raises(USER_ERRORS, match="max_steps must not be negative or NaN, got -1"):
-        GradientAscent(max_steps=-1)
-
-
 def test_a_gradient_step_to_a_point_that_is_not_finite_is_reported_and_not_taken():
     start = np.array([-1.2, 1.0])
     ascent = GradientAscent(step_size=lambda number: 1e-3 if number == 1 else 1e200)
@@ -73,15 +34,6 @@ def test_a_gradient_step_to_a_point_that_is_not_finite_is_reported_and_not_taken
     assert not found.converged
     assert found.n_steps == 1
     np.testing.assert_array_equal(found.vector, start + 1e-3 * valley(start)[1])
-
-
-def test_gradient_steps_that_are_too_long_are_distinguished_from_too_few():
-    long = GradientAscent(step_size=lambda _: 0.25, max_steps=10)
-    found = long.maximise(FunctionObjective(quadratic), np.zeros(2), never)
-    assert found.message.endswith("the objective fell on the way, use a smaller step_size")
-    short = GradientAscent(step_size=lambda _: 0.01, max_steps=10)
-    found = short.maximise(FunctionObjective(quadratic), np.zeros(2), never)
-    assert found.message == "not converged: out of steps"
 
 
 def test_plain_gradient_ascent_of_algorithm_1_finds_the_same_optimum(minimum_example):

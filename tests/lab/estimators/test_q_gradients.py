@@ -83,34 +83,3 @@ def test_the_forward_gradient_is_the_finite_difference_of_q(equation, random_pro
     for i, unit in enumerate(np.eye(len(start))):
         numeric = (q_at(start + step * unit) - q_at(start - step * unit)) / (2 * step)
         np.testing.assert_allclose(direct[allowed][:, i], numeric, atol=2e-6, rtol=1e-5)
-
-
-def test_too_few_sweeps_are_said(gridworld):
-    theta = np.zeros(45)
-    transitions, solution = solved(gridworld.problem, gridworld.weights, theta, SoftBellman())
-    immediate = immediate_gradient(
-        gridworld.problem.mdp,
-        gridworld.problem.features,
-        solution.value,
-        entry_jacobian(gridworld.problem.mdp, theta),
-    )
-    short = q_gradient_by_iteration(
-        gridworld.problem.mdp, transitions, solution.policy, immediate, max_sweeps=3
-    )
-    assert not short.converged
-    assert short.steps == 3
-
-
-def test_a_warm_start_needs_fewer_sweeps(gridworld):
-    theta = np.zeros(45)
-    mdp = gridworld.problem.mdp
-    transitions, solution = solved(gridworld.problem, gridworld.weights, theta, SoftBellman())
-    immediate = immediate_gradient(
-        mdp, gridworld.problem.features, solution.value, entry_jacobian(mdp, theta)
-    )
-    cold = q_gradient_by_iteration(mdp, transitions, solution.policy, immediate)
-    warm = q_gradient_by_iteration(
-        mdp, transitions, solution.policy, immediate, initial=cold.values
-    )
-    assert warm.steps == 1
-    assert cold.steps > 50

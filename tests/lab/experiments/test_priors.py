@@ -1,13 +1,10 @@
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from lab.experiments.priors import (
     PRIORS,
     PriorsConfig,
-    log_prior,
     optimal_distributions,
-    prior_surfaces,
 )
 from lab.experiments.running.tables import plain_rows
 
@@ -43,16 +40,3 @@ def test_the_divergence_comes_as_close_to_its_reference_as_the_circle_allows(opt
     closest = 1 / (1 + np.exp(-np.sqrt(2)))
     assert row["p_1"] == pytest.approx(closest, abs=1e-6)
     assert closest < 0.9
-
-
-def test_surfaces_hold_the_log_prior_by_second_and_first_parameter():
-    surfaces = prior_surfaces(PriorsConfig(extent=1.0, n_points=5))
-    for name, surface in surfaces.items():
-        assert surface.value.shape == (5, 5)
-        assert surface.value[4, 0] == log_prior(PRIORS[name], -1.0, 1.0)
-    assert surfaces["KLD(Q||P)"].value[0, 4] > surfaces["KLD(Q||P)"].value[4, 0]
-
-
-def test_too_coarse_a_circle_is_refused():
-    with pytest.raises(ValidationError, match=r"n_angles\n.* greater than or equal to 8"):
-        PriorsConfig(n_angles=3)

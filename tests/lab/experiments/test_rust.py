@@ -1,18 +1,12 @@
-from pathlib import Path
-
 import numpy as np
-import pytest
-from pydantic import ValidationError
 
 from lab.experiments.rust import (
     HEADER_LENGTH,
     KEEP,
     REPLACE,
-    RustConfig,
     as_decisions,
     monthly_increments,
     rust_problem,
-    sparse_rust_problem,
     states_and_decisions,
 )
 
@@ -50,46 +44,3 @@ def test_each_bus_month_carries_the_increment_that_led_into_it():
     decisions = as_decisions(rows, np.array([1, 2, 2]), n_bins=6)
     np.testing.assert_array_equal(decisions.next_state, [2, 2, 5])
     np.testing.assert_array_equal(decisions.episodes, [0, 1])
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"groups": (9,)}, "groups.0\n.* less than or equal to 8"),
-        ({"groups": ()}, "groups\n.* at least 1 item"),
-        ({"n_bins": 1}, "n_bins\n.* greater than or equal to 2"),
-    ],
-)
-def test_wrong_settings_are_refused_by_name(change, sentence):
-    with pytest.raises(ValidationError, match=sentence):
-        RustConfig(data=Path(), **change)
-
-
-def test_a_sparse_model_of_the_transitions_gives_the_same_likelihood_and_gradient():
-    logits = np.array([0.4, -1.2])
-    share = np.exp(np.append(0.0, logits))
-    share /= share.sum()
-    local, sparse = rust_problem(6, 3, 0.9), sparse_rust_problem(6, 3, 0.9)
-    entries = sparse.mdp.transitions.local_probabilities(logits)
-    given = local.mdp.transitions
-    np.testing.assert_allclose(
-        sparse.mdp.transitions.entries(entries), given.entries(share[None]), atol=1e-15
-    )
-    weights = np.random.default_rng(0).normal(size=len(entries))
-    step = 1e-6
-    differences = [
-        weights
-        @ (
-            sparse.mdp.transitions.local_probabilities(logits + step * unit)
-            - sparse.mdp.transitions.local_probabilities(logits - step * unit)
-        )
-        / (2 * step)
-        for unit in np.eye(2)
-    ]
-    found = sparse.mdp.transitions.pull_back(logits, weights)
-    np.testing.assert_allclose(found, differences, atol=1e-8)
-
-
-def test_unknown_transitions_are_refused():
-    with pytest.raises(ValidationError, match="'outcomes' or 'sparse'"):
-        RustConfig(data=Path(), transitions="dense")

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from lab.command.faults import arrival_price, summarise_faults
 from lab.faults.campaign import COLUMNS, run_fault, tasks_of
-from lab.faults.campaign_summary import arrival_price, summarise_faults
 from serd_files.yaml_config import model_yaml
 from serd_sim.episodes.batch import EpisodeTask
 from serd_sim.scenario.scenario import load_scenario

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lab.faults.faults import FAULTS, fault_named
-from serd_files.errors import USER_ERRORS
+from lab.faults.faults import FAULTS
 from serd_sim.safety.reasons import Source
 from serd_sim.safety.scan import Scan, ScanGeometry
 from serd_sim.safety.world_guard import Message
@@ -27,11 +26,6 @@ def _arriving(fault, n_periods):
             ]
         )
     return published, [channel(messages) for messages in published]
-
-
-def test_without_a_fault_every_message_arrives():
-    published, arrived = _arriving("none", 3)
-    assert arrived == published
 
 
 def test_a_topic_that_stops_leaves_the_others():
@@ -71,8 +65,3 @@ def test_a_noisy_scan_loses_its_share_of_rays_and_deviates_by_five_centimetres()
     lost = ~np.isfinite(ranges_m)
     assert lost.mean() == pytest.approx(0.1, abs=0.01)
     assert ranges_m[~lost].std() == pytest.approx(0.05, rel=0.03)
-
-
-def test_a_misspelt_fault_is_refused_with_the_nearest_name():
-    with pytest.raises(USER_ERRORS, match="did you mean 'pose_frozen'"):
-        fault_named("pose_froze")

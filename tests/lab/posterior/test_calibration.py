@@ -8,7 +8,6 @@ from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
-from serd_files.errors import USER_ERRORS
 
 PRIOR = PriorByEvidence(deviation=2.0, pseudo_count=2.0)
 
@@ -50,17 +49,3 @@ def test_ranks_of_the_truth_are_uniform_and_show_a_posterior_that_is_too_narrow(
     assert ranks.shape == (48, 7)
     # Bonferroni's level for seven numbers.
     assert bool(uniformity(ranks, n_bins=4).min() > 0.05 / 7) == passes
-
-
-def test_bad_arguments_are_rejected(small):
-    with pytest.raises(USER_ERRORS, match="prior must have a deviation and a pseudo_count"):
-        calibration_ranks(
-            small,
-            PriorByEvidence(),
-            np.random.default_rng(0),
-            n_data_sets=1,
-            n_episodes=1,
-            n_steps=1,
-        )
-    with pytest.raises(USER_ERRORS, match="n_bins must divide n_draws \\+ 1 = 64, got 7"):
-        uniformity(np.zeros((4, 1), int), n_bins=7)

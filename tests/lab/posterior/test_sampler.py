@@ -28,9 +28,6 @@ def test_the_sampler_draws_from_a_known_posterior(counted):
     assert found.draws.reward.std() == pytest.approx(3.0, rel=0.15)
     assert found.r_hat <= 1.01
     assert found.n_effective >= 400
-    posterior = found.inference_data.posterior
-    assert posterior["outcome_probabilities"].shape == (4, 400, 1, 2)
-    assert list(posterior["feature"].values) == ["constant"]
 
 
 def test_chains_that_did_not_mix_are_no_result(counted):
@@ -43,24 +40,3 @@ def test_chains_that_did_not_mix_are_no_result(counted):
     stuck = stuck + 0.01 * np.random.default_rng(0).normal(size=stuck.shape)
     with pytest.raises(USER_ERRORS, match="take more draws"):
         sampler._require_mixed(importlib.import_module("arviz"), stuck, np.zeros((4, 500)))
-
-
-def test_a_missing_library_is_named(counted, monkeypatch):
-    problem, decisions = counted
-    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-
-    def missing(name: str):
-        raise ImportError(name)
-
-    monkeypatch.setattr(sampler.importlib, "import_module", missing)
-    with pytest.raises(USER_ERRORS, match="needs the library arviz, which is not installed"):
-        sample_posterior(problem, modes, np.random.default_rng(0))
-
-
-def test_too_few_chains_are_rejected(counted):
-    problem, decisions = counted
-    fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(USER_ERRORS, match="n_chains must be a whole number of at least 2, got 1"):
-        sample_posterior(problem, modes, np.random.default_rng(0), n_chains=1)

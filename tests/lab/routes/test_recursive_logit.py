@@ -110,7 +110,6 @@ def test_weights_are_recovered_with_their_errors_from_many_destinations():
         np.testing.assert_allclose(fit.robust_errors, fit.standard_errors, rtol=0.3)
     assert np.all(np.abs(np.mean(away, axis=0)) < 3 / np.sqrt(12))
     assert np.all(np.sum(np.square(away), axis=0) < 30)  # chi-squared of 12: 0.998
-    assert "u-turn" in fit.summary()
 
 
 def test_a_feature_that_no_turn_has_is_named_as_undetermined_by_infinite_errors():
@@ -128,7 +127,6 @@ def test_a_feature_that_no_turn_has_is_named_as_undetermined_by_infinite_errors(
     assert not fit.converged
     assert re.search("nothing determines [-+]1.00 bridge; leave these features out", fit.message)
     assert np.all(np.isinf(fit.standard_errors))
-    assert fit.summary().startswith("converged: no")
 
 
 def test_scaling_a_feature_scales_its_weight():
@@ -180,24 +178,3 @@ def test_wrong_networks_trips_and_weights_are_rejected_with_a_sentence():
     one_way = RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
     with pytest.raises(sc.SerdError, match="no turns lead there; choose another pair"):
         sample_routes(one_way, [-1.0], [1], [0], rng=np.random.default_rng(0))
-
-
-@pytest.mark.parametrize("n_links", [3.5, "3", 0])
-def test_a_number_of_links_that_is_no_count_is_rejected(n_links):
-    with pytest.raises(sc.SerdError, match="n_links must be a whole number of at least 1, got"):
-        RouteNetwork(n_links, [0], [1], np.ones((1, 1)), ("x",))
-
-
-def test_trips_of_another_network_are_rejected():
-    line = RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 1)), ("x",))
-    short = RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
-    wide = RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 2)), ("x", "y"))
-    trips, begun = trips_on(line, [3], [[2, 3]]), trips_on(line, [3], [[1, 2, 3]])
-    with pytest.raises(sc.SerdError, match=r"origin\[0\] must be a link from 0 to 1, got 2"):
-        fit_routes(short, trips)
-    with pytest.raises(sc.SerdError, match=r"destinations\[0\] must have an exit in the network"):
-        fit_routes(short, begun)
-    with pytest.raises(sc.SerdError, match="features of trips must have shape"):
-        fit_routes(wide, trips)
-    with pytest.raises(sc.SerdError, match="network must be a RouteNetwork object"):
-        fit_routes(trips, line)

@@ -7,7 +7,6 @@ From some the goal lies ahead, so no choice bears on moves against the flow.
 
 import numpy as np
 
-from lab.experiments.information.avoidance import MASS, forward_against_flow
 from lab.experiments.running.tables import Row
 from lab.experiments.study.detour.fits import REWARDS
 from lab.experiments.study.detour.settings import DetourStudy
@@ -25,6 +24,8 @@ from serd_core.policies.solved_policy import soft_policy
 from serd_sim.scenario.grid import navigation_problem_of
 
 PLACE = (AGAINST_FLOW, Outcome.FORWARD)
+#: Mass of the posterior's interval.
+MASS = 0.9
 LONGEST = 200
 
 
@@ -63,5 +64,10 @@ def posterior_row(problem: NavigationProblem, decisions: Decisions) -> Row:
         known = outcome_information(laplace(problem, decisions, fit), MASS)
     except SerdError as error:
         return {"converged": False, "message": str(error)}
-    from_choices = float(known.from_choices[AGAINST_FLOW])
-    return forward_against_flow(fit, known) | {"from_choices": from_choices}
+    return {
+        "converged": fit.converged,
+        "message": fit.message,
+        "moves": float(known.n_decisions[AGAINST_FLOW]),
+        **{end: float(getattr(known, end)[PLACE]) for end in ("lower", "median", "upper")},
+        "from_choices": float(known.from_choices[AGAINST_FLOW]),
+    }

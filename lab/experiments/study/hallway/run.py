@@ -1,24 +1,21 @@
-"""The whole study: run missing stages, then write tables and figures.
+"""The whole study: run missing stages, then write tables and the figure.
 
 OUTPUT/work/...        files of the stages: recordings, fits, arrivals
-OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with their data
+OUTPUT/*.csv           tables; OUTPUT/figure_5_9.{csv,png,svg}: the figure with its data
 OUTPUT/settings.yaml   the settings that reproduce all of it
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from lab.experiments.running.tables import read_table, write_table
 from lab.experiments.study.arrival.stage import arrivals_of_repetition
 from lab.experiments.study.fits.fitting import fit_repetition
-from lab.experiments.study.hallway.figures.catalogue import FIGURES, StudyFigure, figure_of
+from lab.experiments.study.hallway.figure import draw, rows
 from lab.experiments.study.hallway.tables.catalogue import all_tables
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.products import (
     REFERENCE_SETTINGS,
-    SETTINGS_YAML,
     OnWork,
     Stage,
     described,
@@ -26,14 +23,11 @@ from lab.experiments.study.products import (
     part_tasks,
     write_results,
 )
-from lab.experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
+from lab.experiments.study.recordings.demonstrations import demonstration_tasks
 from lab.experiments.study.recordings.experts import EXPERTS
 from lab.experiments.study.recordings.reference import reference_tasks
 from lab.experiments.study.settings import StudySettings
 from lab.experiments.study.study import Study
-from serd_app.report.style import save_figure
-from serd_core.errors import SerdError
-from serd_files.yaml_config import load_yaml_model
 from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on.
@@ -44,6 +38,8 @@ _DEMONSTRATIONS = REFERENCE_SETTINGS | {
 }
 _FITS = _DEMONSTRATIONS | {"learning": True, "beliefs": {"reward_weights", "sizes", "repetitions"}}
 _ARRIVAL = _FITS | {"beliefs": True, "arrival": True}
+#: Name of the files of the figure.
+FIGURE = "figure_5_9"
 #: Rough seconds of one recorded episode.
 _EPISODE_S = 0.8
 
@@ -51,15 +47,12 @@ _EPISODE_S = 0.8
 def run_study(
     settings: StudySettings, output: Path, execution: Execution, on_work: OnWork
 ) -> dict[str, pd.DataFrame]:
-    """Run every stage, then write all tables and figures; returns the tables by name."""
+    """Run every stage, then write all tables and the figure; returns the tables by name."""
     results = Results(settings, output / "work")
-    check_bags(results)
     make_products(stages_of(Study(settings, output / "work")), execution, on_work)
     tables = all_tables(results)
-    write_results(output, settings, tables, {})
-    for figure in FIGURES:
-        write_table(output / f"{figure.stem}.csv", figure.rows(results))
-        draw_figure(figure, output, results)
+    shown = rows(results)
+    write_results(output, settings, {**tables, FIGURE: shown}, {FIGURE: draw(shown)})
     return tables
 
 
@@ -82,24 +75,3 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
         Stage(name, study.folder / folder, described(settings, keys), tasks, task_s)
         for name, folder, keys, tasks, task_s in stages
     )
-
-
-def redraw(names: Sequence[str], folder: Path) -> list[Path]:
-    """Draw figures again from the tables of a finished study; the PNG files."""
-    figures = [figure_of(name) for name in names]
-    if not (folder / SETTINGS_YAML).exists():
-        raise SerdError(
-            f"{folder} must hold a finished study, but has no {SETTINGS_YAML}"
-            "; run 'python -m lab hallway' first"
-        )
-    study = Study(load_yaml_model(folder / SETTINGS_YAML, StudySettings), folder / "work")
-    return [draw_figure(figure, folder, study) for figure in figures]
-
-
-def draw_figure(figure: StudyFigure, folder: Path, study: Study) -> Path:
-    """Draw the rows of a table as PNG and SVG; the PNG file."""
-    drawn = figure.draw(read_table(folder / f"{figure.stem}.csv"), study)
-    png = folder / f"{figure.stem}.png"
-    save_figure(png, drawn)
-    save_figure(png.with_suffix(".svg"), drawn)
-    return png

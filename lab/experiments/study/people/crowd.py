@@ -1,9 +1,7 @@
-"""Density and flow of the people of a run at a time, per cell and for one walking direction.
+"""Density of the people of a run at a time, per cell and for one walking direction.
 
 Each person counts as a normal distribution on the floor, separately for those who walk the same
-way and the opposite way. The speed of the crowd is the mean of their velocities ahead with these
-weights and with `REST_PM2` of free walkers, so that it is defined in an empty cell. A walker's own
-share is included.
+way and the opposite way. A walker's own share is included.
 """
 
 from collections.abc import Sequence
@@ -14,18 +12,16 @@ import numpy as np
 from lab.experiments.study.people.recordings import Run
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 
-FREE_SPEED_MPS, REST_PM2 = 1.3, 0.2
 #: Bins of a corridor of any size, along and across, for what runs of different sizes share.
 BINS = (6, 5)
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """(C,) per cell: people per m² who walk the same and the opposite way, mean speed ahead."""
+    """(C,) per cell: people per m² who walk the same and the opposite way."""
 
     same_pm2: FloatArray
     opposite_pm2: FloatArray
-    speed_mps: FloatArray
 
 
 def crowd_shares(places_m: FloatArray, people_m: FloatArray, kernel_m: float) -> FloatArray:
@@ -43,16 +39,13 @@ def field_at(run: Run, time_s: float, sign: int, kernel_m: float) -> Field:
     there = [w for w in run.walkers if w.time_s[0] <= time_s <= w.time_s[-1]]
     if not there:
         zero = np.zeros(run.grid.n_states)
-        return Field(zero, zero, np.full(run.grid.n_states, FREE_SPEED_MPS))
+        return Field(zero, zero)
     turned = np.array([sign * walker.sign for walker in there])
     places = np.array([walker.at(time_s) for walker in there]) * turned[:, None]
-    ahead = np.array([walker.velocity_mps(time_s)[0] for walker in there]) * turned
     shares = crowd_shares(run.grid.centers_m, places, kernel_m)
-    weight = shares.sum(axis=1) + REST_PM2
     return Field(
         same_pm2=shares[:, turned > 0].sum(axis=1),
         opposite_pm2=shares[:, turned < 0].sum(axis=1),
-        speed_mps=(shares @ ahead + REST_PM2 * FREE_SPEED_MPS) / weight,
     )
 
 
@@ -87,10 +80,10 @@ def mean_field(seen: Sequence[tuple[Run, Field]]) -> Field:
         values = np.concatenate([getattr(field, name) for _, field in seen])
         return np.asarray(inside @ values / inside.sum(axis=1))
 
-    return Field(mean("same_pm2"), mean("opposite_pm2"), mean("speed_mps"))
+    return Field(mean("same_pm2"), mean("opposite_pm2"))
 
 
 def on_cells(run: Run, mean: Field) -> Field:
     """(C,) the mean of the bin of each cell."""
     place = bins_of(run)
-    return Field(mean.same_pm2[place], mean.opposite_pm2[place], mean.speed_mps[place])
+    return Field(mean.same_pm2[place], mean.opposite_pm2[place])

@@ -7,30 +7,26 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lab.experiments.study.people.cross_validation.walkers import (
+from lab.experiments.study.people.learners import CLONING, IRL, SERD
+from lab.experiments.study.people.tables import PERIODS
+from lab.experiments.study.people.walkers import (
     CONSTANT_VELOCITY,
     DISTANCE_OVER_SPEED,
-    SOCIAL_FORCE,
 )
-from lab.experiments.study.people.learners import CLONING, IRL, IRL_DENSITY, SERD, SERD_DENSITY
-from lab.experiments.study.people.tables import PERIODS
 from serd_app.report import style
 from serd_app.report.style import new_figure
 
 COLOURS = {
-    SERD_DENSITY: style.BLUE,
-    SERD: style.CYAN,
-    IRL_DENSITY: style.PURPLE,
+    SERD: style.BLUE,
     IRL: style.RED,
     CLONING: style.YELLOW,
     CONSTANT_VELOCITY: style.GREEN,
-    SOCIAL_FORCE: style.MUTED,
     PERIODS: style.WALL,
     DISTANCE_OVER_SPEED: style.INK,
 }
 _BINS = np.linspace(0.0, 1.0, 11)
 #: Methods whose calibration is drawn.
-_DRAWN = (SERD_DENSITY, SERD, CLONING, CONSTANT_VELOCITY, SOCIAL_FORCE)
+_DRAWN = (SERD, CLONING, CONSTANT_VELOCITY)
 
 
 def people_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:

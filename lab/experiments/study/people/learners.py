@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lab.experiments.study.people.covariate_models import estimated_dynamics
 from lab.experiments.study.people.crowd import bins_of, cells_of_bins
-from lab.experiments.study.people.problem import AHEAD, COVARIATES, STEP_PM2, Layers, Moves
+from lab.experiments.study.people.problem import AHEAD, Layers, Moves
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.dwell_times import DwellModel, fit_dwell_times
 from serd_core.bayes.strengths import PriorByEvidence
@@ -19,13 +18,11 @@ from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
 
-SERD_DENSITY, SERD = "SERD with density", "SERD"
-IRL_DENSITY, IRL, CLONING = "IRL with density", "IRL", "cloning"
+SERD, IRL, CLONING = "SERD", "IRL", "cloning"
 #: Probability that no move is less likely than.
 FLOOR = 1e-4
 #: Kinds of moves by how the cell was entered and is left.
 KINDS = ("ahead", "ahead then turned", "turned then ahead", "turned")
-_SLOWEST_MPS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +83,7 @@ def serd(layers: Layers) -> Learned:
 def irl(layers: Layers) -> Learned:
     """Rewards of highest posterior under dynamics that are counted first."""
     problem, decisions = layers.problem, layers.decisions(hidden=False)
-    dynamics = estimated_dynamics(problem, decisions)
-    return of_fit(
-        fit_mdce_irl_by_likelihood(problem, decisions, dynamics=dynamics, prior=PriorByEvidence())
-    )
+    return of_fit(fit_mdce_irl_by_likelihood(problem, decisions, prior=PriorByEvidence()))
 
 
 def cloning(layers: Layers) -> Learned:
@@ -108,49 +102,17 @@ def cloning(layers: Layers) -> Learned:
     return Learned(directions, {"converged": True})
 
 
-def covariates_in(layers: Layers) -> tuple[str, ...]:
-    """Those of `COVARIATES` that are not 0 throughout, as density is in corridors of one way."""
-    fields = {"same way": "same_pm2", "opposite way": "opposite_pm2"}
-    return tuple(
-        name
-        for name in COVARIATES
-        if name not in fields or np.ptp(np.rint(layers.field(fields[name]) / STEP_PM2)) > 0
-    )
-
-
 def kinds_of(moves: Moves) -> IntArray:
     """(N,) index into `KINDS`."""
     return np.asarray(2 * moves.turned + (moves.direction != AHEAD))
 
 
-def dwell_design(layers: Layers, cell: IntArray, kind: IntArray, *, density: bool) -> FloatArray:
-    """(N, F) kind of the move and, with density, the crowd in the cell ahead; cell (N,)."""
-    rows = [(kind == number).astype(np.float64) for number in range(len(KINDS))]
-    if density:
-        ahead = layers.neighbours[cell, AHEAD]
-        speed = np.maximum(layers.field("speed_mps")[ahead], _SLOWEST_MPS)
-        rows += [layers.field("same_pm2")[ahead], layers.field("opposite_pm2")[ahead]]
-        rows.append(np.log(speed))
-    return np.stack(rows, axis=1)
+def dwell_design(kind: IntArray) -> FloatArray:
+    """(N, F) design of dwell times: the kind of each move."""
+    return np.asarray(kind[:, None] == np.arange(len(KINDS)), dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class DwellLaw:
-    """Dwell times with or without the crowd as covariates."""
-
-    model: DwellModel
-    density: bool
-
-    def mean_s(self, layers: Layers, cell: IntArray, kind: IntArray) -> FloatArray:
-        """(N,) mean at pace 0 of moves of a kind from cells."""
-        return self.model.mean_s(dwell_design(layers, cell, kind, density=self.density))
-
-
-def learn_dwell_times(layers: Layers, *, density: bool) -> DwellLaw:
-    """Fit to the moves of the layers."""
-    moves = layers.moves
-    assert moves is not None
+def learn_dwell_times(moves: Moves) -> DwellModel:
+    """Fit to the moves."""
     kind = kinds_of(moves)
-    design = dwell_design(layers, layers.cell[layers.decided], kind, density=density)
-    model = fit_dwell_times(moves.dwell_s, design, kind, moves.walker, len(KINDS))
-    return DwellLaw(model, density)
+    return fit_dwell_times(moves.dwell_s, dwell_design(kind), kind, moves.walker, len(KINDS))

@@ -1,9 +1,8 @@
-"""Moves between the cells of a corridor as a decision problem with the crowd of each time.
+"""Moves between the cells of a corridor as a decision problem in the mean crowd.
 
-The states are the cells of layers that nothing connects: one layer per snapshot of a run and
-walking direction, with the field of the crowd at that time. So the plan of a moment takes the crowd
-as it is then, and all layers share rewards and outcome models. Without density there is one layer
-per run and direction, whose field is the mean over the people learned from.
+The states are the cells of layers that nothing connects: one layer per run and walking direction,
+with the mean field of the crowd of the people learned from. All layers share rewards and outcome
+models.
 
 Every decision is a crossing, so it leads to a neighbour. Actions are the four directions, outcomes
 those of Table 5.1 without staying. A blocked outcome leads where the action does, and an action
@@ -21,7 +20,6 @@ from functools import cached_property
 
 import numpy as np
 
-from lab.experiments.study.people.covariate_models import CovariateModels
 from lab.experiments.study.people.crowd import Field
 from lab.experiments.study.people.recordings import Run, Walker
 from serd_core.arrays import BoolArray, FloatArray, IntArray
@@ -35,19 +33,14 @@ DIRECTIONS = (Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST)
 AHEAD = DIRECTIONS.index(Action.EAST)
 FEATURES = ("goal", "across", "wall", "left", "same way", "opposite way", "drift")
 MODELS = ("with flow", "against flow", "across")
-COVARIATES = ("ahead or back", "across", "same way", "opposite way")
 MOST_DRIFT, SLOWEST_MPS = 3.0, 0.2
-#: Steps of covariates, so that pairs (s, a) share rows of the table.
-STEP_PM2 = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A crowd seen by those of one direction. snapshot: its number, -1 for the mean."""
+    """The crowd of a run as those of one direction see it."""
 
     run: Run
-    sign: int
-    snapshot: int
     field: Field
 
 
@@ -55,9 +48,9 @@ class Layer:
 class Moves:
     """(N,) crossings of walkers: layer, cell, cell reached, direction (0 to 3), kinds and times.
 
-    turned: whether the cell was entered by another direction than ahead; walker: number of the
-    person in the study; drift: see above. A person's first cell is left out, as its dwell time is
-    not known.
+    layer: 2 run + 1 of those who are not turned, 2 run of the others; turned: whether the cell was
+    entered by another direction than ahead; walker: number of the person in the study; drift: see
+    above. A person's first cell is left out, as its dwell time is not known.
     """
 
     layer: IntArray
@@ -82,17 +75,12 @@ class Moves:
 class Layers:
     """The decision problem on layers.
 
-    covariates: names, out of `COVARIATES`, of features of the crowd in outcome models; empty for
-    the three outcome models of Table 5.1, which depend on its direction. moves: that have states of
-    their own, after the C cells of all layers; None for none. learned_rows: `crowding` of the
-    layers learned from, None for these layers; new layers need not have all of it.
+    moves: that have states of their own, after the C cells of all layers; None for none.
     """
 
     each: tuple[Layer, ...]
     discount: float
-    covariates: tuple[str, ...] = ()
     moves: Moves | None = None
-    learned_rows: IntArray | None = None
 
     @cached_property
     def start(self) -> IntArray:
@@ -151,17 +139,6 @@ class Layers:
         """(S, 4) cell that each action aims at."""
         return np.where(self._goal[:, None], self.cell[:, None], self.neighbours)
 
-    @cached_property
-    def crowding(self) -> IntArray:
-        """(S * 4, 3) whether an action is across; steps of both densities in the cell aimed at."""
-        across = np.isin(DIRECTIONS, (Action.NORTH, Action.SOUTH)).astype(np.int64)
-        steps = [
-            np.rint(self.field(name)[self._target] / STEP_PM2).astype(np.int64)
-            for name in ("same_pm2", "opposite_pm2")
-        ]
-        columns = [np.broadcast_to(across, self._target.shape), *steps]
-        return np.stack(columns, axis=2).reshape(-1, 3)
-
     @property
     def goal_states(self) -> IntArray:
         """States of the last columns."""
@@ -198,31 +175,13 @@ class Layers:
     def _models(
         self, successors: IntArray, available: BoolArray, target: IntArray
     ) -> OutcomeModels:
-        if not self.covariates:
-            same, opposite = self.field("same_pm2")[target], self.field("opposite_pm2")[target]
-            back = np.arange(4) == DIRECTIONS.index(Action.WEST)
-            against = (opposite > same) ^ back
-            across = np.isin(DIRECTIONS, (Action.NORTH, Action.SOUTH))
-            which = np.where(across, 2, against.astype(np.int64))
-            return OutcomeModels(
-                successors, which, available, n_models=len(MODELS), intended=np.zeros(3, np.int64)
-            )
-        # With the rows learned from, the table has their rank, also where new people walk one way.
-        learned = self.crowding if self.learned_rows is None else self.learned_rows
-        keys = np.concatenate([self.crowding, learned])
-        rows, place = np.unique(keys, axis=0, return_inverse=True)
-        which = place.reshape(-1)[: target.size]
-        covariates = np.stack(
-            [rows[:, 0] == 0, rows[:, 0] == 1, *(STEP_PM2 * rows[:, 1:]).T], axis=1
-        ).astype(np.float64)
-        return CovariateModels(
-            successors=successors,
-            model_of=which.reshape(target.shape),
-            available=available,
-            n_models=len(rows),
-            intended=np.zeros(len(rows), dtype=np.int64),
-            covariates=covariates[:, [COVARIATES.index(name) for name in self.covariates]],
-            covariate_names=self.covariates,
+        same, opposite = self.field("same_pm2")[target], self.field("opposite_pm2")[target]
+        back = np.arange(4) == DIRECTIONS.index(Action.WEST)
+        against = (opposite > same) ^ back
+        across = np.isin(DIRECTIONS, (Action.NORTH, Action.SOUTH))
+        which = np.where(across, 2, against.astype(np.int64))
+        return OutcomeModels(
+            successors, which, available, n_models=len(MODELS), intended=np.zeros(3, np.int64)
         )
 
     def decisions(self, *, hidden: bool) -> Decisions:
@@ -270,8 +229,8 @@ def _drift(run: Run, walker: Walker, j: int) -> float:
     return float(np.clip((y_m + left_mps * left_s) / (size_m / 2), -MOST_DRIFT, MOST_DRIFT))
 
 
-def moves_of(runs: Sequence[Run]) -> tuple[Moves, IntArray, IntArray]:
-    """All moves before the goal; (N,) run and (N,) sign of each. layer is 0 throughout."""
+def moves_of(runs: Sequence[Run]) -> Moves:
+    """All moves before the goal, run by run and person by person."""
     rows, number = [], 0
     for index, run in enumerate(runs):
         table = neighbours(run)
@@ -283,12 +242,15 @@ def moves_of(runs: Sequence[Run]) -> tuple[Moves, IntArray, IntArray]:
                 dwell_s = max(entered[j + 1] - entered[j], 1e-3)
                 if j:
                     rows.append(
-                        (index, walker.sign, state[j], state[j + 1], direction, int(turned),
+                        (layer_of(index, walker), state[j], state[j + 1], direction, int(turned),
                          number, entered[j], dwell_s, _drift(run, walker, j))
                     )  # fmt: skip
                 turned = direction != AHEAD
             number += 1
-    columns_of = np.array(rows, dtype=np.float64).T
-    whole = columns_of[:7].astype(np.int64)
-    moves = Moves(np.zeros_like(whole[0]), *whole[2:7], *columns_of[7:])
-    return moves, whole[0], whole[1]
+    columns = np.array(rows, dtype=np.float64).T
+    return Moves(*columns[:6].astype(np.int64), *columns[6:])
+
+
+def layer_of(run: int, walker: Walker) -> int:
+    """Number of the layer of a walker of the run of that number."""
+    return 2 * run + (walker.sign > 0)

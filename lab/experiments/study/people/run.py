@@ -1,6 +1,6 @@
 """The people study: read the recordings, run missing folds, then write tables and the figure.
 
-OUTPUT/work/...        predictions of what does not learn, by recording, and files of the folds
+OUTPUT/work/...        files of the folds
 OUTPUT/*.csv           tables; OUTPUT/people.{png,svg}: the figure
 OUTPUT/settings.yaml   the settings that reproduce all of it, with the names of the files
 """
@@ -14,14 +14,14 @@ from typing import Any
 
 import pandas as pd
 
-from lab.experiments.study.people.cross_validation.fold import run_fold
-from lab.experiments.study.people.cross_validation.folds import Fold, folds_of
-from lab.experiments.study.people.cross_validation.periods import period_rows
-from lab.experiments.study.people.cross_validation.walkers import walker_predictions
 from lab.experiments.study.people.figure import people_figure
+from lab.experiments.study.people.fold import run_fold
+from lab.experiments.study.people.folds import Fold, folds_of
 from lab.experiments.study.people.people import People
+from lab.experiments.study.people.periods import period_rows
 from lab.experiments.study.people.settings import PeopleSettings
 from lab.experiments.study.people.tables import all_tables
+from lab.experiments.study.people.walkers import Straight, straight_on
 from lab.experiments.study.products import (
     OnWork,
     Stage,
@@ -35,8 +35,7 @@ from serd_files.yaml_text import write_yaml
 from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on, besides the recordings.
-_WALKERS: dict[str, Any] = {"columns": True, "grid": True, "forecast": True}
-_FOLDS = _WALKERS | {"crowd": True, "folds": True, "discount": True, "seed": True}
+_FOLDS = dict.fromkeys(("columns", "grid", "forecast", "crowd", "folds", "discount", "seed"), True)
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,9 @@ class PeopleStudy:
         return folds_of(self.people.runs, self.settings.folds)
 
     @cached_property
-    def predictions(self) -> tuple[Mapping[str, Any], ...]:
-        """Of what does not learn, by run."""
-        return tuple(load_part(self, "walkers", number) for number in range(len(self.people.runs)))
+    def straight(self) -> Straight:
+        """What constant velocity predicts."""
+        return straight_on(self.people.runs, self.settings.grid)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}
@@ -80,43 +79,22 @@ def run_people(
     make_products(stages_of(study), execution, on_work)
     named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
     folds = [load_part(study, "folds", number) for number in range(len(study.folds))]
-    for number, fold in enumerate(folds):
-        fold["arrivals"] += load_part(study, "periods", number)["arrivals"]
     tables = all_tables(folds, study.people.runs, settings)
     write_results(output, named, tables, {"people": people_figure(tables)})
     return tables
 
 
 def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
-    """All stages in their order; task_s are rough."""
-    runs = study.people.runs
-    stages = (
-        ("walkers", _WALKERS, _walkers, runs, 40.0),
-        ("periods", _FOLDS, _periods, study.folds, 2.0),
-        ("folds", _FOLDS, _fold, study.folds, 100.0),
-    )
+    """The one stage, of the folds; task_s is rough."""
+    names = [run.name for run in study.people.runs]
     digests = [sha256(Path(each).read_bytes()).hexdigest() for each in study.settings.files]
-    names = [run.name for run in runs]
     recorded = write_yaml({"sha256": dict(zip(names, digests, strict=True))})
-    return tuple(
-        Stage(
-            name,
-            study.folder / name,
-            described(study.settings, keys) + recorded,
-            part_tasks(study, name, make, zip(range(len(parts)))),
-            task_s,
-        )
-        for name, keys, make, parts, task_s in stages
-    )
-
-
-def _walkers(study: PeopleStudy, number: int) -> Mapping[str, Any]:
-    return walker_predictions(study.people.runs[number], study.settings)
-
-
-def _periods(study: PeopleStudy, number: int) -> Mapping[str, Any]:
-    return {"arrivals": period_rows(study.people, study.folds[number], number)}
+    tasks = part_tasks(study, "folds", _fold, zip(range(len(study.folds))))
+    described_by = described(study.settings, _FOLDS) + recorded
+    return (Stage("folds", study.folder / "folds", described_by, tasks, 20.0),)
 
 
 def _fold(study: PeopleStudy, number: int) -> Mapping[str, Any]:
-    return run_fold(study.people, study.folds[number], number, study.predictions)
+    fold = study.folds[number]
+    found = run_fold(study.people, fold, number, study.straight)
+    return found | {"arrivals": found["arrivals"] + period_rows(study.people, fold, number)}

@@ -25,13 +25,13 @@ class GridSettings(StrictModel):
 class CrowdSettings(StrictModel):
     """Density and flow at a time: kernel_m is the standard deviation of each person's share.
 
-    snapshot_s: from one time to the next; training_layers, training_people: at most so many are
-    learned from.
+    snapshot_s: from one time to the next; snapshots: at most so many, by run and direction, have a
+    part in the mean crowd; training_people: at most so many are learned from.
     """
 
     kernel_m: float = Field(gt=0)
     snapshot_s: float = Field(gt=0)
-    training_layers: int = Field(ge=2)
+    snapshots: int = Field(ge=2)
     training_people: int = Field(ge=10)
 
 
@@ -47,14 +47,10 @@ class FoldSettings(StrictModel):
 
 
 class ForecastSettings(StrictModel):
-    """step_s, horizon: grid of times of arrival, up to horizon times the longest measured one.
-
-    simulation_s: step of the social-force model.
-    """
+    """step_s, horizon: grid of times of arrival, up to horizon times the longest measured one."""
 
     step_s: float = Field(gt=0)
     horizon: float = Field(gt=1)
-    simulation_s: float = Field(gt=0)
 
 
 class PeopleSettings(StrictModel):

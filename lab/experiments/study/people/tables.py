@@ -9,10 +9,10 @@ from scipy.stats import kstest
 
 from lab.experiments.running.statistics import paired_family
 from lab.experiments.running.tables import Row
-from lab.experiments.study.people.cross_validation.walkers import DISTANCE_OVER_SPEED
-from lab.experiments.study.people.learners import SERD, SERD_DENSITY
+from lab.experiments.study.people.learners import SERD
 from lab.experiments.study.people.recordings import Run
 from lab.experiments.study.people.settings import PeopleSettings
+from lab.experiments.study.people.walkers import DISTANCE_OVER_SPEED
 
 INTERVALS = (0.5, 0.9)
 #: Decision period of which the moves that no neighbour represents are counted.
@@ -67,7 +67,7 @@ def summary_of(moves: pd.DataFrame, arrivals: pd.DataFrame) -> pd.DataFrame:
 
 
 def paired(moves: pd.DataFrame, arrivals: pd.DataFrame, settings: PeopleSettings) -> pd.DataFrame:
-    """SERD, with and without density, minus each other method within folds; p by Holm."""
+    """SERD minus each other method within folds; p by Holm."""
     rng = np.random.default_rng([settings.seed, 1])
     by_fold = {
         "log_likelihood": moves.pivot(index="fold", columns="method", values="log_likelihood"),
@@ -75,10 +75,9 @@ def paired(moves: pd.DataFrame, arrivals: pd.DataFrame, settings: PeopleSettings
     }
     return pd.DataFrame(
         [
-            {"measure": measure, "first": first} | row
+            {"measure": measure, "first": SERD} | row
             for measure, values in by_fold.items()
-            for first in (SERD_DENSITY, SERD)
-            for row in paired_family(values, first, settings.statistics, rng)
+            for row in paired_family(values, SERD, settings.statistics, rng)
         ]
     )
 

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lab.experiments.study.products import Task, load_recorded, save_recorded
+from lab.experiments.study.products import Task
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
+    load_decisions,
+    save_decisions,
 )
 from serd_app.report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
@@ -92,13 +94,13 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
         )
         for episode in range(first, last)
     ]
-    save_recorded(file, concatenate(tuple(each.decisions for each in drives)))
+    save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
 
 
 def reference_decisions(study: StudyWorld) -> Decisions:
     """All reference recordings."""
     files = sorted((study.folder / "reference").glob("*.csv"))
-    return concatenate_renumbered(tuple(load_recorded(file) for file in files))
+    return concatenate_renumbered(tuple(load_decisions(file) for file in files))
 
 
 def reference_dynamics(study: StudyWorld) -> FloatArray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from lab.experiments.gridworld.figures import HIGHEST, LOWEST, measures_figure, visit_ticks
+from lab.experiments.gridworld.figures import LOWEST, measures_figure
 from lab.learner_curves import STYLES
 
 
@@ -31,17 +31,3 @@ def test_what_lies_below_the_axis_is_drawn_at_its_edge_and_labelled():
     drawn = figure.axes[0].get_lines()[0].get_ydata()
     assert drawn[0] == LOWEST
     assert [text.get_text() for text in figure.axes[0].texts] == ["-4 or below"]
-
-
-def test_infinite_divergences_are_drawn_at_the_edge_and_labelled():
-    infinite = pd.DataFrame(
-        {"learner": "MDCE SERD", "size": [1, 3], "policy_divergence": [np.inf, 0.5]}
-    )
-    axes = measures_figure(infinite).axes[0]
-    assert list(axes.get_lines()[0].get_ydata()) == [HIGHEST, 0.5]
-    assert [text.get_text() for text in axes.texts] == ["100 or above"]
-
-
-def test_ticks_of_visits_rise_from_none_to_the_most():
-    assert visit_ticks(1389) == [0, 28, 208, 625, 1389]
-    assert visit_ticks(1) == [0, 1]

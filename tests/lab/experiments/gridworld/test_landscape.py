@@ -11,9 +11,7 @@ from lab.experiments.gridworld.landscape import (
     image_brightness,
     landscape_of_image,
     otsu_threshold,
-    stretched,
 )
-from serd_files.errors import USER_ERRORS
 
 AERIAL = Path(__file__).parents[5] / "shared" / "data" / "aerial"
 PHOTOGRAPH = AERIAL / "2019_YELL_2_541000_4977000_image_crop.png"
@@ -43,15 +41,6 @@ def test_rough_cells_are_forest_and_rows_count_northwards():
     assert landscape.brightness.min() == 0.0
 
 
-def test_a_mask_takes_the_place_of_the_rule():
-    image = np.random.default_rng(0).random((40, 40))
-    mask = np.zeros((4, 4), bool)
-    mask[0, 3] = True
-    landscape = landscape_of_image(image, 4, mask)
-    assert landscape.forest[3, 3]
-    assert landscape.forest.sum() == 1
-
-
 def test_generated_landscapes_have_both_terrains_and_a_bright_road():
     landscape = generated_landscape(20, np.random.default_rng(1))
     assert 0.2 < landscape.forest.mean() < 0.6
@@ -67,20 +56,6 @@ def test_photographs_and_grey_images_are_read(tmp_path):
     brightness = image_brightness(tmp_path / "picture.png")
     np.testing.assert_allclose(brightness[0], 1.0)
     np.testing.assert_allclose(brightness[1:], 0.0)
-
-
-def test_what_is_no_image_is_refused(tmp_path):
-    (tmp_path / "note.png").write_text("not a picture")
-    (tmp_path / "note.tif").write_text("not a tile")
-    for name in ("note.png", "note.tif"):
-        with pytest.raises(USER_ERRORS, match="cannot be read"):
-            image_brightness(tmp_path / name)
-    with pytest.raises(USER_ERRORS, match="which is not there"):
-        image_brightness(tmp_path / "missing.png")
-    with pytest.raises(USER_ERRORS, match="at least 20 pixels a side"):
-        landscape_of_image(np.ones((5, 50)), 20)
-    with pytest.raises(USER_ERRORS, match="must not be of one brightness"):
-        stretched(np.ones((2, 2)))
 
 
 @needs_aerial

@@ -1,17 +1,12 @@
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from lab.experiments.minimum_example.explanations import (
     MinimumExampleConfig,
-    all_estimates,
     demonstrate,
     fit_sets,
     minimum_example,
 )
-from lab.experiments.running.experiment import Session
-from serd_files.errors import USER_ERRORS
-from serd_sim.episodes.execution import Execution
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
 
@@ -43,30 +38,7 @@ def test_what_was_seen_is_learned_by_both(rows):
         assert mean == pytest.approx(2 / 3, abs=0.08)
 
 
-def test_every_fit_converges(rows):
-    assert all(row["converged"] for row in rows)
-
-
 def test_only_action_a_is_demonstrated():
     decisions = demonstrate(minimum_example(0.9), 40, 3, np.random.default_rng(0))
     assert set(decisions.action) == {0}
     assert np.bincount(decisions.episode).max() <= 3
-
-
-def test_an_interrupted_run_goes_on_without_repeating_anything(tmp_path, rows):
-    seen = []
-
-    def note(done, total):
-        seen.append((done, total))
-
-    session = Session(tmp_path, Execution(n_jobs=1), note)
-    first, again = all_estimates(CONFIG, session), all_estimates(CONFIG, session)
-    assert first.to_dict("records") == again.to_dict("records") == rows
-    assert seen == [(0, 1), (1, 1), (1, 1)]
-    with pytest.raises(USER_ERRORS, match="holds results of another configuration"):
-        all_estimates(MinimumExampleConfig(), session)
-
-
-def test_no_sets_are_refused():
-    with pytest.raises(ValidationError, match=r"n_sets\n.* greater than or equal to 1"):
-        MinimumExampleConfig(n_sets=0)

@@ -9,8 +9,6 @@ from lab.experiments.running import provenance
 from lab.experiments.running.provenance import (
     FILE_NAME,
     code_commit,
-    installed_versions,
-    other_commits,
     recorded,
 )
 from serd_files.errors import USER_ERRORS
@@ -64,20 +62,6 @@ def test_the_commit_is_that_of_the_repository_and_says_where_files_differ(tmp_pa
     assert code_commit(tmp_path) == f"{commit} + changes"
 
 
-def test_work_of_other_code_is_told_from_that_of_the_present(tmp_path, monkeypatch):
-    assert other_commits(tmp_path) == ()
-    for commit in ("a" * 40, "b" * 40, "a" * 40, None):
-        monkeypatch.setattr(provenance, "code_commit", lambda commit=commit: commit)
-        with recorded(tmp_path, "command", None):
-            pass
-    monkeypatch.setattr(provenance, "code_commit", lambda: "b" * 40)
-    assert other_commits(tmp_path) == ("a" * 40,)
-
-
-def test_packages_that_are_not_installed_are_left_out():
-    assert list(installed_versions(("numpy", "no-such-package"))) == ["numpy"]
-
-
 def test_a_folder_of_other_work_is_refused(tmp_path):
     with recorded(tmp_path, COMMANDS[0], None):
         pass
@@ -89,22 +73,10 @@ def test_a_folder_of_other_work_is_refused(tmp_path):
         raise AssertionError("tables would be overwritten")
 
 
-def test_results_of_an_earlier_command_of_the_same_work_are_gone_on_with(tmp_path):
-    with recorded(tmp_path, "serd study hallway", None):
-        pass
-    with recorded(tmp_path, COMMANDS[1], None):
-        pass
-    assert len(runs_in(tmp_path)) == 2
-    with pytest.raises(
-        USER_ERRORS, match="holds results of 'serd study hallway', which 'python -m"
-    ):
-        provenance.require_same_work(tmp_path, "python -m lab people walkers.txt")
-
-
 @pytest.mark.parametrize(
     "damaged", [b"", b"[]", b"runs: 3", b"runs:\n- {command: serd}", b"runs: [3]", b"\xff", b"{"]
 )
 def test_a_damaged_list_of_runs_is_named(tmp_path, damaged):
     (tmp_path / FILE_NAME).write_bytes(damaged)
     with pytest.raises(USER_ERRORS, match=FILE_NAME):
-        other_commits(tmp_path)
+        provenance.require_same_work(tmp_path, COMMANDS[0])

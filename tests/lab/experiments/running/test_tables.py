@@ -1,13 +1,10 @@
 """Tables as CSV, and medians and quartiles, also where a choice was ruled out."""
 
-import csv
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from lab.experiments.running.tables import plain_rows, quantile, quartiles, read_table, write_table
-from serd_files.errors import USER_ERRORS
+from lab.experiments.running.tables import quantile, quartiles, read_table, write_table
 
 
 @pytest.mark.parametrize("n_values", [1, 2, 5, 12, 50])
@@ -32,17 +29,6 @@ def test_quartiles_are_taken_apart_for_every_combination():
     ]
 
 
-def test_tables_are_csv_with_the_columns_of_the_first_row(tmp_path):
-    write_table(tmp_path / "table.csv", pd.DataFrame({"number": [2, 3], "square": [4, 9]}))
-    with (tmp_path / "table.csv").open() as file:
-        assert list(csv.DictReader(file)) == [
-            {"number": "2", "square": "4"},
-            {"number": "3", "square": "9"},
-        ]
-    with pytest.raises(USER_ERRORS, match="must not be empty"):
-        write_table(tmp_path / "empty.csv", pd.DataFrame())
-
-
 def test_a_table_read_back_has_the_same_bits_and_is_written_alike(tmp_path):
     awkward = [0.1 + 0.2, 1e-300, -np.inf, np.nan, 5e-324, 1.7976931348623157e308, -0.0]
     table = pd.DataFrame({"value": awkward, "text": list("abcdefg"), "whole": range(7)})
@@ -51,12 +37,3 @@ def test_a_table_read_back_has_the_same_bits_and_is_written_alike(tmp_path):
     assert list(map(repr, found["value"].tolist())) == list(map(repr, awkward))
     write_table(tmp_path / "second.csv", found)
     assert (tmp_path / "second.csv").read_bytes() == (tmp_path / "first.csv").read_bytes()
-
-
-def test_rows_for_json_have_none_for_numbers_that_are_not_finite():
-    table = pd.DataFrame({"value": [1.5, np.nan, np.inf], "count": [1, 2, 3]})
-    assert plain_rows(table) == [
-        {"value": 1.5, "count": 1},
-        {"value": None, "count": 2},
-        {"value": None, "count": 3},
-    ]

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.experiments.study.recordings.demonstrations import ROLES, sets_from_bags
+from lab.experiments.study.recordings.demonstrations import ROLES, DemonstrationSets
 from lab.experiments.study.settings import study_settings
 from lab.experiments.study.study import Study
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
@@ -31,19 +31,18 @@ def problem(study):
     return study.problem
 
 
-@pytest.fixture(scope="session")
-def shipped_training(scenario, problem):
-    return demonstrations_of_bag(BAGS / "training", problem.grid, scenario.decision_period_s)[
-        0
-    ].decisions
+def decisions_of(role, study):
+    found, _ = demonstrations_of_bag(
+        BAGS / role, study.problem.grid, study.scenario.decision_period_s
+    )
+    return found.decisions
 
 
 @pytest.fixture(scope="session")
-def shipped_sets():
-    with_bags = study_settings(bags=[BAGS / role for role in ROLES])
-    return sets_from_bags(Study(with_bags, Path()), repetition=0)
+def shipped_training(study):
+    return decisions_of("training", study)
 
 
 @pytest.fixture(scope="session")
-def bags_folder():
-    return BAGS
+def shipped_sets(study):
+    return DemonstrationSets(**{role: decisions_of(role, study) for role in ROLES})

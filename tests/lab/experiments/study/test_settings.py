@@ -21,13 +21,6 @@ def test_a_file_may_change_any_part(tmp_path):
     assert changed.learning.sizes == study_settings().learning.sizes
 
 
-def test_an_unknown_name_is_refused_with_the_nearest_right_one(tmp_path):
-    file = tmp_path / "mine.yaml"
-    file.write_text("learning: {repetition: 3}\n")
-    with pytest.raises(FileError, match=r"repetition.*repetitions"):
-        study_settings(config=file)
-
-
 @pytest.mark.parametrize("sizes", ["[1, 4]", "[4, 2]", "[2, 21]"])
 def test_sizes_must_grow_within_what_is_recorded(tmp_path, sizes):
     file = tmp_path / "mine.yaml"

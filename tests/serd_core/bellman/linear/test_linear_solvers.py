@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lab.benchmarks.learning import solvers
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
@@ -13,6 +12,7 @@ from serd_core.bellman.linear.lu import BandedFactor, BandedLu, SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
+from support import graphs
 
 WIDE = Automatic(small_states=0, widest_band=0)
 SOLVERS = [SparseLu(), BandedLu(), Krylov(), Krylov(fill=5.0), Automatic(), WIDE]
@@ -110,7 +110,7 @@ GRAPHS = [
 
 
 def pattern_of(graph, n_states):
-    return solvers.case_of(solvers.GRAPHS[graph](n_states), 0.9).problem.mdp.engine.pattern
+    return graphs.mdp_of(graphs.GRAPHS[graph](n_states), 0.9).engine.pattern
 
 
 @pytest.mark.parametrize(("graph", "n_states", "horizon", "chosen"), GRAPHS)

@@ -9,7 +9,6 @@ from lab.experiments.running.statistics import mean_interval, paired_family
 from lab.experiments.running.tables import Row, quantile
 from lab.experiments.study.arrival.distances import ArrivalTables, distance_row
 from lab.experiments.study.fits.methods import BASELINE, OURS
-from lab.experiments.study.hallway.tables.hindsight import hindsight_table
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.demonstrations import ROLES, load_sets
 from lab.experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
@@ -30,11 +29,11 @@ def all_tables(results: Results) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     return {
         "measures": results.measures,
+        "prior_weights": prior_weights(results),
         "paired_tests": paired_tests(results, PEOPLE, OURS),
         "beliefs": beliefs(results),
         "arrival_distances": arrival_distances(results),
         "arrival_scores": arrival_scores(results),
-        "arrival_hindsight": hindsight_table(results),
         "measured_episodes": results.measured,
         "traps": traps(results),
         "reference_dynamics": reference_table(results),
@@ -61,6 +60,15 @@ def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     }
     both = arrivals[arrivals["expert"] == PEOPLE].merge(medians, on="method")
     return both[["method", *columns]].rename(columns=columns)
+
+
+def prior_weights(results: Results) -> pd.DataFrame:
+    """Fig. 5.8: medians over repetitions for every size and lambda of the divergence prior."""
+    groups = results.candidates.groupby(["size", "prior_weight"])
+    names = ["validation_log_likelihood", *MEASURES]
+    medians = groups[names].agg(lambda values: quantile(values, 0.5))
+    medians.insert(0, "n", groups.size())
+    return medians.reset_index()
 
 
 def paired_tests(results: Results, expert: str, against: str) -> pd.DataFrame:
@@ -114,16 +122,11 @@ def arrival_distances(results: Results) -> pd.DataFrame:
     for expert in EXPERTS:
         for method in results.methods(expert):
             tables = results.arrival_tables(expert, method)
-            predictions = pd.DataFrame(results.predictions(expert, method))
-            sampled = np.array(predictions["sampled_cdf"].tolist())
             table.append(
                 {
                     "expert": expert,
                     "method": method,
                     **distance_row(tables, results.settings.statistics, rng),
-                    "sampled_gap": float(np.abs(sampled - tables.predicted).max()),
-                    "chain_ms": predictions["chain_ms"].median(),
-                    "sampled_ms": predictions["sampled_ms"].median(),
                 }
             )
     return pd.DataFrame(table)

@@ -130,29 +130,6 @@ def _scores(folder: Path) -> Columns:
     ]
 
 
-def _hindsight(folder: Path) -> Columns:
-    table = read_table(folder / "arrival_hindsight.csv").dropna(subset="hindsight_ks")
-    kinds = {"learned": "as learned", "pooled": "pooled", "hindsight": "in hindsight"}
-    columns = [
-        ("the expert", table["expert"].map(EXPERT_NAMES)),
-        ("method", table["method"]),
-        ("measured", _seconds(table["learned_measured_mean_s"])),
-    ]
-    for before, name, cells in (
-        ("predicted ", "predicted_mean_s", _seconds),
-        ("KS ", "ks", _numbers),
-        ("standing still with the flow, ", "stay_with_flow", _percent),
-    ):
-        titles = [before + kinds["learned"], *list(kinds.values())[1:]]
-        columns += [
-            (title, cells(table[f"{kind}_{name}"]))
-            for title, kind in zip(titles, kinds, strict=True)
-        ]
-        if name == "ks":
-            columns.append(("p of the last", _p_values(table["hindsight_ks_p_value"])))
-    return columns
-
-
 def _belief_arrival(folder: Path) -> Columns:
     table = _of(folder / "arrival_distances.csv", people=False)
     table = table.set_index(["expert", "method"], drop=False).rename_axis([None, None])
@@ -179,7 +156,7 @@ def _belief_arrival(folder: Path) -> Columns:
 
 
 _MAKERS: tuple[Callable[[Path], Columns], ...] = (
-    _recordings, _reference, _measures, _paired, _traps, _beliefs, _arrival, _scores, _hindsight,
+    _recordings, _reference, _measures, _paired, _traps, _beliefs, _arrival, _scores,
     _belief_arrival,
 )  # fmt: skip
 TABLES = {make.__name__.removeprefix("_"): make for make in _MAKERS}

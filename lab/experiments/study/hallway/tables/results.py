@@ -1,6 +1,5 @@
 """Results of all stages as tables over all repetitions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,9 +11,7 @@ from lab.experiments.running.tables import Row
 from lab.experiments.study.arrival.distances import ArrivalTables
 from lab.experiments.study.arrival.stage import measured_cdf, n_episodes, n_periods
 from lab.experiments.study.products import load_part
-from lab.experiments.study.recordings.demonstrations import load_sets
 from lab.experiments.study.recordings.experts import EXPERTS
-from lab.experiments.study.recordings.moves import Move, counted_moves
 from lab.experiments.study.study import Study
 
 
@@ -45,22 +42,9 @@ class Results(Study):
         """The prediction of each repetition's model."""
         return [each["predicted"][method] for each in self._of(self._arrivals, expert)]
 
-    def moves(self, expert: str, method: str) -> list[Sequence[int]]:
-        """What happened in measured drives of all repetitions, as rows of `Move`."""
-        return [row for each in self._of(self._arrivals, expert) for row in each["moves"][method]]
-
     def models(self, expert: str, method: str, name: str) -> np.ndarray:
         """(R, ...) one part of the model of each repetition: greedy or truth."""
         return np.array([each["models"][method][name] for each in self._of(self._fits, expert)])
-
-    def demonstrated(self, expert: str) -> list[Move]:
-        """What happened in the training demonstrations of all repetitions, counted."""
-        every = range(self.settings.n_repetitions(expert))
-        return [
-            move
-            for number in every
-            for move in counted_moves(load_sets(self, expert, number).training)
-        ]
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""

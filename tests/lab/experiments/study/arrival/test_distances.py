@@ -3,10 +3,7 @@ import pandas as pd
 import pytest
 
 from lab.experiments.study.arrival.distances import ArrivalTables, distance_row, ks_p_value
-from lab.experiments.study.arrival.stage import measured_cdf, sampled_cdf
-from serd_core.arrival.chain import arrival_time_distribution
-from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.policies.solved_policy import optimal_policy
+from lab.experiments.study.arrival.stage import measured_cdf
 
 PERIOD_S = 2.0
 
@@ -100,14 +97,3 @@ def test_the_test_accepts_episodes_that_were_drawn_from_the_prediction():
 def test_measured_times_are_rounded_up_to_whole_periods_and_what_never_arrived_stays_out():
     rows = pd.DataFrame({"arrived": [True, True, False, True], "time_s": [2.05, 4.0, 10.0, 9.95]})
     np.testing.assert_allclose(measured_cdf(rows, 2.0, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])
-
-
-def test_sampled_trajectories_arrive_as_the_chain_says(study, problem, shipped_training):
-    truth = estimate_dynamics(problem, shipped_training)
-    greedy = optimal_policy(problem, np.array([5.0, 1.0, 0.0]), truth).greedy
-    policy = np.eye(5)[greedy]
-    starts = study.starts
-    chain = arrival_time_distribution(problem, policy, truth, starts, 60).cdf
-    sampled = sampled_cdf(problem, policy, truth, starts, 60, 4000, np.random.default_rng(1))
-    # Dvoretzky-Kiefer-Wolfowitz: beyond this in one of 10^6 samples.
-    assert np.abs(chain - sampled).max() < np.sqrt(np.log(2e6) / (2 * 4000))

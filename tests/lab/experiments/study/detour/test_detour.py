@@ -8,9 +8,8 @@ from lab.experiments.study.detour.decoy import with_forward
 from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD, model_divergences
 from lab.experiments.study.detour.run import run_detour, stages_of
 from lab.experiments.study.detour.settings import DetourStudy, detour_settings
-from lab.experiments.study.detour.tables import decoy_summary, headline, summary_of
+from lab.experiments.study.detour.tables import decoy_summary, headline
 from serd_core.grid.navigation import AGAINST_FLOW
-from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 from serd_sim.scenario.grid import flow_of, grid_of
 from serd_sim.scenario.scenario import load_scenario
@@ -89,18 +88,6 @@ def test_divergences_are_of_each_model_by_itself():
     np.testing.assert_allclose(model_divergences(truth, estimate), [0.0, np.log(4.0)])
 
 
-def test_a_median_beyond_the_time_limit_is_empty():
-    place = {"size": 2, "reward": "r", "method": SERD, "converged": True, "value": 1.0}
-    times = ((10, 12, 8.0), (None, 14, 9.0), (None, 16, 40.0))
-    rows = [
-        place | {"predicted": one, "predicted_by_truth": two, "driven": three}
-        for one, two, three in times
-    ]
-    (found,) = summary_of(pd.DataFrame(rows), ["value"]).to_dict("records")
-    assert np.isnan(found["predicted"])
-    assert (found["predicted_by_truth"], found["driven"]) == (14.0, 9.0)
-
-
 def test_decoys_are_grouped_by_moves_seen():
     row = {"truth": 0.5, "converged": True, "lower": 0.1, "median": 0.3, "upper": 0.4}
     rows = [row | {"moves": moves, "from_choices": 0.0} for moves in (0.0, 3.0, 25.0)]
@@ -108,10 +95,3 @@ def test_decoys_are_grouped_by_moves_seen():
     table = decoy_summary(pd.DataFrame(rows)).set_index("moves")
     assert list(table.index) == ["0", "1–5", "6–25"]
     assert list(table["coverage"]) == [0.0, 0.0, 1.0]
-
-
-def test_sizes_beyond_what_is_recorded_are_rejected(tmp_path):
-    config = tmp_path / "large.yaml"
-    config.write_text("learning: {sizes: [2, 40]}")
-    with pytest.raises(USER_ERRORS, match=r"at most demonstrations.training \(10\), got \[2, 40\]"):
-        detour_settings(config=config)

@@ -1,48 +1,42 @@
 """The people study in miniature, on generated corridors, and its parts."""
 
 from ast import literal_eval
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from lab.experiments.study.people.covariate_models import CovariateModels
-from lab.experiments.study.people.cross_validation.fold import scored
-from lab.experiments.study.people.cross_validation.folds import folds_of
-from lab.experiments.study.people.cross_validation.forecasts import Asked
-from lab.experiments.study.people.cross_validation.walkers import (
-    CONSTANT_VELOCITY,
-    DISTANCE_OVER_SPEED,
-    SOCIAL_FORCE,
-    calibrated,
-    confusion,
-    walker_predictions,
-)
 from lab.experiments.study.people.crowd import bins_of, field_at, mean_field, on_cells
-from lab.experiments.study.people.learners import (
-    CLONING,
-    IRL,
-    SERD,
-    SERD_DENSITY,
-    cloning,
-    covariates_in,
-)
+from lab.experiments.study.people.fold import scored
+from lab.experiments.study.people.folds import folds_of
+from lab.experiments.study.people.forecasts import Asked
+from lab.experiments.study.people.learners import CLONING, IRL, SERD, cloning
 from lab.experiments.study.people.people import People
-from lab.experiments.study.people.problem import COVARIATES, Layers
+from lab.experiments.study.people.problem import Layers
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.scores import point_law
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import PERIODS, headline, summary_of
+from lab.experiments.study.people.walkers import (
+    CONSTANT_VELOCITY,
+    DISTANCE_OVER_SPEED,
+    calibrated,
+    confusion,
+    straight_on,
+)
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.errors import SerdError
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.mdp.mdp import checked_policy
-from serd_files.errors import USER_ERRORS
-from serd_files.trajectories.columns import TableColumns
 from serd_sim.episodes.execution import Execution
 
 SERIAL = Execution(n_jobs=1)
-TINY = "crowd: {training_layers: 4, training_people: 16}\nstatistics: {bootstrap: 20}\n"
+TINY = "crowd: {snapshots: 4, training_people: 16}\nstatistics: {bootstrap: 20}\n"
+
+
+def layers_of(people):
+    """The mean crowd at the times of all moves, with these moves."""
+    crowd = people.layers(people.mean_crowd(people.moves))
+    return Layers(crowd, 0.95, moves=people.moves)
 
 
 def settings_of(files, tmp_path, extra="", **given):
@@ -58,7 +52,7 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(corridor, tmp_path):
     tables = run_people(settings, folder, SERIAL, lambda *each: calls.append(each))
     assert not any(stage.missing for stage in stages_of(PeopleStudy(settings, folder / "work")))
     methods = list(headline(tables)["method"])
-    assert {SERD_DENSITY, SERD, IRL, CLONING, CONSTANT_VELOCITY, SOCIAL_FORCE} < set(methods)
+    assert {SERD, IRL, CLONING, CONSTANT_VELOCITY, PERIODS} < set(methods)
     summary = tables["summary"].set_index("method")
     # In a free corridor people keep their pace, which is what distance over speed assumes.
     assert summary.loc[SERD, "crps_s"] < 1.0
@@ -89,7 +83,7 @@ def test_runs_of_other_widths_units_and_axes_are_learned_together(corridor, tmp_
     ]
     config = tmp_path / "folds.yaml"
     config.write_text(
-        "{crowd: {training_layers: 24, training_people: 48}, folds: {number: 3, runs: 3},"
+        "{crowd: {snapshots: 24, training_people: 48}, folds: {number: 3, runs: 3},"
         " statistics: {bootstrap: 20}}"
     )
     settings = people_settings(files, quick=True, config=config)
@@ -97,7 +91,7 @@ def test_runs_of_other_widths_units_and_axes_are_learned_together(corridor, tmp_
     assert list(tables["recordings"]["rows"]) == [3, 5, 3]
     # Each fold predicts a file: b is wider than those learned from, c has one direction only.
     folds = tables["moves"].pivot(index="method", columns="fold", values="log_likelihood")
-    for method in (SERD_DENSITY, SERD, IRL):
+    for method in (SERD, IRL):
         assert np.all(folds.loc[method] > folds.loc[CONSTANT_VELOCITY] - 0.15)
     assert tables["summary"]["without_median"].eq(0).all()
     assert "files: [a.txt, b.txt, c.txt]" in (tmp_path / "runs" / "settings.yaml").read_text()
@@ -113,34 +107,10 @@ def test_the_mean_crowd_of_a_narrow_corridor_covers_a_wide_one(corridor, tmp_pat
     found = on_cells(wide, mean_field(seen))
     low, high = (each([field.same_pm2 for _, field in seen]) for each in (np.min, np.max))
     assert np.all((found.same_pm2 > 0) & (found.same_pm2 >= low) & (found.same_pm2 <= high))
-    assert np.all(found.speed_mps > 0.1)
     # A corridor's own bins are means over its cells, so the mean of one field is that field.
     same = on_cells(wide, mean_field([(wide, field_at(wide, middle_s, 1, 0.6))]))
-    rows = same.speed_mps.reshape(wide.grid.walkable.shape)
+    rows = same.same_pm2.reshape(wide.grid.walkable.shape)
     assert np.all(np.ptp(rows, axis=0) > 0)
-
-
-def test_people_of_one_way_are_predicted_by_what_both_ways_showed(corridor, tmp_path):
-    files = [corridor("both"), corridor("one", two_way=False)]
-    people = People.read(settings_of(files, tmp_path))
-    moves, run, sign = people.moves
-    each = []
-    for number in (0, 1):
-        at = people.layers_at(
-            run[run == number], sign[run == number], moves.entered_s[run == number]
-        )
-        layers = Layers(at.layers, 0.95, moves=replace(moves.select(run == number), layer=at.place))
-        each.append(layers)
-    like = replace(each[0], covariates=covariates_in(each[0]))
-    assert like.covariates == COVARIATES
-    new = replace(each[1], covariates=COVARIATES)
-    with pytest.raises(USER_ERRORS, match="covariates must have linearly independent columns"):
-        new.problem.mdp  # noqa: B018
-    known = replace(new, learned_rows=np.unique(like.crowding, axis=0))
-    models = known.problem.mdp.transitions
-    rows = models.covariates[models.model_of.ravel()]
-    assert not rows[:, COVARIATES.index("opposite way")].any()
-    assert np.linalg.matrix_rank(models.covariates) == len(COVARIATES)
 
 
 def test_a_file_of_other_content_is_not_resumed(corridor, tmp_path):
@@ -206,13 +176,10 @@ def test_no_person_is_on_both_sides_of_a_fold(corridor, tmp_path, n_files):
 
 def test_every_outcome_of_the_problem_leads_to_a_neighbour(corridor, tmp_path):
     people = People.read(settings_of([corridor()], tmp_path))
-    moves, run, sign = people.moves
-    at = people.layers_at(run, sign, moves.entered_s)
-    layers = Layers(at.layers, 0.95, moves=replace(moves, layer=at.place))
-    problem = replace(layers, covariates=covariates_in(layers)).problem
-    models = problem.mdp.transitions
-    assert isinstance(models, CovariateModels)
-    assert models.covariate_names == COVARIATES
+    layers = layers_of(people)
+    models = layers.problem.mdp.transitions
+    assert isinstance(models, OutcomeModels)
+    assert models.n_models == 3
     goal = np.isin(layers.cell, layers.goal_states)
     pair = models.available & ~goal[:, None]
     near = layers.neighbours
@@ -226,12 +193,10 @@ def test_every_outcome_of_the_problem_leads_to_a_neighbour(corridor, tmp_path):
 
 def test_cloning_counts_directions(corridor, tmp_path):
     people = People.read(settings_of([corridor()], tmp_path))
-    moves, run, sign = people.moves
-    at = people.layers_at(run, sign, moves.entered_s)
-    layers = Layers(at.layers, 0.95, moves=replace(moves, layer=at.place))
+    layers = layers_of(people)
     shares = checked_policy("shares", cloning(layers).directions(layers))
     bins = np.concatenate([bins_of(layer.run) for layer in layers.each])[layers.cell]
-    mine = moves.direction[bins[layers.decided] == 12]
+    mine = people.moves.direction[bins[layers.decided] == 12]
     inside = (bins == 12) & (layers.neighbours != layers.cell[:, None]).all(axis=1)
     expected = (np.bincount(mine, minlength=4) + 1) / (len(mine) + 4)
     assert inside.any()
@@ -241,23 +206,16 @@ def test_cloning_counts_directions(corridor, tmp_path):
 def test_a_person_who_walks_straight_is_predicted_by_constant_velocity(corridor, tmp_path):
     settings = settings_of([corridor(spacing_s=6.0, n_people=20)], tmp_path)
     people = People.read(settings)
-    found = walker_predictions(people.runs[0], settings)
+    found = straight_on(people.runs, settings.grid)
     measured = np.array([one.duration_s for one in people.asked])
-    for name in (CONSTANT_VELOCITY, SOCIAL_FORCE):
-        directions = np.concatenate([np.array(d) for d in found[name]["directions"]])
-        assert np.mean(directions == people.moves[0].direction) > 0.85
-        np.testing.assert_allclose(found[name]["arrival_s"], measured, rtol=0.25)
+    assert np.mean(found.directions == people.moves.direction) > 0.85
+    np.testing.assert_allclose(found.arrival_s, measured, rtol=0.25)
 
 
 def test_the_confusion_of_directions_is_counted_with_one_added():
     found = confusion(np.array([1, 1, 1, 0]), np.array([1, 1, 0, 0]))
     np.testing.assert_allclose(found[1], np.array([2, 3, 1, 1]) / 7)
     np.testing.assert_allclose(found[2], 0.25)
-
-
-def test_forecasts_cover_some_times_the_longest_measured_time(corridor, tmp_path):
-    people = People.read(settings_of([corridor()], tmp_path, "forecast: {horizon: 3.0}\n"))
-    assert people.horizon_s == 3 * max(one.duration_s for one in people.asked)
 
 
 def test_forecasts_without_a_median_are_counted():
@@ -272,14 +230,6 @@ def test_forecasts_without_a_median_are_counted():
     assert found["median_error_s"] == 0.5
 
 
-def test_units_that_cannot_be_are_named_with_the_speed(corridor, tmp_path):
-    files = [corridor()]
-    with pytest.raises(USER_ERRORS, match=r"corridor\.txt: agents must move at less than 40 m/s"):
-        People.read(settings_of(files, tmp_path, mapping=TableColumns(unit="m")))
-    with pytest.raises(USER_ERRORS, match=r"corridor\.txt: people must walk at 0\.05 to 4 m/s"):
-        People.read(settings_of(files, tmp_path, mapping=TableColumns(fps=200)))
-
-
 @pytest.mark.parametrize(("jump_cm", "n_rows"), [(70, 1), (1200, 5)])
 def test_ids_that_jump_are_left_out_and_counted(corridor, tmp_path, jump_cm, n_rows):
     path = corridor()
@@ -292,72 +242,6 @@ def test_ids_that_jump_are_left_out_and_counted(corridor, tmp_path, jump_cm, n_r
     run = People.read(settings_of([path], tmp_path)).runs[0]
     assert run.left_out["a step faster than 8 m/s"] == 1
     assert not [walker.name for walker in run.walkers if walker.name.startswith("7")]
-
-
-def test_people_elsewhere_do_not_widen_the_corridor(corridor, tmp_path):
-    path = corridor()
-    alone = People.read(settings_of([path], tmp_path)).runs[0]
-    standing = [f"99 {frame} 0 4000 170" for frame in range(2000)]
-    path.write_text(path.read_text() + "\n".join(standing) + "\n")
-    run = People.read(settings_of([path], tmp_path)).runs[0]
-    assert run.width_m == alone.width_m
-    assert run.grid.walkable.shape == alone.grid.walkable.shape
-    assert run.left_out == {"away from the corridor": 1}
-    assert "agent 99, from row" in run.assumed[-1]
-
-
-def test_a_corridor_at_an_angle_has_the_same_cells(corridor, tmp_path):
-    path = corridor()
-    alone = People.read(settings_of([path], tmp_path)).runs[0]
-    head, rows = path.read_text().splitlines()[:2], np.loadtxt(path)
-    cos, sin = np.cos(0.4), np.sin(0.4)
-    rows[:, 2:4] = rows[:, 2:4] @ np.array([[cos, sin], [-sin, cos]])
-    lines = (f"{i:.0f} {f:.0f} {x:.4f} {y:.4f} {z:g}" for i, f, x, y, z in rows)
-    path.write_text("\n".join([*head, *lines]) + "\n")
-    run = People.read(settings_of([path], tmp_path)).runs[0]
-    assert run.grid.walkable.shape == alone.grid.walkable.shape
-    assert run.width_m == pytest.approx(alone.width_m, abs=0.2)
-    assert len(run.walkers) == len(alone.walkers)
-    assert "23° to the x axis" in run.assumed[-1]
-
-
-def test_ids_of_two_people_are_refused_with_the_row(corridor, tmp_path):
-    path = corridor()
-    lines = path.read_text().splitlines()
-    rows = [line.split() for line in lines[2:]]
-    later = [f"{i} {int(f) + 9000} {x} {y} {z}" for i, f, x, y, z in rows]
-    path.write_text("\n".join([*lines, *later]) + "\n")
-    with pytest.raises(
-        USER_ERRORS, match=r"or a gap, as agent 1 from row 1; give each person an id"
-    ):
-        People.read(settings_of([path], tmp_path))
-    path.write_text("\n".join([*lines, *later[:50]]) + "\n")
-    run = People.read(settings_of([path], tmp_path)).runs[0]
-    assert run.left_out["away in between, so maybe two people of one id"] == 1
-    assert "1" not in [walker.name for walker in run.walkers]
-
-
-def test_one_person_alone_is_too_few(corridor, tmp_path):
-    with pytest.raises(
-        SerdError, match="must have at least 10 people who walk through, got 1 of 1"
-    ):
-        People.read(settings_of([corridor(n_people=1)], tmp_path))
-
-
-def test_two_files_of_one_name_are_rejected(corridor, tmp_path):
-    first = corridor()
-    other = tmp_path / "other"
-    other.mkdir()
-    second = other / first.name
-    second.write_text(first.read_text())
-    with pytest.raises(USER_ERRORS, match="files must have different names, got corridor twice"):
-        People.read(settings_of([first, second], tmp_path))
-
-
-def test_too_few_people_for_the_blocks_are_rejected(corridor, tmp_path):
-    settings = settings_of([corridor(n_people=12)], tmp_path, "folds: {number: 40}\n")
-    with pytest.raises(USER_ERRORS, match="each of 40 time blocks must hold people and leave 10"):
-        folds_of(People.read(settings).runs, settings.folds)
 
 
 @pytest.mark.slow

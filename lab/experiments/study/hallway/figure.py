@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from lab.experiments.running.tables import quartiles
 from lab.experiments.study.hallway.tables.results import Results
 from lab.experiments.study.recordings.experts import PEOPLE
-from lab.experiments.study.study import Study
 from lab.learner_curves import draw_intervals, tick_sizes
 from serd_app.report import style
 from serd_app.report.style import Look, new_figure
@@ -30,12 +29,11 @@ def rows(results: Results) -> pd.DataFrame:
     return pd.concat(tables, names=["measure", None]).reset_index("measure")
 
 
-def draw(table: pd.DataFrame, study: Study) -> Figure:
+def draw(table: pd.DataFrame) -> Figure:
     """Three panels; points are drawn side by side so that their quartiles do not overlap.
 
     The axis of a log-likelihood is broken: above, the better half of all medians; below, the rest.
     """
-    del study
     with style.report_style():
         figure = new_figure(11.5, 5.2)
         axes: dict[str, Axes] = figure.subplot_mosaic(

@@ -5,10 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from lab.exports.lerobot import save_lerobot
+from lab.command.lerobot import save_lerobot
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.errors import AppError
 from serd_core.grid.grid import Action
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -92,11 +91,3 @@ def test_the_class_of_lerobot_loads_every_frame(dataset, monkeypatch):
     states = np.array(written["observation.state"])
     np.testing.assert_allclose(part[1]["observation.state"].numpy(), states[60:63])
     np.testing.assert_allclose(found.meta.stats["action"]["mean"], np.mean(written["action"], 0))
-
-
-def test_a_folder_that_is_not_new_and_drives_without_decisions_are_refused(dataset, tmp_path):
-    with pytest.raises(AppError, match="must be new or empty; choose another name"):
-        save_lerobot(dataset, [drive()], 2.0)
-    with pytest.raises(AppError, match="at least one episode with a decision, got none"):
-        save_lerobot(tmp_path / "none", [drive(episodes=())], 2.0)
-    assert not (tmp_path / "none").exists()

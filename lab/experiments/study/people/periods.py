@@ -8,9 +8,9 @@ counted per part of the corridor, with one added to each.
 import numpy as np
 
 from lab.experiments.running.tables import Row
-from lab.experiments.study.people.cross_validation.fold import scored
-from lab.experiments.study.people.cross_validation.folds import Fold
 from lab.experiments.study.people.crowd import BINS, bins_of, cells_of_bins
+from lab.experiments.study.people.fold import scored
+from lab.experiments.study.people.folds import Fold
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.problem import is_goal
 from lab.experiments.study.people.recordings import Run

@@ -1,1 +1,0 @@
-"""Latent variables: actions that are hidden."""

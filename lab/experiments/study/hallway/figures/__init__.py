@@ -1,1 +1,0 @@
-"""Figures of the hallway study, drawn from its tables."""

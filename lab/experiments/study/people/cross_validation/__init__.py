@@ -1,1 +1,0 @@
-"""Folds of people: what learns, predicts and is scored on those who are held out."""

@@ -1,1 +1,0 @@
-"""Demonstrations in the formats of other libraries."""
