@@ -180,6 +180,11 @@ def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
     np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
 
 
+def test_numbers_behind_x_are_no_people_beside_a_column_of_ids(tmp_path):
+    table = wide(("x", "y")).assign(id=1, x1=0.0, y1=0.0)
+    assert [track.agent for track in read(tmp_path, table).tracks] == ["1"]
+
+
 def test_x_and_y_that_repeat_those_of_the_robot_are_no_person(tmp_path):
     table = wide(people=[("ped_x", "ped_y")]).assign(x=ROBOT[:, 0], y=ROBOT[:, 1])
     found = drives(tmp_path, table)

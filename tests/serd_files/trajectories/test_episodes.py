@@ -37,6 +37,7 @@ def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, 
     path = table(tmp_path, named)
     found = read_trajectories(path)
     assert found.assumed[0] == OVERLAP
+    assert found.tracks[0].time_s[0] == 0.0
     assert [each.agent for each in found.tracks] == [
         f"{who} of {name} {prefix}{run}" for who in ("ped", "robot") for run in range(3)
     ]
