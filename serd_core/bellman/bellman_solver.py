@@ -7,6 +7,8 @@ the computed T V, which is the returned value, satisfies
 
 which holds for every solver: the bound needs the residual and the size of numbers only. V* solves
 the equation as given: with these rewards and transitions, whose rows sum to 1.
+
+(Soft) value iteration is V <- T V until the residual certifies the accuracy.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, is_number, shown
-from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
+from serd_core.bellman.backup import Backup, BellmanProblem, backup, backup_rounding
 from serd_core.bellman.equations import BellmanEquation
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -106,3 +108,30 @@ def solution_from(
         error_bound=certified / (1.0 - problem.discount),
         converged=converged,
     )
+
+
+@dataclass(frozen=True)
+class ValueIteration(BellmanSolver):
+    """Plain sweeps; each shrinks the error by the discount.
+
+    accuracy: wanted error of V relative to max(1, max |V|); max_sweeps bounds the loop.
+    """
+
+    accuracy: float = 1e-10
+    max_sweeps: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        require_limits(self.accuracy, self.max_sweeps)
+
+    def solve(
+        self, problem: BellmanProblem, initial_value: FloatArray | None = None
+    ) -> BellmanSolution:
+        """Sweep until certified or out of sweeps."""
+        latest = backup(problem, starting_value(problem.mdp, initial_value))
+        sweeps = 1
+        while not (done := is_accurate(problem, self.accuracy, latest)):
+            if sweeps >= self.max_sweeps:
+                break
+            latest = backup(problem, latest.target)
+            sweeps += 1
+        return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)

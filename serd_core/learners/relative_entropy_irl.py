@@ -47,8 +47,7 @@ from serd_core.demonstrations.trajectories import feature_counts, trajectories_o
 from serd_core.errors import SerdError
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_names, reward_search
-from serd_core.learners.start import dynamics_or_estimate
+from serd_core.learners.start import dynamics_or_estimate, reward_names, reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 

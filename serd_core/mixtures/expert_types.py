@@ -28,8 +28,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
-from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of
-from serd_core.mixtures.units import units_of
+from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of, units_of
 from serd_core.posterior.coordinates import coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import SumOfPriors, terms_of

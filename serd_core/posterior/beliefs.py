@@ -16,7 +16,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.coupling import CouplingPrior
+from serd_core.priors.divergence import CouplingPrior
 from serd_core.priors.gaussian import GaussianAroundTruth
 from serd_core.priors.prior import Prior, UniformPrior
 

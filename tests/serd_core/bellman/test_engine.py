@@ -20,6 +20,7 @@ from lab.benchmarks.learning.gridworld_problems import (
 )
 from serd_core.bellman import engine as choice
 from serd_core.bellman.backup import BellmanProblem, backup
+from serd_core.bellman.bellman_solver import ValueIteration
 from serd_core.bellman.engine import COMPILED_FROM, SciPyEngine, engine_for
 from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.linear.krylov import Krylov
@@ -27,7 +28,6 @@ from serd_core.bellman.linear.linear_solver import WithFallback
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.linear.policy_pattern import policy_pattern
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
