@@ -7,14 +7,14 @@ from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
 from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
-from serd_core.ascent.newton_ascent import NewtonAscent as NewtonAscent
+from serd_core.ascent.trust_region import NewtonAscent as NewtonAscent
 from serd_core.ascent.trust_region import TrustRegion as TrustRegion
 from serd_core.bayes.belief_comparison import compare_beliefs as compare_beliefs
-from serd_core.bayes.design import expected_information_gain as expected_information_gain
 from serd_core.bayes.draws import credible_intervals as credible_intervals
 from serd_core.bayes.draws import laplace_draws as laplace_draws
 from serd_core.bayes.draws import posterior_modes as posterior_modes
 from serd_core.bayes.draws import posterior_policy as posterior_policy
+from serd_core.bayes.information import expected_information_gain as expected_information_gain
 from serd_core.bayes.information import outcome_information as outcome_information
 from serd_core.bayes.laplace import laplace as laplace
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.special
 
 from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_share
-from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.transition_model import transitions_of

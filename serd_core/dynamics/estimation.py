@@ -39,18 +39,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, floored, require_positive, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
 from serd_core.ascent.ascent import Objective
-from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe, observe_in
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import LogOdds, SparseModel, fixed_transitions
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    dynamics_gradient,
+    log_transition_hessian,
+    transition_probabilities,
+)
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem
-from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 
 EPSILON = float(np.finfo(np.float64).eps)
 #: Share of what its slope promises that a step must gain, and the shortest step tried.
@@ -296,10 +300,8 @@ class LogLikelihood(Objective):
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """Value and (n_parameters,) gradient."""
-        groups, entries = self.model.groups, self.model.local_probabilities(vector)
-        probability = floored(groups.probabilities(self.model.entries(entries)))
-        slope = (self.counts / probability)[groups.group_of_entry]
-        gradient = self.model.pull_back(vector, self.model.gather(slope))
+        probability = transition_probabilities(self.model, vector)
+        gradient = dynamics_gradient(self.model, vector, self.counts / probability)
         return float(self.counts @ np.log(probability)), gradient
 
     def hessian(self, vector: FloatArray) -> FloatArray:

@@ -13,8 +13,8 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
-from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.ascent.open_directions import judged_weights
+from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError

@@ -21,8 +21,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from serd_core.arrays import FloatArray, IntArray, require_count
-from serd_core.ascent.newton_ascent import NewtonAscent
-from serd_core.ascent.trust_region import quadratic_step
+from serd_core.ascent.trust_region import NewtonAscent, quadratic_step
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError

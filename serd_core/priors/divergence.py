@@ -21,12 +21,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, floored, require_each, require_kind
-from serd_core.dynamics.transition_model import TransitionModel, transitions_of
-from serd_core.errors import SerdError
-from serd_core.posterior.derivatives.transition_derivatives import (
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    dynamics_gradient,
     transition_hessian,
     transition_jacobian,
+    transition_probabilities,
+    transitions_of,
 )
+from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, require_weight
 
@@ -89,19 +92,6 @@ class DynamicsPrior(Prior):
                 f" available pairs, got {total}; give one pair a positive weight"
             )
         return total
-
-
-def transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:
-    """(G,) probability of each distinct transition, with a positive floor."""
-    return floored(model.groups.probabilities(model.entries(model.local_probabilities(theta))))
-
-
-def dynamics_gradient(
-    model: TransitionModel, theta: FloatArray, group_gradient: FloatArray
-) -> FloatArray:
-    """(N,) gradient by the parameters for a (G,) gradient by distinct transitions."""
-    entry_gradient = group_gradient[model.groups.group_of_entry]
-    return model.pull_back(theta, model.gather(entry_gradient))
 
 
 def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatArray:

@@ -19,7 +19,7 @@ from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_app.report import style
 from serd_app.report.style import new_figure
 from serd_core.arrays import FloatArray
-from serd_core.bayes.design import expected_information_gain
+from serd_core.bayes.information import expected_information_gain
 from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions

@@ -24,17 +24,20 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, floored
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSystem
-from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    Transitions,
+    log_transition_hessian,
+    transition_jacobian,
+    transition_probabilities,
+    transitions_at,
+)
 from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.adjoint import Adjoint
-from serd_core.posterior.derivatives.transition_derivatives import (
-    log_transition_hessian,
-    transition_jacobian,
-)
 from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
@@ -283,7 +286,7 @@ def transition_scores(
 
 def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
     group = model.groups.places(key)
-    probability = floored(model.groups.probabilities(transitions_at(model, truth).entries)[group])
+    probability = transition_probabilities(model, truth)[group]
     wanted = np.zeros(len(model.groups), dtype=np.bool_)
     wanted[group] = True
     slopes = transition_jacobian(model, model.local_jacobian(truth), wanted)
