@@ -198,12 +198,11 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)
     jacobian = belief.jacobian(at)
     gradient = without.prior.evaluate(mdp.transitions, at).gradient
-    groups, start = [], 0
-    for blocks in belief.groups:
-        rows = slice(start, start + len(at.block(blocks[0])))
-        start = rows.stop
-        if Block.REWARD not in blocks:
-            groups.append(OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks)))
+    groups = [
+        OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks))
+        for blocks, rows in belief.places(at)
+        if Block.REWARD not in blocks
+    ]
     return Surrogate(
         posterior=without,
         space=space,

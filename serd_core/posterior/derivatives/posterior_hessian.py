@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSystem
 from serd_core.dynamics.transition_model import (
     TransitionModel,
@@ -37,7 +37,6 @@ from serd_core.dynamics.transition_model import (
 )
 from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.derivatives.adjoint import Adjoint
 from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
