@@ -277,12 +277,12 @@ def _of_choices(
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
     mdp, policy = problem.mdp, solution.policy
     by_q = sensitivities(
+        mdp,
         problem.features,
-        mdp.discount,
         believed,
         solution,
         mdp.transitions.local_jacobian(at.belief),
-        mdp.engine.system(believed, policy, mdp.discount, Automatic()),
+        Automatic(),
     ).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)

@@ -105,7 +105,7 @@ def fit_relative_entropy_irl(
     climb = Climb(FunctionObjective(dual.evaluate), on_step)
     start = search.start.reward / scale
     found = scipy.optimize.minimize(
-        lambda halves: _negative(climb.evaluate(halves)),
+        climb.negated,
         np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
         jac=True,
         method="L-BFGS-B",
@@ -214,10 +214,6 @@ def _thresholds(
     if np.any(checked < 0):
         raise SerdError(f"thresholds must not be negative, got {checked.min()}")
     return checked
-
-
-def _negative(point: Point) -> tuple[float, FloatArray]:
-    return -point.value, -point.gradient
 
 
 def _after_step(climb: Climb, dual: SampledDual, halves: FloatArray) -> None:

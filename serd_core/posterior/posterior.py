@@ -14,8 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored, weighted_counts
-from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, BellmanSolver, adjoint
+from serd_core.bellman.bellman_solver import (
+    Adjoint,
+    BellmanProblem,
+    BellmanSolution,
+    BellmanSolver,
+    adjoint,
+)
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.newton import Newton

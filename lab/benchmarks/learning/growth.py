@@ -35,7 +35,7 @@ from lab.benchmarks.learning.gridworld_problems import (
 from lab.benchmarks.measurement import best_of, best_times, peak_memory_mb
 from lab.benchmarks.report import RESULTS, Row, save
 from serd_app.report.style import BLUE, MUTED, RED, new_figure, report_style, save_figure
-from serd_core.bellman.backup import BellmanProblem, backup
+from serd_core.bellman.bellman_solver import BellmanProblem, backup
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters

@@ -19,8 +19,7 @@ from lab.benchmarks.learning.gridworld_problems import (
     objective_of,
 )
 from serd_core.bellman import engine as choice
-from serd_core.bellman.backup import BellmanProblem, backup
-from serd_core.bellman.bellman_solver import ValueIteration
+from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration, backup
 from serd_core.bellman.engine import COMPILED_FROM, Engine, engine_for
 from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.linear.krylov import Krylov

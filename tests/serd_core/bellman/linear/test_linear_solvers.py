@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lab.benchmarks.learning import solvers
-from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov
