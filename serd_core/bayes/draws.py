@@ -82,16 +82,8 @@ def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleInte
     """Central intervals that hold this share of the draws."""
     require_share("mass", mass, "0.9")
     ends = [(1.0 - mass) / 2.0, (1.0 + mass) / 2.0]
-    return CredibleIntervals(
-        *(
-            np.quantile(values, ends, axis=0)
-            for values in (
-                draws.reward,
-                draws.outcome_probabilities,
-                draws.believed_outcome_probabilities,
-            )
-        )
-    )
+    numbers = [getattr(draws, each.name) for each in fields(CredibleIntervals)]
+    return CredibleIntervals(*(np.quantile(values, ends, axis=0) for values in numbers))
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
