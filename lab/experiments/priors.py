@@ -12,8 +12,7 @@ from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.divergence import KldPrior
-from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.divergence import EntropyPrior, KldPrior
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
 from serd_files.settings import setting

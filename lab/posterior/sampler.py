@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import PosteriorDraws, draws_at
+from serd_core.bayes.draws import PosteriorDraws, PosteriorModes, draws_at
 from serd_core.bayes.laplace import Laplace
-from serd_core.bayes.modes import PosteriorModes
 from serd_core.bayes.surrogate import SOLVER
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem

@@ -16,7 +16,7 @@ from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.parameters import Block
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
-from serd_core.selection.prior_weight import split_episodes
+from serd_core.selection.evaluation import split_episodes
 
 
 @dataclass(frozen=True, eq=False)

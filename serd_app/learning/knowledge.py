@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.design import expected_information_gain
-from serd_core.bayes.information import outcome_information
+from serd_core.bayes.information import expected_information_gain, outcome_information
 from serd_core.bayes.laplace import Laplace, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError

@@ -37,8 +37,7 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
-from serd_core.selection.evaluation import validation_log_likelihood
-from serd_core.selection.prior_weight import select_weight
+from serd_core.selection.evaluation import select_weight, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.

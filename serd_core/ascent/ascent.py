@@ -137,9 +137,15 @@ class Climb:
     trace: list[float] = field(default_factory=list)
     n_evaluations: int = 0
     stopped: bool = False
+    last: Point | None = None
 
     def evaluate(self, vector: FloatArray) -> Point:
-        """The objective at a vector; SerdError where an entry of the vector is not finite."""
+        """The objective at a vector, kept where that was the last one.
+
+        SerdError where an entry of the vector is not finite.
+        """
+        if self.last is not None and np.array_equal(vector, self.last.vector):
+            return self.last
         if (bad := first_index(~np.isfinite(vector))) is not None:
             raise SerdError(
                 f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
@@ -147,7 +153,14 @@ class Climb:
                 " features"
             )
         self.n_evaluations += 1
-        return Point(vector, *self.objective.evaluate(vector))
+        vector = vector.copy()  # minimisers of SciPy go on in the same array
+        self.last = Point(vector, *self.objective.evaluate(vector))
+        return self.last
+
+    def negated(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Minus the objective and its gradient, for minimisers of SciPy."""
+        point = self.evaluate(vector)
+        return -point.value, -point.gradient
 
     def accept(self, point: Point, gradient_norm: float | None = None) -> None:
         """Record a step to the point and call back.

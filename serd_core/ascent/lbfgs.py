@@ -34,29 +34,30 @@ class Lbfgs(Ascent):
     ) -> AscentResult:
         """Climb; where the line search stalls by rounding it is restarted once."""
         climb = Climb(objective, on_step)
-        run = _Run(climb, climb.evaluate(np.array(start, dtype=np.float64)))
-        reason = ""
+        here, reason = climb.evaluate(np.array(start, dtype=np.float64)), ""
         for _ in range(2):
-            if not (climb.stopped or self._done(run)):
-                reason = self._minimise(run)
+            left = self.max_steps - len(climb.trace)
+            if here.gradient_norm > self.gradient_tolerance and left > 0 and not climb.stopped:
+                here, reason = self._minimise(climb, here, left)
         out = len(climb.trace) >= self.max_steps
         otherwise = OUT_OF_STEPS if out else f"not converged: {reason}"
-        found = climb.result(run.here, self.gradient_tolerance, otherwise)
+        found = climb.result(here, self.gradient_tolerance, otherwise)
         return replace(found, by_rounding=not (found.converged or climb.stopped or out))
 
-    def _done(self, run: "_Run") -> bool:
-        out = len(run.climb.trace) >= self.max_steps
-        return run.here.gradient_norm <= self.gradient_tolerance or out
+    def _minimise(self, climb: Climb, start: Point, max_steps: int) -> tuple[Point, str]:
+        def after_step(intermediate_result: scipy.optimize.OptimizeResult) -> None:
+            climb.accept(climb.evaluate(np.asarray(intermediate_result.x)))
+            if climb.stopped:
+                raise StopIteration
 
-    def _minimise(self, run: "_Run") -> str:
         result = scipy.optimize.minimize(
-            run.negated,
-            run.here.vector,
+            climb.negated,
+            start.vector,
             jac=True,
             method="L-BFGS-B",
-            callback=run.after_step,
+            callback=after_step,
             options={
-                "maxiter": self.max_steps - len(run.climb.trace),
+                "maxiter": max_steps,
                 "maxfun": 20 * self.max_steps,
                 "maxcor": self.memory,
                 "gtol": self.gradient_tolerance,
@@ -64,31 +65,7 @@ class Lbfgs(Ascent):
                 "maxls": 40,
             },
         )
-        run.move_to(np.asarray(result.x))
-        return str(result.message)
-
-
-@dataclass(eq=False)
-class _Run:
-    """The last point that was evaluated: scipy's callback does not pass the gradient on."""
-
-    climb: Climb
-    here: Point
-
-    def negated(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        self.move_to(vector)
-        return -self.here.value, -self.here.gradient
-
-    def move_to(self, vector: FloatArray) -> None:
-        """Evaluate at `vector` unless that was the last evaluation."""
-        if not np.array_equal(vector, self.here.vector):
-            self.here = self.climb.evaluate(vector.copy())
-
-    def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
-        self.move_to(np.asarray(intermediate_result.x))
-        self.climb.accept(self.here)
-        if self.climb.stopped:
-            raise StopIteration
+        return climb.evaluate(np.asarray(result.x)), str(result.message)
 
 
 LBFGS = Lbfgs()

@@ -17,7 +17,7 @@ import scipy.special
 from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
-from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
+from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
@@ -135,11 +135,15 @@ def compare_beliefs(
             "FixedBelief can be compared for known dynamics only, got none; pass dynamics, as an"
             " estimate has seen the decisions already"
         )
+    posterior = Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())
     fits, evidences, left_out = [], [], []
     for relation in relations:
-        found = _fit(problem, decisions, relation, prior, dynamics, on_step)
+        start = evidence_start(posterior, decisions, relation, None, dynamics)
+        found = fit_by_evidence(posterior, relation, prior, start, on_step, staged=True)
         try:
-            evidences.append(_log_evidence(found))
+            if not found.ascended.converged:
+                raise SerdError(found.ascended.message)
+            evidences.append(found.log_evidence())
             fits.append(found)
         except SerdError as error:
             left_out.append(f"{NAMES[type(relation)]} ({error})")
@@ -163,23 +167,3 @@ def compare_beliefs(
         probabilities=np.asarray(scipy.special.softmax(log_evidences)),
         left_out=tuple(left_out),
     )
-
-
-def _log_evidence(found: EvidenceFit) -> float:
-    """log P(D); SerdError where there is no maximum."""
-    if not found.ascended.converged:
-        raise SerdError(found.ascended.message)
-    return found.log_evidence()
-
-
-def _fit(
-    problem: Problem,
-    decisions: Decisions,
-    belief: Belief,
-    prior: PriorByEvidence,
-    dynamics: FloatArray | None,
-    on_step: StepCallback | None,
-) -> EvidenceFit:
-    posterior = Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())
-    start = evidence_start(posterior, decisions, belief, None, dynamics)
-    return fit_by_evidence(posterior, belief, prior, start, on_step, staged=True)

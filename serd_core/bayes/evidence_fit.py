@@ -11,7 +11,7 @@ import scipy.optimize
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
-from serd_core.ascent.newton_ascent import SHORT, NewtonAscent
+from serd_core.ascent.trust_region import SHORT, NewtonAscent
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence, Strengths
 from serd_core.demonstrations.decisions import Decisions

@@ -205,16 +205,12 @@ def _dirichlet_blocks(
         return
     if model.n_outcomes == 1:
         return
-    start = 0
-    for group in space.belief.groups:
-        values = parameters.block(group[0])
-        place = slice(start, start + len(values))
-        start = place.stop
+    for group, place in space.belief.places(parameters):
         if group == (Block.REWARD,):
             continue
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
-        table = model.local_probabilities(values)
+        table = model.local_probabilities(parameters.block(group[0]))
         yield _DirichletBlock(group, place, table, spread, model.beta)
 
 

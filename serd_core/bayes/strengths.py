@@ -22,24 +22,13 @@ from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
 from serd_core.priors.prior import Prior, terms_of
 
-
-@dataclass(frozen=True)
-class LogNormal:
-    """The density of log x, for a strength x of that median; spread: sd of log x."""
-
-    median: float
-    spread: float
-
-    def log_density(self, log_x: float) -> tuple[float, float]:
-        """At log x, and its slope."""
-        away = (log_x - np.log(self.median)) / self.spread
-        value = -0.5 * away**2 - np.log(self.spread * np.sqrt(2.0 * np.pi))
-        return float(value), float(-away / self.spread)
-
-
-#: sigma in nats over the range of a feature, c in observations, tau in nats.
-DEVIATION, PSEUDO_COUNT = LogNormal(3.0, 0.7), LogNormal(1.0, 0.5)
-BELIEF_DEVIATION = LogNormal(1.0, 0.7)
+#: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
+#: the range of a feature, c in observations, tau in nats.
+HYPERPRIORS = {
+    "deviation": (3.0, 0.7),
+    "pseudo_count": (1.0, 0.5),
+    "belief_deviation": (1.0, 0.7),
+}
 
 
 @dataclass(frozen=True)
@@ -72,13 +61,6 @@ class PriorByEvidence:
         return Strengths(belief, tuple(given.items()))
 
 
-HYPERPRIORS = {
-    "deviation": DEVIATION,
-    "pseudo_count": PSEUDO_COUNT,
-    "belief_deviation": BELIEF_DEVIATION,
-}
-
-
 @dataclass(frozen=True)
 class Strengths:
     """The strengths of a prior; given: by name, None for those to find."""
@@ -94,19 +76,18 @@ class Strengths:
     @property
     def start(self) -> FloatArray:
         """(h,) logs of the medians of those to find."""
-        return np.log([HYPERPRIORS[name].median for name in self.open])
+        return np.log([HYPERPRIORS[name][0] for name in self.open])
 
     @property
     def spreads(self) -> FloatArray:
         """(h,) spreads of the hyperpriors of those to find."""
-        return np.array([HYPERPRIORS[name].spread for name in self.open])
+        return np.array([HYPERPRIORS[name][1] for name in self.open])
 
     def log_density(self, logs: FloatArray) -> tuple[float, FloatArray]:
         """Of the hyperprior at (h,) logs of those to find, and its gradient."""
-        pairs = zip(self.open, logs, strict=True)
-        each = np.array([HYPERPRIORS[name].log_density(float(log)) for name, log in pairs])
-        table = each.reshape(len(logs), 2)
-        return float(table[:, 0].sum()), table[:, 1]
+        away = (logs - self.start) / self.spreads
+        values = -0.5 * away**2 - np.log(self.spreads * np.sqrt(2.0 * np.pi))
+        return float(values.sum()), -away / self.spreads
 
     def values(self, logs: FloatArray) -> dict[str, float]:
         """All strengths by name, for (h,) logs of those to find."""
@@ -115,7 +96,7 @@ class Strengths:
 
     def logs(self, values: dict[str, float]) -> FloatArray:
         """(h,) logs of those to find, at the given values and otherwise at their medians."""
-        medians = {name: prior.median for name, prior in HYPERPRIORS.items()}
+        medians = {name: median for name, (median, _) in HYPERPRIORS.items()}
         return np.log([(medians | values)[name] for name in self.open])
 
     def relation(self, logs: FloatArray) -> Belief:

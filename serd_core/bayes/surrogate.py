@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
-from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -190,20 +190,16 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
-    system = mdp.engine.system(believed, solution.policy, mdp.discount, Automatic())
-    derivatives = sensitivities(
-        without.features, mdp.discount, believed, solution, by_local, system
-    )
+    derivatives = sensitivities(mdp, without.features, believed, solution, by_local, Automatic())
     pairs = np.unique(posterior.observations.key // mdp.n_states)
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)
     jacobian = belief.jacobian(at)
     gradient = without.prior.evaluate(mdp.transitions, at).gradient
-    groups, start = [], 0
-    for blocks in belief.groups:
-        rows = slice(start, start + len(at.block(blocks[0])))
-        start = rows.stop
-        if Block.REWARD not in blocks:
-            groups.append(OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks)))
+    groups = [
+        OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks))
+        for blocks, rows in belief.places(at)
+        if Block.REWARD not in blocks
+    ]
     return Surrogate(
         posterior=without,
         space=space,

@@ -7,6 +7,20 @@ the computed T V, which is the returned value, satisfies
 
 which holds for every solver: the bound needs the residual and the size of numbers only. V* solves
 the equation as given: with these rewards and transitions, whose rows sum to 1.
+
+(Soft) value iteration is V <- T V until the residual certifies the accuracy.
+
+The gradient by every reward and every transition probability takes one transposed solve. For an
+objective J with g(s, a) = dJ/dQ(s, a) at the converged Q and the policy pi along which the
+equation propagates gradients (Boltzmann for soft, greedy for hard):
+
+    (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
+    dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
+
+This is the transpose of the Q-gradient (4.21), (4.66) of the thesis: its cost does not grow with
+the number of parameters.
+
+`Backup` is one application of the Bellman operator: T V and what comes with it.
 """
 
 from abc import ABC, abstractmethod
@@ -15,11 +29,114 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, shown
-from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
+from serd_core.arrays import FloatArray, float_array, is_number, shown, unrepeated
+from serd_core.bellman.engine import Engine
 from serd_core.bellman.equations import BellmanEquation
+from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+
+#: Values beyond overflow in sums and differences.
+LARGEST_VALUE = 1e300
+EPSILON = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class BellmanProblem:
+    """Everything T depends on: the equation, (S, A) rewards, transitions, and their MDP."""
+
+    equation: BellmanEquation
+    rewards: FloatArray
+    transitions: Transitions
+    mdp: Mdp
+
+    def __post_init__(self) -> None:
+        available = self.mdp.available
+        if unrepeated(available).all():
+            allowed = rewards = self.rewards
+        else:
+            allowed = np.where(available, self.rewards, 0.0)
+            rewards = np.where(available, self.rewards, -np.inf)
+        largest = LARGEST_VALUE * (1.0 - self.discount)
+        once = unrepeated(allowed)
+        if not max(float(once.max()), -float(once.min())) <= largest:
+            state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
+            raise SerdError(
+                f"rewards[{state}, {action}] must be finite and at most {largest:.3g} in size, got"
+                f" {allowed[state, action]}; use smaller weights or features, and mark forbidden"
+                " actions unavailable"
+            )
+        object.__setattr__(self, "rewards", rewards)
+
+    @property
+    def discount(self) -> float:
+        """gamma."""
+        return self.mdp.discount
+
+    def q(self, value: FloatArray) -> FloatArray:
+        """(S, A) R + gamma P V, -inf where an action is unavailable."""
+        return self.engine.q(self.transitions, self.rewards, self.discount, value)
+
+    def settled(self, value: FloatArray, smallest: float) -> FloatArray:
+        """(S,) the value after sweeps of the soft equation, until states move by less."""
+        return self.engine.settled(self.transitions, self.rewards, self.discount, value, smallest)
+
+    @property
+    def engine(self) -> Engine:
+        """Who applies T."""
+        return self.mdp.engine
+
+
+@dataclass(frozen=True, eq=False)
+class Backup:
+    """T V at one V: (S,) value = V, target = T V, and residual, the largest |T V - V|.
+
+    kept_q: Q, or None where it is computed when it is asked for.
+    """
+
+    problem: BellmanProblem
+    value: FloatArray
+    target: FloatArray
+    residual: float
+    kept_q: FloatArray | None
+
+    @property
+    def q(self) -> FloatArray:
+        """(S, A) Q-function of V."""
+        return self.problem.q(self.value) if self.kept_q is None else self.kept_q
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """(S,) T V - V."""
+        return self.target - self.value
+
+    @cached_property
+    def scale(self) -> float:
+        """max(1, max |T V|): what sizes and accuracies of values are relative to."""
+        return max(1.0, float(self.target.max()), -float(self.target.min()))
+
+
+def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
+    """Apply the Bellman operator once."""
+    target, q = problem.engine.backup(
+        problem.equation, problem.transitions, problem.rewards, problem.discount, value
+    )
+    gap = target - value
+    residual = max(float(gap.max()), -float(gap.min()))
+    return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)
+
+
+def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
+    """Bound of |computed T V - T V|, for K transitions in the longest row and A actions.
+
+    With the unit u = eps / 2: a row of P V, its discount and reward cost (K + 2) u max |V|, the
+    sum of exponentials (A + log A + 4) u, and adding its logarithm u max |V|. Actions far below the
+    best one have large errors in Q, and a weight that makes up for them.
+    """
+    largest_value = last.scale + last.residual
+    n_terms = problem.transitions.model.longest_row + problem.transitions.model.n_actions + 3
+    return n_terms * EPSILON * largest_value
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,4 +222,63 @@ def solution_from(
         residual=last.residual,
         error_bound=certified / (1.0 - problem.discount),
         converged=converged,
+    )
+
+
+@dataclass(frozen=True)
+class ValueIteration(BellmanSolver):
+    """Plain sweeps; each shrinks the error by the discount.
+
+    accuracy: wanted error of V relative to max(1, max |V|); max_sweeps bounds the loop.
+    """
+
+    accuracy: float = 1e-10
+    max_sweeps: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        require_limits(self.accuracy, self.max_sweeps)
+
+    def solve(
+        self, problem: BellmanProblem, initial_value: FloatArray | None = None
+    ) -> BellmanSolution:
+        """Sweep until certified or out of sweeps."""
+        latest = backup(problem, starting_value(problem.mdp, initial_value))
+        sweeps = 1
+        while not (done := is_accurate(problem, self.accuracy, latest)):
+            if sweeps >= self.max_sweeps:
+                break
+            latest = backup(problem, latest.target)
+            sweeps += 1
+        return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoint:
+    """dJ/dR as (S, A), dJ/d(local probabilities of P), and the state part y as (S,)."""
+
+    reward_gradient: FloatArray
+    local_gradient: FloatArray
+    state_gradient: FloatArray
+
+
+def adjoint(
+    mdp: Mdp,
+    transitions: Transitions,
+    solution: BellmanSolution,
+    q_gradient: FloatArray,
+    linear_solver: LinearSolver,
+) -> Adjoint:
+    """Gradient of an objective with the given (S, A) gradient by the converged Q."""
+    engine, policy = mdp.engine, solution.policy
+    system = engine.system(transitions, policy, mdp.discount, linear_solver)
+    flow = engine.flow(transitions, q_gradient)
+    state_gradient = system.solve(mdp.discount * flow, transposed=True)
+    del system
+    reward_gradient = policy * state_gradient[:, None]
+    reward_gradient += q_gradient
+    by_local = engine.local_gradient(transitions, reward_gradient, solution.value)
+    return Adjoint(
+        reward_gradient=reward_gradient,
+        local_gradient=mdp.discount * by_local,
+        state_gradient=state_gradient,
     )

@@ -7,7 +7,6 @@ it saves less than it takes to load. The results of both are equal up to roundin
 """
 
 import warnings
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.util import find_spec
@@ -25,83 +24,20 @@ from serd_core.dynamics.transition_model import TransitionModel, Transitions
 COMPILED_FROM = 200_000
 
 
-class Engine(ABC):
-    """What solvers and gradients need of the transitions of one model.
+@dataclass(eq=False)
+class Engine:
+    """What solvers and gradients need of the transitions of one model, by SciPy and NumPy.
 
     sweeps: whether `settled` improves values of the soft Bellman equation.
     """
 
     sweeps: ClassVar[bool] = False
 
-    @property
-    @abstractmethod
-    def pattern(self) -> PolicyPattern:
-        """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
-
-    @abstractmethod
-    def q(
-        self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
-    ) -> FloatArray:
-        """(S, A) R + discount * P V."""
-
-    @abstractmethod
-    def backup(
-        self,
-        equation: BellmanEquation,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """(S,) T V, and its (S, A) Q where it was computed as a table."""
-
-    def settled(
-        self,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
-        smallest: float,
-    ) -> FloatArray:
-        """(S,) value after Gauss-Seidel sweeps of the soft equation, by turns in and against the
-        states' order; here the value itself.
-
-        smallest: after the first sweep, states are visited only where their value or that of a
-        state that leads to them moved by more.
-        """
-        del transitions, rewards, discount, smallest
-        return value
-
-    @abstractmethod
-    def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:
-        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
-
-    @abstractmethod
-    def local_gradient(
-        self, transitions: Transitions, weights: FloatArray, values: FloatArray
-    ) -> FloatArray:
-        """Gradient of sum weights(s, a) P(s' | s, a) values(s') by the local probabilities."""
-
-    @abstractmethod
-    def system(
-        self,
-        transitions: Transitions,
-        policy: FloatArray,
-        discount: float,
-        solver: LinearSolver,
-    ) -> LinearSystem:
-        """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
-
-
-@dataclass(frozen=True, eq=False)
-class SciPyEngine(Engine):
-    """Sparse matrices of SciPy and tables of NumPy."""
-
     model: TransitionModel
 
     @cached_property
-    def pattern(self) -> EntryPattern:
-        """Places of the non-zeros, and of each entry of P among them."""
+    def pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
         model = self.model
         return policy_pattern(model.row, model.successor, model.n_states, model.n_actions)
 
@@ -122,18 +58,35 @@ class SciPyEngine(Engine):
         discount: float,
         value: FloatArray,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """(S,) T V, and its (S, A) Q."""
+        """(S,) T V, and its (S, A) Q where it was computed as a table."""
         q = self.q(transitions, rewards, discount, value)
         return equation.maximum(q), q
 
+    def settled(
+        self,
+        transitions: Transitions,
+        rewards: FloatArray,
+        discount: float,
+        value: FloatArray,
+        smallest: float,
+    ) -> FloatArray:
+        """(S,) value after Gauss-Seidel sweeps of the soft equation, by turns in and against the
+        states' order; here the value itself.
+
+        smallest: after the first sweep, states are visited only where their value or that of a
+        state that leads to them moved by more.
+        """
+        del transitions, rewards, discount, smallest
+        return value
+
     def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:
-        """(S,) transposed product."""
+        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
         return np.asarray(transitions.matrix.T @ weights.ravel())
 
     def local_gradient(
         self, transitions: Transitions, weights: FloatArray, values: FloatArray
     ) -> FloatArray:
-        """Gradient by the local probabilities, gathered from that by the entries."""
+        """Gradient of sum weights(s, a) P(s' | s, a) values(s') by the local probabilities."""
         model = transitions.model
         by_entry = np.take(weights.ravel(), model.row)
         by_entry *= np.take(values, model.successor)
@@ -146,9 +99,11 @@ class SciPyEngine(Engine):
         discount: float,
         solver: LinearSolver,
     ) -> LinearSystem:
-        """The matrix, prepared by the solver."""
-        data = self.pattern.system_data(policy, transitions.entries, discount)
-        return solver.prepare(self.pattern, data)
+        """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
+        pattern = self.pattern
+        assert isinstance(pattern, EntryPattern)
+        data = pattern.system_data(policy, transitions.entries, discount)
+        return solver.prepare(pattern, data)
 
 
 def engine_for(model: TransitionModel, compiled_from: int = COMPILED_FROM) -> Engine:
@@ -157,7 +112,7 @@ def engine_for(model: TransitionModel, compiled_from: int = COMPILED_FROM) -> En
         from serd_core.bellman.compiled.compiled_engine import CompiledEngine
 
         return CompiledEngine(model)
-    return SciPyEngine(model)
+    return Engine(model)
 
 
 def is_large(n_states: int, compiled_from: int = COMPILED_FROM) -> bool:

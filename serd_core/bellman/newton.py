@@ -18,10 +18,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
-from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
+    Backup,
+    BellmanProblem,
     BellmanSolution,
     BellmanSolver,
+    backup,
     is_accurate,
     require_limits,
     solution_from,

@@ -7,7 +7,7 @@ parameters, `learned_transitions` the log odds of a distribution of its own for 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -154,29 +154,16 @@ class SparseModel(TransitionModel):
         return vector
 
 
-@dataclass(frozen=True, eq=False)
-class KnownEntries:
-    """The map of a model without parameters to its (E,) entries."""
-
-    entries: FloatArray
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """(E,) the entries, whatever the parameters."""
-        del parameters
-        return self.entries
+def known_entries(entries: FloatArray, parameters: FloatArray) -> FloatArray:
+    """(E,) entries of a model without parameters."""
+    del parameters
+    return entries
 
 
-@dataclass(frozen=True)
-class NoParameters:
-    """The vector-Jacobian product of a model without parameters."""
-
-    def __call__(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
-        """(0,) numbers."""
-        del parameters, gradient
-        return np.zeros(0)
-
-
-NONE = NoParameters()
+def no_gradient(parameters: FloatArray, gradient: FloatArray) -> FloatArray:
+    """(0,) the vector-Jacobian product of a model without parameters."""
+    del parameters, gradient
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,17 +204,6 @@ class LogOdds:
         return np.flatnonzero(~self.free)
 
 
-@dataclass(frozen=True, eq=False)
-class PullBack:
-    """The vector-Jacobian product of log odds."""
-
-    odds: LogOdds
-
-    def __call__(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
-        """(E - R,) numbers."""
-        return self.odds.pull_back(parameters, gradient)
-
-
 def learned_transitions(
     n_pairs: tuple[int, int], state: IntArray, action: IntArray, next_state: IntArray
 ) -> SparseModel:
@@ -235,19 +211,12 @@ def learned_transitions(
 
     The parameters are the log odds of each transition against the first of its pair.
     """
-    listed = SparseModel(n_pairs, state, action, next_state, 0, KnownEntries(np.zeros(0)), NONE)
-    groups = listed.groups
+    nothing = partial(known_entries, np.zeros(0))
+    groups = SparseModel(n_pairs, state, action, next_state, 0, nothing, no_gradient).groups
     odds = LogOdds(np.unique(groups.row, return_inverse=True)[1].reshape(-1))
     from_state, by_action = np.divmod(groups.row, n_pairs[1])
-    return SparseModel(
-        n_pairs=n_pairs,
-        state=from_state,
-        action=by_action,
-        next_state=groups.successor,
-        parameter_count=int(odds.free.sum()),
-        probabilities=odds,
-        vector_jacobian=PullBack(odds),
-    )
+    count, following = int(odds.free.sum()), groups.successor
+    return SparseModel(n_pairs, from_state, by_action, following, count, odds, odds.pull_back)
 
 
 def fixed_transitions(
@@ -259,14 +228,7 @@ def fixed_transitions(
 ) -> SparseModel:
     """A known sparse P without parameters; SerdError where a row is no distribution."""
     known = float_array("probability", probability, (len(np.atleast_1d(state)),))
-    model = SparseModel(
-        n_pairs=n_pairs,
-        state=state,
-        action=action,
-        next_state=next_state,
-        parameter_count=0,
-        probabilities=KnownEntries(known),
-        vector_jacobian=NONE,
-    )
+    entries = partial(known_entries, known)
+    model = SparseModel(n_pairs, state, action, next_state, 0, entries, no_gradient)
     model.require_transitions(known)
     return model

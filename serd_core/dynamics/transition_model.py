@@ -8,6 +8,13 @@ and one successor, several entries of a row may share a successor, and
 
 Entries are linear in the model's *local probabilities* (the numbers that are reported, e.g. one
 table of outcomes per local model), which are a smooth function of its parameter vector.
+
+Functions of the transition probabilities, sum_g h_g(P_g) over the distinct g = (s, a, s'), have the
+second derivatives
+
+    d2 sum h(P) = sum h'(P) d2 P + sum h''(P) dP dP^T
+
+For h = c log P, the log-likelihood of counts c, h' = c / P and h'' = -c / P^2.
 """
 
 from __future__ import annotations
@@ -24,6 +31,7 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     differences,
+    floored,
     gradient_differences,
     matrix_index_type,
     number_array,
@@ -280,3 +288,48 @@ def transitions_of(model: TransitionModel, local_probabilities: FloatArray | Non
     transitions = Transitions(model, np.asarray(given, dtype=np.float64))
     model.require_transitions(transitions.local_probabilities)
     return transitions
+
+
+def transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:
+    """(G,) probability of each distinct transition, with a positive floor."""
+    return floored(model.groups.probabilities(model.entries(model.local_probabilities(theta))))
+
+
+def dynamics_gradient(
+    model: TransitionModel, theta: FloatArray, group_gradient: FloatArray
+) -> FloatArray:
+    """(N,) gradient by the parameters for a (G,) gradient by distinct transitions."""
+    entry_gradient = group_gradient[model.groups.group_of_entry]
+    return model.pull_back(theta, model.gather(entry_gradient))
+
+
+def log_transition_hessian(
+    model: TransitionModel, theta: FloatArray, counts: FloatArray
+) -> FloatArray:
+    """(N, N) of sum c_g log P_g for (G,) counts of the model's distinct transitions."""
+    present = transition_probabilities(model, theta)
+    ratio = counts / present
+    return transition_hessian(model, theta, ratio, -ratio / present)
+
+
+def transition_hessian(
+    model: TransitionModel, theta: FloatArray, first: FloatArray, second: FloatArray
+) -> FloatArray:
+    """(N, N) of sum h_g(P_g) for (G,) first and second derivatives of h."""
+    by_local = model.gather(first[model.groups.group_of_entry])
+    bent = second != 0
+    slopes = transition_jacobian(model, model.local_jacobian(theta), bent)
+    bend = (slopes * second[bent][:, None]).T @ slopes
+    return np.asarray(model.local_curvature(theta, by_local) + bend)
+
+
+def transition_jacobian(
+    model: TransitionModel, local_jacobian: FloatArray, wanted: BoolArray
+) -> FloatArray:
+    """(n_wanted, N) derivative of the wanted transitions (mask over G) by the parameters."""
+    n_groups, n_local = len(model.groups), len(local_jacobian)
+    ones = np.ones(len(model.local_index))
+    choose = scipy.sparse.csr_array(
+        (ones, (model.groups.group_of_entry, model.local_index)), shape=(n_groups, n_local)
+    )
+    return np.asarray(choose[np.flatnonzero(wanted)] @ local_jacobian)

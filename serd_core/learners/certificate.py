@@ -3,7 +3,7 @@
 The gradient alone does not show it. It is small where a feature has small values, where decisions
 agree so well that the likelihood grows without end (separable data), and along directions that no
 decision informs. The Newton step in standard errors distinguishes these
-(`serd_core.ascent.newton_ascent`).
+(`serd_core.ascent.trust_region`).
 
 Newton's method does not go on where an objective has kinks, or is no log density. There the ascent
 is taken at its word unless a direction is open (`serd_core.ascent.open_directions`).
@@ -15,8 +15,8 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AT_A_KINK, AT_MAXIMUM, AscentResult, Step, StepCallback
-from serd_core.ascent.newton_ascent import Curvature, NewtonAscent
 from serd_core.ascent.open_directions import OpenDirections, open_directions
+from serd_core.ascent.trust_region import Curvature, NewtonAscent
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import (
     Coordinates,

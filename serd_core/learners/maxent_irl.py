@@ -29,7 +29,7 @@ from serd_core.demonstrations.trajectories import (
 )
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_search
+from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 

@@ -32,8 +32,8 @@ from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
+from serd_core.learners.start import reward_search
 from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy

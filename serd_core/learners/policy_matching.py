@@ -15,14 +15,14 @@ import numpy as np
 from serd_core.arrays import FloatArray, require_positive
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import LBFGS
+from serd_core.bellman.bellman_solver import adjoint
 from serd_core.bellman.equations import boltzmann
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_search
+from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import PolicyMatchingPolicy
-from serd_core.posterior.derivatives.adjoint import adjoint
 
 
 def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:

@@ -47,8 +47,7 @@ from serd_core.demonstrations.trajectories import feature_counts, trajectories_o
 from serd_core.errors import SerdError
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.known_dynamics import reward_names, reward_search
-from serd_core.learners.start import dynamics_or_estimate
+from serd_core.learners.start import dynamics_or_estimate, reward_names, reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 
@@ -106,7 +105,7 @@ def fit_relative_entropy_irl(
     climb = Climb(FunctionObjective(dual.evaluate), on_step)
     start = search.start.reward / scale
     found = scipy.optimize.minimize(
-        lambda halves: _negative(climb.evaluate(halves)),
+        climb.negated,
         np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
         jac=True,
         method="L-BFGS-B",
@@ -215,10 +214,6 @@ def _thresholds(
     if np.any(checked < 0):
         raise SerdError(f"thresholds must not be negative, got {checked.min()}")
     return checked
-
-
-def _negative(point: Point) -> tuple[float, FloatArray]:
-    return -point.value, -point.gradient
 
 
 def _after_step(climb: Climb, dual: SampledDual, halves: FloatArray) -> None:

@@ -6,7 +6,8 @@ applies as it is. Solving takes backward induction in effect: nothing leads to a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -150,35 +151,32 @@ def _entries_in_periods(model: SparseModel, n_periods: int) -> SparseModel:
         np.concatenate([np.tile(model.next_state, n_periods) + n_states * (period + 1), last]),
     )
     n_pairs = (n_states * (n_periods + 1), n_actions)
-    entries = _RepeatedEntries(model.probabilities, n_periods, n_states)
+    entries = partial(_repeated, model.probabilities, n_periods, n_states)
     if not model.parameter_count:
         return fixed_transitions(n_pairs, *columns, entries(np.zeros(0)))
-    gradient = _SummedGradient(model.vector_jacobian, n_periods, n_states)
+    gradient = partial(_summed, model.vector_jacobian, n_periods, n_states)
     n_copies = n_periods * model.n_copies
     return SparseModel(n_pairs, *columns, model.parameter_count, entries, gradient, n_copies)
 
 
-@dataclass(frozen=True, eq=False)
-class _RepeatedEntries:
+def _repeated(
+    probabilities: Callable[[FloatArray], FloatArray],
+    n_periods: int,
+    n_final: int,
+    parameters: FloatArray,
+) -> FloatArray:
     """Entries of one period for each, and 1 for staying in each of the final states."""
-
-    probabilities: Callable[[FloatArray], FloatArray]
-    n_periods: int
-    n_final: int
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        found = np.asarray(self.probabilities(parameters), dtype=np.float64)
-        return np.concatenate([np.tile(found, self.n_periods), np.ones(self.n_final)])
+    found = np.asarray(probabilities(parameters), dtype=np.float64)
+    return np.concatenate([np.tile(found, n_periods), np.ones(n_final)])
 
 
-@dataclass(frozen=True, eq=False)
-class _SummedGradient:
-    """Vector-Jacobian product of `_RepeatedEntries`."""
-
-    vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray]
-    n_periods: int
-    n_final: int
-
-    def __call__(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
-        repeated = gradient[: len(gradient) - self.n_final].reshape(self.n_periods, -1)
-        return self.vector_jacobian(parameters, repeated.sum(axis=0))
+def _summed(
+    vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray],
+    n_periods: int,
+    n_final: int,
+    parameters: FloatArray,
+    gradient: FloatArray,
+) -> FloatArray:
+    """Vector-Jacobian product of `_repeated`."""
+    repeated = gradient[: len(gradient) - n_final].reshape(n_periods, -1)
+    return vector_jacobian(parameters, repeated.sum(axis=0))

@@ -21,15 +21,13 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from serd_core.arrays import FloatArray, IntArray, require_count
-from serd_core.ascent.newton_ascent import NewtonAscent
-from serd_core.ascent.trust_region import quadratic_step
+from serd_core.ascent.trust_region import NewtonAscent, quadratic_step
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
-from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of
-from serd_core.mixtures.units import units_of
+from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of, units_of
 from serd_core.posterior.coordinates import coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import SumOfPriors, terms_of

@@ -8,6 +8,7 @@ Each relation maps the four blocks to the vector an optimiser moves, and back. A
 theta_P > 0 is moved by its logarithm.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.coupling import CouplingPrior
+from serd_core.priors.divergence import CouplingPrior
 from serd_core.priors.gaussian import GaussianAroundTruth
 from serd_core.priors.prior import Prior, UniformPrior
 
@@ -37,6 +38,13 @@ class Belief:
         """The prior that comes with this relation."""
         return UniformPrior()
 
+    def places(self, like: Parameters) -> Iterator[tuple[tuple[Block, ...], slice]]:
+        """Each group with its place in the vector; `like` gives the lengths."""
+        start = 0
+        for group in self.groups:
+            yield group, (place := slice(start, start + len(like.block(group[0]))))
+            start = place.stop
+
     def pack(self, parameters: Parameters) -> FloatArray:
         """(m,) vector of the free numbers."""
         blocks = [parameters.block(group[0]) for group in self.groups]
@@ -44,25 +52,19 @@ class Belief:
 
     def unpack(self, vector: FloatArray, like: Parameters) -> Parameters:
         """Blocks of a vector; `like` gives the lengths (and the values of fixed blocks)."""
-        lengths = [len(like.block(group[0])) for group in self.groups]
-        *parts, log_temperature = np.split(vector, np.cumsum(lengths))
-        moved = {
-            block.value: part
-            for group, part in zip(self.groups, parts, strict=True)
-            for block in group
-        }
-        return replace(like, policy=np.exp(log_temperature), **moved)
+        moved: dict[str, FloatArray] = {}
+        for group, place in self.places(like):
+            # One array for equal blocks, so that their transitions are computed once.
+            moved |= dict.fromkeys((block.value for block in group), vector[place])
+        return replace(like, policy=np.exp(vector[place.stop :]), **moved)
 
     def jacobian(self, at: Parameters) -> FloatArray:
         """(n, m) derivative of all blocks in a row (`Parameters.vector`) by the vector."""
         table = np.zeros((len(at.vector), len(self.pack(at))))
-        start = 0
-        for group in self.groups:
-            length = len(at.block(group[0]))
+        for group, place in self.places(at):
             for block in group:
-                table[at.place(block), start : start + length] = np.eye(length)
-            start += length
-        table[at.place(Block.POLICY), start:] = np.diag(at.policy)
+                table[at.place(block), place] = np.eye(place.stop - place.start)
+        table[at.place(Block.POLICY), place.stop :] = np.diag(at.policy)
         return table
 
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:

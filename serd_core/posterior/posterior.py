@@ -14,8 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored, weighted_counts
-from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
+from serd_core.bellman.bellman_solver import (
+    Adjoint,
+    BellmanProblem,
+    BellmanSolution,
+    BellmanSolver,
+    adjoint,
+)
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.newton import Newton
@@ -25,7 +30,6 @@ from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, rewards_of, usable_features, weights_gradient
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior.derivatives.adjoint import Adjoint, adjoint
 from serd_core.posterior.hidden_actions import ExpectedCounts, expected_counts
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior

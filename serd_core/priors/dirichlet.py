@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from serd_core.arrays import FloatArray, floored, require_kind, require_positive
-from serd_core.dynamics.counted_transitions import LogLikelihood
+from serd_core.dynamics.estimation import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel

@@ -32,7 +32,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
 from serd_core.bayes.laplace import laplace
-from serd_core.bellman.value_iteration import ValueIteration
+from serd_core.bellman.bellman_solver import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics

@@ -23,7 +23,7 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.divergence import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior, UniformPrior
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, once_per_state
 from serd_core.bellman.compiled.swept_bicgstab import Swept
-from serd_core.bellman.engine import Engine, SciPyEngine
+from serd_core.bellman.engine import Engine
 from serd_core.bellman.equations import BellmanEquation, SoftBellman, boltzmann
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov
@@ -38,7 +38,7 @@ class CompiledEngine(Engine):
     sweeps = True
 
     def __init__(self, model: TransitionModel) -> None:
-        self._model = model
+        super().__init__(model)
         n_states, n_actions = model.available.shape
         if isinstance(model, OutcomeModels):
             table, size = once_per_state(model.successors), model.n_outcomes
@@ -55,7 +55,7 @@ class CompiledEngine(Engine):
             ),
         )
 
-    @property
+    @cached_property
     def pattern(self) -> PolicyPattern:
         """Places of the non-zeros of I - gamma P_pi."""
         return self._structure[0]
@@ -64,7 +64,7 @@ class CompiledEngine(Engine):
         self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
     ) -> FloatArray:
         """(S, A) R + discount * P V."""
-        q = np.empty(self._model.available.shape)
+        q = np.empty(self.model.available.shape)
         given = self._probabilities(transitions), _plain(rewards), float(discount)
         _back_up(*self._rows, *given, _plain(value), self._near, q)
         return q
@@ -81,7 +81,7 @@ class CompiledEngine(Engine):
         if not equation.curved:
             q = self.q(transitions, rewards, discount, value)
             return equation.maximum(q), q
-        target = np.empty(self._model.n_states)
+        target = np.empty(self.model.n_states)
         given = self._probabilities(transitions), _plain(rewards), float(discount)
         _back_up_softly(*self._rows, *given, _plain(value), self._near, target)
         return target, None
@@ -102,7 +102,7 @@ class CompiledEngine(Engine):
 
     def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:
         """(S,) transposed product."""
-        flow = np.zeros(self._model.n_states)
+        flow = np.zeros(self.model.n_states)
         _add_flow(*self._rows, self._probabilities(transitions), _plain(weights), flow)
         return flow
 
@@ -112,9 +112,9 @@ class CompiledEngine(Engine):
         """Gradient by the local probabilities."""
         sums = np.zeros(len(self._probabilities(transitions)))
         _sum_by_probability(*self._rows, _plain(weights), _plain(values), sums)
-        if isinstance(self._model, OutcomeModels):
+        if isinstance(self.model, OutcomeModels):
             return sums.reshape(transitions.local_probabilities.shape)
-        return self._model.gather(sums)
+        return self.model.gather(sums)
 
     def system(
         self,
@@ -137,18 +137,18 @@ class CompiledEngine(Engine):
     def _probabilities(self, transitions: Transitions) -> FloatArray:
         """The list of probabilities that `place` refers to."""
         local = transitions.local_probabilities
-        listed = isinstance(self._model, OutcomeModels)
-        return _plain(np.ravel(local) if listed else self._model.entries(local))
+        listed = isinstance(self.model, OutcomeModels)
+        return _plain(np.ravel(local) if listed else self.model.entries(local))
 
     @property
     def _near(self) -> FloatArray:
         """Work space for values at the successors of a row."""
-        return np.empty(self._model.longest_row)
+        return np.empty(self.model.longest_row)
 
     @cached_property
     def _structure(self) -> tuple[PolicyPattern, IntArray]:
         """Places of the non-zeros of I - gamma P_pi, and of each successor in its row of these."""
-        n_states, (successor, first, _, length) = self._model.n_states, self._rows
+        n_states, (successor, first, _, length) = self.model.n_states, self._rows
         row_start: Any = np.zeros(n_states + 1, dtype=np.int32)
         seen_by: Any = np.full(n_states, -1, dtype=np.int32)
         _count_successors(successor, first, length, seen_by, row_start)
@@ -168,7 +168,7 @@ def rehearse() -> None:
     transitions = Transitions(model, np.array([[0.25, 0.75], [0.5, 0.5]]))
     table, value = np.arange(8.0).reshape(4, 2) / 8.0, np.ones(4)
     results = []
-    for engine in (SciPyEngine(model), CompiledEngine(model)):
+    for engine in (Engine(model), CompiledEngine(model)):
         target, _ = engine.backup(SoftBellman(), transitions, table, 0.5, value)
         gradient = engine.local_gradient(transitions, table, value)
         parts = [engine.q(transitions, table, 0.5, value).ravel(), target, gradient.ravel()]

@@ -18,6 +18,7 @@ from the start on graphs that are not local.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numba
@@ -50,85 +51,67 @@ class Swept(LinearSolver):
     quick_from: int = QUICK_FROM
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Scale the rows of the matrix."""
+        """Keep the matrix, whose rows are scaled at the first right-hand side."""
+        matrix = pattern.matrix(data)
         if pattern.n_states < self.quick_from or not _is_local(pattern):
-            system = SweptSystem(self.settings, SweptMatrix(pattern, data))
+            system = SweptSystem(self.settings, matrix, None, pattern)
             return WithFallback(system, self.fallback, pattern, data)
         settings = replace(self.settings, max_iterations=QUICK_ITERATIONS)
-        quick = SweptSystem(settings, SweptMatrix(pattern, data, LUMPED, np.float32))
+        quick = SweptSystem(settings, matrix, None, pattern, LUMPED, np.float32)
         plain = replace(self, quick_from=pattern.n_states + 1)
         return WithFallback(quick, plain, pattern, data)
 
 
 @dataclass(frozen=True, eq=False)
 class SweptSystem(KrylovSystem):
-    """One matrix whose rows are scaled."""
-
-    swept: "SweptMatrix"
-
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        return self.swept.product(vector, transposed)
-
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        most = self.settings.max_iterations
-        return self.swept.solve(right_side, transposed, relative_residual, most)
-
-
-class SweptMatrix:
     """A, and its rows divided by the pivots d; read by columns those are A^T / d.
 
     lumped: share of the fill that pivots take up; kind: type of the divided rows and the vectors.
     """
 
-    def __init__(
-        self, pattern: PolicyPattern, data: FloatArray, lumped: float = 0.0, kind: Any = np.float64
-    ) -> None:
-        self._matrix = pattern.matrix(data)
-        pivots, scaled = np.empty(pattern.n_states), np.empty(len(data), dtype=kind)
+    pattern: PolicyPattern
+    lumped: float = 0.0
+    kind: Any = np.float64
+
+    @cached_property
+    def _scaled(self) -> tuple[FloatArray, Any]:
+        """(S,) pivots, and the divided rows with their structure."""
+        pattern, data = self.pattern, self.matrix.data
+        pivots, scaled = np.empty(pattern.n_states), np.empty(len(data), dtype=self.kind)
         structure = pattern.row_start, pattern.column, data, pattern.diagonal
-        _scale_rows(*structure, lumped, np.empty(pattern.n_states), pivots, scaled)
-        self._pivots = pivots
-        self._stored = (pattern.row_start, pattern.column, scaled, pattern.diagonal)
+        _scale_rows(*structure, self.lumped, np.empty(pattern.n_states), pivots, scaled)
+        return pivots, (pattern.row_start, pattern.column, scaled, pattern.diagonal)
 
-    def product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        """(S,) A x, or A^T x."""
-        return np.asarray((self._matrix.T if transposed else self._matrix) @ vector)
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        return np.asarray((self.matrix.T if transposed else self.matrix) @ vector)
 
-    def solve(
-        self,
-        right_side: FloatArray,
-        transposed: bool,
-        relative_residual: float,
-        max_iterations: int,
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
     ) -> FloatArray:
-        """(S,) x near the solution of A x = b or A^T x = b, as far as the recurrences got."""
+        pivots, _ = self._scaled
         size = float(np.max(np.abs(right_side))) or 1.0
-        remaining = right_side / (size if transposed else size * self._pivots)
-        remaining = remaining.astype(self._stored[2].dtype, copy=False)
+        remaining = right_side / (size if transposed else size * pivots)
+        remaining = remaining.astype(self.kind, copy=False)
         # What breaks down is not finite and no better than zero, which callers see.
         with np.errstate(all="ignore"):
-            found = self._bicgstab(not transposed, remaining, relative_residual, max_iterations)
+            found = self._bicgstab(not transposed, remaining, relative_residual)
         solution = found.astype(np.float64, copy=False)
         solution *= size
         if transposed:
-            solution /= self._pivots
+            solution /= pivots
         return np.asarray(solution)
 
-    def _bicgstab(
-        self, by_rows: bool, r: Any, relative_residual: float, max_iterations: int
-    ) -> Any:
+    def _bicgstab(self, by_rows: bool, r: Any, relative_residual: float) -> Any:
         """x near the solution, from zero (van der Vorst 1992); uses up the right side r.
 
         Ends early where a recurrence breaks down, with what it has. Sums have double precision.
         """
-        kind, given = r.dtype.type, (*self._stored, by_rows)
+        kind, given = r.dtype.type, (*self._scaled[1], by_rows)
         x, p, v, y = (np.zeros_like(r) for _ in range(4))
         squared = rho = _solve_lower(*given, y, r, r)[0]
         shadow, t, target = r.copy(), np.empty_like(r), relative_residual**2 * squared
         beta, minus = kind(0.0), kind(0.0)
-        for _ in range(max_iterations):
+        for _ in range(self.settings.max_iterations):
             if squared <= target or rho == 0.0:
                 break
             _turn(beta, minus, r, v, p, y)

@@ -5,7 +5,6 @@ by rounding. An incomplete LU factor may precondition; discounts near one and gr
 need it, others do without.
 """
 
-from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import signature
@@ -43,7 +42,7 @@ class Krylov(LinearSolver):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
         matrix = pattern.matrix(data)
-        return PlainSystem(self, matrix, self._incomplete(matrix))
+        return KrylovSystem(self, matrix, self._incomplete(matrix))
 
     def _incomplete(self, matrix: Any) -> Any:
         if self.fill <= 0:
@@ -55,9 +54,11 @@ class Krylov(LinearSolver):
 
 @dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix."""
+    """One matrix by rows, without a preconditioner or with an incomplete factor."""
 
     settings: Krylov
+    matrix: Any
+    incomplete: Any
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
@@ -91,34 +92,18 @@ class KrylovSystem(LinearSystem):
             " max_iterations, or use SparseLu"
         )
 
-    @abstractmethod
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        """(S,) product with the matrix or its transpose."""
-
-    @abstractmethod
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        """(S,) result of one run of BiCGSTAB from zero, converged or not."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlainSystem(KrylovSystem):
-    """By rows, without a preconditioner or with an incomplete factor."""
-
-    matrix: Any
-    incomplete: Any
-
     @cached_property
     def _transposed(self) -> Any:
         return self.matrix.T.tocsr()
 
     def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        """(S,) product with the matrix or its transpose."""
         return np.asarray((self._transposed if transposed else self.matrix) @ vector)
 
     def _run(
         self, right_side: FloatArray, transposed: bool, relative_residual: float
     ) -> FloatArray:
+        """(S,) result of one run of BiCGSTAB from zero, converged or not."""
         found, _ = scipy.sparse.linalg.bicgstab(
             self._transposed if transposed else self.matrix,
             right_side,

@@ -24,17 +24,20 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, floored
-from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.linear.linear_solver import LinearSystem
-from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
-from serd_core.memory import require_memory
-from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.derivatives.adjoint import Adjoint
-from serd_core.posterior.derivatives.transition_derivatives import (
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution
+from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    Transitions,
     log_transition_hessian,
     transition_jacobian,
+    transition_probabilities,
+    transitions_at,
 )
+from serd_core.mdp.mdp import Mdp
+from serd_core.memory import require_memory
+from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
@@ -81,15 +84,15 @@ class Sensitivities:
 
 
 def sensitivities(
+    mdp: Mdp,
     features: FloatArray,
-    discount: float,
     transitions: Transitions,
     solution: BellmanSolution,
     local_jacobian: FloatArray,
-    system: LinearSystem,
+    solver: LinearSolver,
 ) -> Sensitivities:
     """Derivatives by reward weights, then dynamics parameters."""
-    model = transitions.model
+    model, discount = transitions.model, mdp.discount
     n_derivatives = features.shape[2] + local_jacobian.shape[1]
     _require_memory(n_derivatives, f"{model.n_states} states", model.n_states)
     policy, n_local = solution.policy, len(local_jacobian)
@@ -109,6 +112,7 @@ def sensitivities(
         features if model.available.all() else np.where(model.available[..., None], features, 0.0)
     )
     by_reward = np.einsum("sa,saf->sf", policy, usable)
+    system = mdp.engine.system(transitions, policy, discount, solver)
     by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))
     return Sensitivities(by_value, usable, by_local, local_jacobian, transitions, discount)
 
@@ -222,10 +226,7 @@ def sensitivities_at(
         local_jacobian = np.zeros((believed.local_probabilities.size, 0))
     n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
     solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
-    system = mdp.engine.system(believed, at.solution.policy, mdp.discount, solver)
-    return sensitivities(
-        posterior.features, mdp.discount, believed, at.solution, local_jacobian, system
-    )
+    return sensitivities(mdp, posterior.features, believed, at.solution, local_jacobian, solver)
 
 
 def _add_policy_part(
@@ -283,7 +284,7 @@ def transition_scores(
 
 def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
     group = model.groups.places(key)
-    probability = floored(model.groups.probabilities(transitions_at(model, truth).entries)[group])
+    probability = transition_probabilities(model, truth)[group]
     wanted = np.zeros(len(model.groups), dtype=np.bool_)
     wanted[group] = True
     slopes = transition_jacobian(model, model.local_jacobian(truth), wanted)

@@ -13,8 +13,7 @@ from serd_core.learners.serd import SerdSettings, fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import TiedBelief
 from serd_core.priors.prior import UniformPrior
-from serd_core.selection.evaluation import validation_log_likelihood
-from serd_core.selection.prior_weight import split_episodes
+from serd_core.selection.evaluation import split_episodes, validation_log_likelihood
 from serd_files.errors import USER_ERRORS
 
 

@@ -9,12 +9,11 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
-from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanProblem, adjoint
 from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_at
-from serd_core.posterior.derivatives.adjoint import adjoint
 
 EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)
 

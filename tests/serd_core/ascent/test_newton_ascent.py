@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.ascent import Objective
-from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.trust_region import NewtonAscent
 
 WEIGHTS, SHARES = np.array([1.0, 4.0, 9.0]), np.array([0.5, 0.3, 0.2])
 TOP = np.log(SHARES)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_core.bayes.design import expected_information_gain
+from serd_core.bayes.information import expected_information_gain
 from serd_core.bayes.laplace import laplace
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError

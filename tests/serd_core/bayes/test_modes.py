@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from serd_core.bayes.draws import laplace_draws
+from serd_core.bayes.draws import laplace_draws, posterior_modes
 from serd_core.bayes.laplace import laplace
-from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd

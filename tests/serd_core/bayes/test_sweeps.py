@@ -14,10 +14,10 @@ from serd_core.bayes.draws import (
     credible_intervals,
     draws_at,
     laplace_draws,
+    posterior_modes,
 )
 from serd_core.bayes.information import outcome_information
 from serd_core.bayes.laplace import Laplace, laplace
-from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bayes.surrogate import Surrogate
 from serd_core.bayes.sweeps import needs_sweeps, swept

@@ -19,15 +19,14 @@ from lab.benchmarks.learning.gridworld_problems import (
     objective_of,
 )
 from serd_core.bellman import engine as choice
-from serd_core.bellman.backup import BellmanProblem, backup
-from serd_core.bellman.engine import COMPILED_FROM, SciPyEngine, engine_for
+from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration, backup
+from serd_core.bellman.engine import COMPILED_FROM, Engine, engine_for
 from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import WithFallback
 from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.linear.policy_pattern import policy_pattern
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
@@ -41,7 +40,7 @@ NEEDS_NUMBA = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`)
 if HAS_NUMBA:
     from serd_core.bellman.compiled import compiled_engine, swept_bicgstab
     from serd_core.bellman.compiled.compiled_engine import CompiledEngine
-    from serd_core.bellman.compiled.swept_bicgstab import Swept, SweptMatrix, SweptSystem
+    from serd_core.bellman.compiled.swept_bicgstab import Swept, SweptSystem
 
 
 @pytest.fixture
@@ -81,7 +80,7 @@ def test_compiled_sums_are_those_of_scipy(random_problem, seed):
     rng = np.random.default_rng(seed)
     for transitions in models(random_problem, seed):
         model = transitions.model
-        plain, fast = SciPyEngine(model), engine_for(model, compiled_from=1)
+        plain, fast = Engine(model), engine_for(model, compiled_from=1)
         value, weights = (
             10.0 * rng.normal(size=model.n_states),
             rng.normal(size=model.available.shape),
@@ -141,9 +140,11 @@ def test_the_factor_of_a_chain_is_exact(n_states):
     pattern = policy_pattern(np.repeat(own, 3), successor, n_states, 1)
     entries = rng.dirichlet(np.ones(3), size=n_states).ravel()
     data = pattern.system_data(np.ones((n_states, 1)), entries, 0.99)
-    dense, right_side = pattern.matrix(data).toarray(), rng.normal(size=n_states)
+    matrix, right_side = pattern.matrix(data), rng.normal(size=n_states)
+    dense = matrix.toarray()
     for transposed in (False, True):
-        found = SweptMatrix(pattern, data, 1.0).solve(right_side, transposed, 0.0, 1)
+        system = SweptSystem(Krylov(max_iterations=1, max_runs=1), matrix, None, pattern, 1.0)
+        found = system.solve(right_side, transposed=transposed)
         expected = np.linalg.solve(dense.T if transposed else dense, right_side)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
@@ -158,7 +159,7 @@ def test_single_precision_is_refined_and_plain_sweeps_follow_where_it_fails(
     transitions, right_side = transitions_of(model, DYNAMICS), np.ones(model.n_states)
     right_side[::7] = -3.0
     monkeypatch.setattr(swept_bicgstab, "QUICK_ITERATIONS", quick_iterations)
-    plain = SciPyEngine(model).pattern
+    plain = Engine(model).pattern
     matrix = plain.matrix(plain.system_data(policy, transitions.entries, 0.99))
     solver = Swept(Krylov(), SparseLu(), 0)
     monkeypatch.setattr(swept_bicgstab, "MOST_CROSSING", 0.1)
@@ -179,7 +180,7 @@ def test_the_fallback_follows_where_sweeps_fail_and_is_kept():
     transitions, weak = transitions_of(model, DYNAMICS), Krylov(max_iterations=1, max_runs=1)
     solver, right_side = Swept(weak, SparseLu()), np.arange(float(model.n_states))
     fast = engine_for(model, compiled_from=1).system(transitions, policy, 0.9999, solver)
-    exact = SciPyEngine(model).system(transitions, policy, 0.9999, SparseLu())
+    exact = Engine(model).system(transitions, policy, 0.9999, SparseLu())
     np.testing.assert_allclose(fast.solve(right_side), exact.solve(right_side), rtol=1e-10)
     assert fast.solver_of_next(solver) == SparseLu()
 
@@ -261,8 +262,8 @@ def test_a_given_solver_is_used_as_it_is():
 @pytest.mark.usefixtures("untried")
 def test_the_engine_is_compiled_from_the_limit_on(make_gridworld):
     model = make_gridworld(n_episodes=1).problem.mdp.transitions
-    assert isinstance(engine_for(model), SciPyEngine)
-    assert isinstance(engine_for(model, model.n_states + 1), SciPyEngine)
+    assert type(engine_for(model)) is Engine
+    assert type(engine_for(model, model.n_states + 1)) is Engine
     assert isinstance(engine_for(model, model.n_states), CompiledEngine)
     assert choice.is_large(COMPILED_FROM)
     assert not choice.is_large(COMPILED_FROM - 1)
@@ -272,7 +273,7 @@ def test_the_engine_is_compiled_from_the_limit_on(make_gridworld):
 def test_without_numba_scipy_is_used_and_nothing_is_said(monkeypatch, make_gridworld):
     model = make_gridworld(n_episodes=1).problem.mdp.transitions
     monkeypatch.setattr(choice, "find_spec", lambda _: None)
-    assert isinstance(engine_for(model, 1), SciPyEngine)
+    assert type(engine_for(model, 1)) is Engine
 
 
 @pytest.mark.usefixtures("untried")
@@ -281,10 +282,10 @@ def test_a_numba_that_does_not_load_gives_one_warning_and_scipy(monkeypatch, mak
     monkeypatch.setattr(choice, "find_spec", lambda name: name)
     monkeypatch.setitem(sys.modules, "serd_core.bellman.compiled.compiled_engine", None)
     with pytest.warns(RuntimeWarning, match="compiled code is not used, .*: ModuleNotFoundError: "):
-        assert isinstance(engine_for(model, 1), SciPyEngine)
+        assert type(engine_for(model, 1)) is Engine
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert isinstance(engine_for(model, 1), SciPyEngine)
+        assert type(engine_for(model, 1)) is Engine
 
 
 @NEEDS_NUMBA
@@ -300,14 +301,14 @@ def test_compiled_code_that_fails_its_trial_is_not_used(monkeypatch, make_gridwo
     reason = "TypeError: no implementation" if wrong == "raises" else "must give the numbers"
     model = make_gridworld(n_episodes=1).problem.mdp.transitions
     with pytest.warns(RuntimeWarning, match=reason):
-        assert isinstance(engine_for(model, 1), SciPyEngine)
+        assert type(engine_for(model, 1)) is Engine
 
 
 NO_CACHE = """
 import warnings
 import numpy as np
 from numba.core import caching
-from serd_core.bellman.engine import SciPyEngine, engine_for
+from serd_core.bellman.engine import Engine, engine_for
 from serd_core.dynamics.sparse_model import fixed_transitions
 caching.CompileResultCacheImpl._locator_classes = []  # as where no folder can be written to
 state = np.zeros(1, int)
@@ -315,7 +316,7 @@ model = fixed_transitions((1, 1), state, state, state, np.ones(1))
 with warnings.catch_warnings(record=True) as given:
     warnings.simplefilter("always")
     engines = [engine_for(model, 1) for _ in range(2)]
-assert all(isinstance(each, SciPyEngine) for each in engines), engines
+assert all(type(each) is Engine for each in engines), engines
 assert ["no locator available" in str(each.message) for each in given] == [True], given
 """
 

@@ -3,7 +3,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.counted_transitions import LogLikelihood, most_likely_parameters
+from serd_core.dynamics.estimation import LogLikelihood, most_likely_parameters
 from serd_core.dynamics.sparse_model import SparseModel
 
 N_STATES, N_ACTIONS, K = 4, 2, 3

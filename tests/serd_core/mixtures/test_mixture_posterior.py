@@ -7,8 +7,7 @@ from scipy.special import logsumexp
 from serd_core.arrays import gradient_differences
 from serd_core.demonstrations.observations import observe
 from serd_core.mixtures.expert_types import expectation_maximisation
-from serd_core.mixtures.mixture_posterior import TIED, mixture_of
-from serd_core.mixtures.units import units_of
+from serd_core.mixtures.mixture_posterior import TIED, mixture_of, units_of
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.coordinates import coordinates
 from serd_core.posterior.parameters import Block

@@ -22,8 +22,7 @@ from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
-from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.divergence import EntropyPrior, KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from support.random_posteriors import (

@@ -12,10 +12,8 @@ from serd_core.arrays import FloatArray, gradient_differences
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.coupling import CouplingPrior
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
-from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.divergence import CouplingPrior, EntropyPrior, KldPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import LogPrior, Prior, UniformPrior

@@ -5,8 +5,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.priors.divergence import KldPrior
-from serd_core.selection.evaluation import validation_log_likelihood
-from serd_core.selection.prior_weight import select_weight, split_episodes
+from serd_core.selection.evaluation import select_weight, split_episodes, validation_log_likelihood
 
 
 def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):

@@ -29,8 +29,11 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.selection.evaluation import policy_log_likelihood, validation_log_likelihood
-from serd_core.selection.prior_weight import select_weight
+from serd_core.selection.evaluation import (
+    policy_log_likelihood,
+    select_weight,
+    validation_log_likelihood,
+)
 from serd_sim.scenario.grid import navigation_problem_of
 
 #: The expert of the study: it plans with the measured dynamics.

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov
