@@ -8,7 +8,6 @@ import numpy as np
 
 from lab.experiments.study.settings import StudySettings, WorldSettings
 from serd_app.navigation.strategy import start_distribution
-from serd_app.report.figures.map_axes import HallwayLayout, layout_of
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.grid import navigation_problem_of
@@ -42,11 +41,6 @@ class StudyWorld:
     def problem(self) -> NavigationProblem:
         """The decision problem (section 5.1) on that scenario."""
         return navigation_problem_of(self.scenario, self.settings.discount)
-
-    @cached_property
-    def layout(self) -> HallwayLayout:
-        """What maps of the scenario show."""
-        return layout_of(self.scenario)
 
     @cached_property
     def starts(self) -> FloatArray:

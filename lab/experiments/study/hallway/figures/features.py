@@ -32,4 +32,4 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
     # At the goal only waiting is left; what does not depend on the action is the same for all.
     for state in problem.goal_states:
         values[state] = values[state, Action.WAIT]
-    return draw_features(study.layout, problem.grid, values, problem.feature_names, available)
+    return draw_features(study.scenario, problem.grid, values, problem.feature_names, available)

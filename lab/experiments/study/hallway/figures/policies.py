@@ -56,7 +56,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
     methods = list(table["method"].unique())
     found = {method: _policies(table[table["method"] == method]) for method in methods}
     with style.report_style():
-        figure, axes = map_figure(study.layout, 2 * len(methods), height_in=9.4, width_in=13.5)
+        figure, axes = map_figure(study.scenario, 2 * len(methods), height_in=9.4, width_in=13.5)
         for place, panel in enumerate(axes):
             method = methods[place % len(methods)]
             greedy, trapped = found[method]
@@ -79,7 +79,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
 def _panel(axes: Axes, study: Study, greedy: IntArray, trapped: BoolArray) -> None:
     grid = study.problem.grid
     is_goal = np.isin(np.arange(grid.n_states), study.problem.goal_states)
-    draw_areas(axes, study.layout, filled=False)
+    draw_areas(axes, study.scenario, filled=False)
     draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.012)
     outline_traps(axes, grid, trapped)
 

@@ -70,8 +70,8 @@ def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
 def draw(table: pd.DataFrame, study: Study) -> Figure:
     """The map with areas, people and both ways."""
     with style.report_style():
-        figure, (axes,) = map_figure(study.layout, height_in=7.6, width_in=6.6)
-        draw_areas(axes, study.layout, filled=True)
+        figure, (axes,) = map_figure(study.scenario, height_in=7.6, width_in=6.6)
+        draw_areas(axes, study.scenario, filled=True)
         _draw_people(axes, _points(table, PERSON))
         for kind, colour, line in ((TYPICAL, style.PURPLE, "-"), (SHORTEST, _ORANGE, "--")):
             way = _points(table, kind)[:, :2]

@@ -50,10 +50,10 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
         episodes[name] = chosen["episodes"].iloc[0]
     norm = Normalize(0, max(float(np.quantile(each, 0.995)) for each in shares.values()))
     with style.report_style():
-        figure, axes = map_figure(study.layout, len(SETS), height_in=5.4, width_in=12.5)
+        figure, axes = map_figure(study.scenario, len(SETS), height_in=5.4, width_in=12.5)
         for panel, (name, values) in zip(axes, shares.items(), strict=True):
             cells = draw_cells(panel, grid, values, norm, style.VISITS_MAP)
-            draw_areas(panel, study.layout, filled=False)
+            draw_areas(panel, study.scenario, filled=False)
             panel.set_title(f"{name} ({episodes[name]})")
         colour_bar_below(
             figure, axes, cells, "decisions taken in the cell, per episode", extend="max"
