@@ -1,8 +1,7 @@
-"""Typed tables in CSV files: columns described once, read as pandas frames.
+"""Typed tables in CSV files: columns described once, read as rows of plain values.
 
 Columns carry their units in their names (`_s`, `_m`, `_mps`), and floats read back exactly. A
-growing table gets one synced write per row, a whole table is replaced atomically. Only readers
-import pandas: it takes 0.7 s of CPU time, too much for a callback that appends a row.
+growing table gets one synced write per row, a whole table is replaced atomically.
 """
 
 import csv
@@ -14,13 +13,10 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, BinaryIO, TypeVar, get_args, get_type_hints
 
 from serd_bag.errors import FileError, disk_errors, shortened
 from serd_bag.files import atomic_write_text, read_text
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: One line of a table; None where a value is missing.
 Row = dict[str, Any]
@@ -104,12 +100,10 @@ def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object
             os.fsync(stream.fileno())
 
 
-def read_table(
-    path: str | Path, columns: Sequence[Column], *, growing: bool = False
-) -> "pd.DataFrame":
-    """The table as a frame; FileError names the line, the column and the value of a fault.
+def read_table(path: str | Path, columns: Sequence[Column], *, growing: bool = False) -> list[Row]:
+    """The rows of the table; FileError names the line, the column and the value of a fault.
 
-    int columns are int64 (Int64 where nullable), float columns float64, the others str.
+    An empty cell is None in a nullable int column and NaN in a nullable float column.
     growing: whether a last line without its end is left out, because it is being written.
     """
     lines = _csv_lines(path, columns, growing=growing)
@@ -117,7 +111,16 @@ def read_table(
     found = [column for column in columns if not column.optional or column.name in header]
     if header != _names(found):
         raise FileError(f"{path}: {_header_fault(header, _names(columns), _names(found))}")
-    return _frame(found, [_checked_row(path, line, found, cells) for line, cells in lines])
+    names, missing = _names(found), [math.nan if each.kind is float else None for each in found]
+    return [
+        {
+            name: absent if value is None else value
+            for name, value, absent in zip(
+                names, _checked_row(path, line, found, cells), missing, strict=True
+            )
+        }
+        for line, cells in lines
+    ]
 
 
 def write_rows(path: str | Path, row_class: type[Any], rows: Iterable[Any]) -> None:
@@ -133,18 +136,8 @@ def read_rows(
     optional: Collection[str] = (),
 ) -> tuple[RowClass, ...]:
     """The table as instances of a dataclass; growing: see `read_table`, optional: `columns_of`."""
-    frame = read_table(path, columns_of(row_class, optional), growing=growing)
-    return tuple(row_class(**row) for row in records(frame))
-
-
-def records(frame: "pd.DataFrame") -> list[dict[str, Any]]:
-    """Rows of a table as plain values by column name; None for an empty int."""
-    import pandas as pd
-
-    return [
-        {name: None if value is pd.NA else value for name, value in row.items()}
-        for row in frame.to_dict("records")
-    ]
+    rows = read_table(path, columns_of(row_class, optional), growing=growing)
+    return tuple(row_class(**row) for row in rows)
 
 
 class RowTable:
@@ -165,7 +158,7 @@ class RowTable:
         self.rows: dict[Key, Row] = {}
         self._columns, self._key_columns = tuple(columns), tuple(key_columns)
         if self.path.exists():
-            rows = records(read_table(self.path, self._columns, growing=True))
+            rows = read_table(self.path, self._columns, growing=True)
             self.rows = {self._key(row): row for row in rows}
             with disk_errors("write", self.path), self.path.open("r+b") as stream:
                 _truncate_to_whole_lines(stream)
@@ -276,21 +269,3 @@ def _value(place: str, column: Column, cell: str) -> int | float | str | None:
     raise FileError(
         f"{place}, {column.name} must be {rule}, got {shortened(repr(cell))}; correct the line"
     )
-
-
-def _frame(columns: Sequence[Column], rows: Sequence[Sequence[object]]) -> "pd.DataFrame":
-    import pandas as pd
-
-    cells = list(zip(*rows, strict=True)) or [()] * len(columns)
-    return pd.DataFrame(
-        {
-            column.name: pd.Series(values, dtype=_dtype(column))
-            for column, values in zip(columns, cells, strict=True)
-        }
-    )
-
-
-def _dtype(column: Column) -> str:
-    if column.kind is int:
-        return "Int64" if column.nullable else "int64"
-    return "float64" if column.kind is float else "str"

@@ -26,7 +26,6 @@ from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.report.figures.arrival import draw_comparison
-from serd_app.report.figures.map_axes import layout_of
 from serd_app.report.figures.maps import draw_policy_map, draw_visitation
 from serd_app.report.style import png_bytes
 from serd_app.teleop.page.access import PageAccess
@@ -97,7 +96,7 @@ def draw_demo_visitation(path: Path, kept: Path) -> None:
     tracks_m = [rows[rows[:, 0] == episode, 1:] for episode in np.unique(rows[:, 0])]
     grid = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal").problem.grid
     visits = state_counts(load_decisions(kept / "decisions.csv"), grid.n_states)
-    path.write_bytes(png_bytes(draw_visitation(layout_of(HALLWAY), grid, visits, tracks_m)))
+    path.write_bytes(png_bytes(draw_visitation(HALLWAY, grid, visits, tracks_m)))
 
 
 def draw_demo_policy(path: Path, kept: Path) -> None:
@@ -106,7 +105,7 @@ def draw_demo_policy(path: Path, kept: Path) -> None:
     policy, goals = strategy.policy, strategy.problem.goal_states
     grid = strategy.problem.grid
     traps = trap_states(grid.neighbours, policy.greedy, goals)
-    figure = draw_policy_map(layout_of(HALLWAY), grid, policy.value, policy.greedy, goals, traps)
+    figure = draw_policy_map(HALLWAY, grid, policy.value, policy.greedy, goals, traps)
     path.write_bytes(png_bytes(figure))
 
 

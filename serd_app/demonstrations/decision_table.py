@@ -34,11 +34,14 @@ def save_decisions(path: str | Path, decisions: Decisions) -> None:
 
 def load_decisions(path: str | Path) -> Decisions:
     """Read what `save_decisions` wrote; FileError names the line and the column of a fault."""
-    table = read_table(path, COLUMNS)
+    rows = read_table(path, COLUMNS)
     try:
         return Decisions(
-            **{name: table[name].to_numpy() for name in _NUMBERS},
-            source="; ".join(table["source"].unique()),
+            **{
+                each.name: np.array([row[each.name] for row in rows], dtype=each.kind)
+                for each in COLUMNS[:-1]
+            },
+            source="; ".join(dict.fromkeys(row["source"] for row in rows)),
         )
     except SerdError as error:
         raise FileError(f"{path}: {error}") from None

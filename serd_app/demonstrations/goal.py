@@ -69,11 +69,6 @@ def episodes_reaching(decisions: Decisions, goal_states: IntArray) -> IntArray:
     return np.asarray(began_elsewhere[np.isin(began_elsewhere, decisions.episode[there])])
 
 
-def n_reaching(decisions: Decisions, goal_states: IntArray) -> int:
-    """Number of the episodes of `episodes_reaching`."""
-    return len(episodes_reaching(decisions, goal_states))
-
-
 def goal_entries_s(
     episodes: Sequence[EpisodeSpan], decisions: Decisions, decision_period_s: float
 ) -> FloatArray:

@@ -75,7 +75,7 @@ def recorded_sightings(reader: BagReader, topic: str, *, frame: str = "") -> lis
     ids = SightedIds()
     return [
         replace(each, people=ids.with_velocities(each.people, each.time_s))
-        for each in _in_frame(sightings, tf.tree, frame.lstrip("/"))
+        for each in _in_frame(sightings, tf, frame.lstrip("/"))
     ]
 
 

@@ -12,7 +12,7 @@ from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping, DriveMappi
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
 from serd_app.drives.recorded_people import crowd_of_sightings, recorded_sightings
 from serd_app.drives.sessions import drives_in
-from serd_app.drives.table_drives import Crowd, drives_of_table, drives_of_tracks, is_table
+from serd_app.drives.table_drives import Crowd, drive_of_track, drives_of_table, is_table
 from serd_app.errors import AppError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError, DamagedBagError
@@ -87,8 +87,10 @@ def _recording(
         crowd = crowd_of_sightings(
             recorded_sightings(reader, mapping.people_topic, frame=mapping.frame), str(bag)
         )
-        drives = drives_of_tracks(
-            crowd.tracks, crowd.experts, TableMapping.of_people(mapping), period_s, source_of(bag)
+        own = TableMapping.of_people(mapping)
+        drives = tuple(
+            drive_of_track(crowd.tracks[expert], own, period_s, source_of(bag))
+            for expert in crowd.experts
         )
         assumed = (ASSUMED_UNITS,)
     elif not isinstance(mapping, BagMapping):

@@ -133,7 +133,9 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
         experts, choice = _experts(path, tracks, mapping.experts)
     if choice:
         assumed = (*assumed, choice)
-    drives = drives_of_tracks(tracks, experts, mapping, period_s, f"table {path}")
+    drives = tuple(
+        drive_of_track(tracks[expert], mapping, period_s, f"table {path}") for expert in experts
+    )
     crowd = Crowd(tracks, experts, all(map(_is_robot, tracks))) if len(tracks) > 1 else None
     return TableDrives(drives, crowd, assumed)
 
@@ -174,17 +176,6 @@ def _is_robot(track: Track) -> bool:
     return any(_ROBOT.search(each) for each in (track.name or track.agent, *track.kinds))
 
 
-def drives_of_tracks(
-    tracks: Sequence[Track],
-    experts: Sequence[int],
-    mapping: TableMapping,
-    period_s: float,
-    source: str,
-) -> tuple[RecordedDrive, ...]:
-    """The drives of the experts among agents."""
-    return tuple(_drive(tracks[expert], mapping, period_s, source) for expert in experts)
-
-
 def _experts(
     path: Path, tracks: Sequence[Track], wanted: Sequence[str]
 ) -> tuple[tuple[int, ...], str]:
@@ -214,7 +205,10 @@ def _experts(
     return robots, f"{named}{more} {verb} among {len(names) - len(robots)} people ('experts:')"
 
 
-def _drive(track: Track, mapping: TableMapping, period_s: float, source: str) -> RecordedDrive:
+def drive_of_track(
+    track: Track, mapping: TableMapping, period_s: float, source: str
+) -> RecordedDrive:
+    """The drive of an agent, which demonstrates."""
     longest_gap_s = mapping.longest_gap_s or usual_gap_s(track.time_s)
     spans, cuts = unmarked_spans(track.time_s, track.position_m, longest_gap_s, mapping)
     yaw_rad = np.zeros((len(track.time_s), 1))

@@ -190,14 +190,14 @@ class TransformTree:
         return Poses(position_m, turning(np.clip(times_s, stamp_s[0], stamp_s[-1])))
 
 
-class RecordedTransforms:
-    """Fills a tree from a recorded topic of transforms and the `_static` one beside it.
+class RecordedTransforms(TransformTree):
+    """The tree of a recorded topic of transforms and the `_static` one beside it.
 
     known: topics of the recording; those of other types are left.
     """
 
     def __init__(self, known: Mapping[str, Topic], topic: str = "/tf") -> None:
-        self.tree = TransformTree()
+        super().__init__()
         self._topic = topic
         self._stores = {
             name: (known[name].type_name, store_of(known[name]))
@@ -216,5 +216,5 @@ class RecordedTransforms:
             return False
         static = message.topic != self._topic
         for each in transforms(message.data, *self._stores[message.topic]):
-            self.tree.add(each, log_time_ns=message.log_time_ns, static=static)
+            self.add(each, log_time_ns=message.log_time_ns, static=static)
         return True

@@ -188,5 +188,4 @@ def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray)
 def load_trace(path: Path) -> FloatArray:
     """(N,) the objective after each step, of the file beside a model."""
     columns = Column("step", int), Column("objective", float)
-    trace: FloatArray = read_table(path, columns)["objective"].to_numpy()
-    return trace
+    return np.array([row["objective"] for row in read_table(path, columns)])

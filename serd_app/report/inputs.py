@@ -2,13 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
-from serd_app.errors import ReportError
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
@@ -73,37 +71,6 @@ class CrowdSnapshot:
     people_velocity_mps: FloatArray
     people_trail_m: FloatArray
     robot_trail_m: FloatArray
-
-
-def snapshot_from_history(
-    *,
-    times_s: Any,
-    robot_pose: Any,
-    people_position_m: Any,
-    people_velocity_mps: Any,
-    at_s: float,
-    trail_s: float = 4.0,
-) -> CrowdSnapshot:
-    """The last recorded moment not later than `at_s`, with the `trail_s` seconds before it.
-
-    times_s (T,) increasing; robot_pose (T, 3); people_position_m and people_velocity_mps (T, N, 2).
-    """
-    times = np.asarray(times_s, dtype=np.float64)
-    last = int(np.searchsorted(times, at_s, side="right")) - 1
-    if last < 0:
-        raise ReportError(
-            f"at_s must not lie before the first recorded time, got {at_s} s; choose a later moment"
-        )
-    first = int(np.searchsorted(times, times[last] - trail_s, side="left"))
-    positions, poses = np.asarray(people_position_m), np.asarray(robot_pose)
-    return CrowdSnapshot(
-        time_s=float(times[last]),
-        robot_pose=poses[last],
-        people_position_m=positions[last],
-        people_velocity_mps=np.asarray(people_velocity_mps)[last],
-        people_trail_m=positions[first : last + 1],
-        robot_trail_m=poses[first : last + 1, :2],
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from serd_app.report.figures.charts import OUTCOME_LABELS
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs
-from serd_app.report.summary import Summary, headline_of, no_prediction_text
+from serd_app.report.summary import Summary, headline_of
 from serd_app.report.words import in_words, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import HIDDEN
@@ -36,7 +36,7 @@ def render_page(
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
         headline=headline_of(summary),
-        no_prediction=no_prediction_text(summary),
+        no_prediction=summary.no_prediction,
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
@@ -83,7 +83,7 @@ def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
     median = f"predicted {_seconds(summary.predicted_median_s)}"
     none = []
     if summary.no_prediction_because:
-        none = [("Predicted arrival", f"none, because {no_prediction_text(summary)}")]
+        none = [("Predicted arrival", f"none, because {summary.no_prediction}")]
     if summary.measured_arrival_interval_95 is None:
         return none or [("Arrives", predicted), ("Median time of arrival", median)]
     low, high = summary.measured_arrival_interval_95

@@ -9,7 +9,7 @@ from serd_app.navigation.evaluation.prediction_support import (
     reasons_against_prediction,
     reasons_text,
 )
-from serd_app.report.figures.arrival import ArrivalCurve, measured_curve, time_reaching
+from serd_app.report.figures.arrival import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs
 from serd_app.report.words import percent
 from serd_bag.quantities import counted, seconds_in_words
@@ -74,6 +74,11 @@ class Summary:
     how: str
     finished_at: str
 
+    @property
+    def no_prediction(self) -> str:
+        """Why the predicted arrival is not stated, as one clause; empty where it is."""
+        return reasons_text(self.no_prediction_because)
+
     def as_json(self) -> dict[str, object]:
         """The record as JSON-ready values."""
         return asdict(self)
@@ -93,7 +98,9 @@ def summary_of(inputs: ReportInputs) -> Summary:
         n_episodes=len(episodes),
         n_arrived=len(times),
         measured_arrival_probability=len(times) / len(episodes) if episodes else None,
-        measured_arrival_interval_95=_last_interval(measured),
+        measured_arrival_interval_95=None
+        if measured is None
+        else (float(measured.lower[-1]), float(measured.upper[-1])),
         predicted_arrival_probability=float(inputs.predicted.cdf[-1]),
         measured_median_s=None if measured is None else time_reaching(measured, 0.5),
         predicted_median_s=inputs.predicted.quantile_s(0.5),
@@ -107,10 +114,14 @@ def summary_of(inputs: ReportInputs) -> Summary:
         faults="" if inputs.discretised is None else inputs.discretised.faults,
         familiarity=None if inputs.familiarity is None else inputs.familiarity.as_json(),
         compared="" if inputs.familiarity is None else inputs.familiarity.sentence(),
-        n_trap_states=_n_trap_states(inputs),
+        n_trap_states=int(trapped_states(inputs).sum())
+        if inputs.driven is None
+        else len(inputs.driven.traps.states),
         n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
         plan_remarks=inputs.remarks,
-        recorded_times_s=_recorded_times_s(inputs),
+        recorded_times_s=None
+        if inputs.recorded is None
+        else tuple(inputs.recorded.times_s.tolist()),
         no_prediction_because=_reasons_against_prediction(inputs),
         converged=bool(fit.converged),
         n_steps=int(fit.n_steps),
@@ -135,20 +146,6 @@ def summary_of(inputs: ReportInputs) -> Summary:
     )
 
 
-def _last_interval(measured: ArrivalCurve | None) -> tuple[float, float] | None:
-    return None if measured is None else (float(measured.lower[-1]), float(measured.upper[-1]))
-
-
-def _n_trap_states(inputs: ReportInputs) -> int:
-    if inputs.driven is not None:
-        return len(inputs.driven.traps.states)
-    return int(trapped_states(inputs).sum())
-
-
-def _recorded_times_s(inputs: ReportInputs) -> tuple[float, ...] | None:
-    return None if inputs.recorded is None else tuple(inputs.recorded.times_s.tolist())
-
-
 def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
     cells = start_states_of(inputs.scenario, inputs.problem.grid, "train")
     return reasons_against_prediction(
@@ -159,18 +156,13 @@ def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
     )
 
 
-def no_prediction_text(summary: Summary) -> str:
-    """Why the predicted arrival is not stated; empty where it is."""
-    return reasons_text(summary.no_prediction_because)
-
-
 def headline_of(summary: Summary) -> str:
     """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
     if summary.measured_arrival_probability is None:
         supported = not summary.no_prediction_because
         return _predicted_headline(summary) if supported else _recorded_headline(summary)
     predicted = (
-        f"no prediction, because {no_prediction_text(summary)}"
+        f"no prediction, because {summary.no_prediction}"
         if summary.no_prediction_because
         else f"predicted {percent(summary.predicted_arrival_probability)}"
     )
@@ -195,7 +187,7 @@ def _recorded_headline(summary: Summary) -> str:
     return (
         f"After {counted(summary.n_demonstrations, 'demonstration')} with"
         f" {counted(summary.n_decisions, 'decision')}{arrived} the arrival of the robot is not"
-        f" predicted, because {no_prediction_text(summary)}."
+        f" predicted, because {summary.no_prediction}."
     )
 
 

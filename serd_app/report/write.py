@@ -23,7 +23,6 @@ from serd_app.report.figures.charts import (
     draw_weights,
 )
 from serd_app.report.figures.hallway import draw_hallway
-from serd_app.report.figures.map_axes import layout_of
 from serd_app.report.figures.maps import (
     draw_features,
     draw_flow_map,
@@ -155,29 +154,29 @@ def outcomes_table(inputs: ReportInputs) -> str:
 
 def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     """By their names in the template of the page."""
-    layout, problem = layout_of(inputs.scenario), inputs.problem
+    scenario, problem = inputs.scenario, inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
     if inputs.knowledge is not None:
-        found["gain"] = draw_gain(layout, grid, inputs.knowledge.gain_nats)
+        found["gain"] = draw_gain(scenario, grid, inputs.knowledge.gain_nats)
     if inputs.snapshot is not None:
-        found["hallway"] = draw_hallway(layout, inputs.snapshot)
+        found["hallway"] = draw_hallway(scenario, inputs.snapshot)
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
-        found["visitation"] = draw_visitation(layout, grid, visits, inputs.demonstration_tracks_m)
+        found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
     if inputs.forecasts and (problem.flow != NO_FLOW).any():
         order = np.where(problem.flow != NO_FLOW, 1.0, 0.0)
-        found["flow"] = draw_flow_map(grid, problem.flow, order, layout=layout)
+        found["flow"] = draw_flow_map(grid, problem.flow, order, scenario=scenario)
     if inputs.familiarity is not None:
         compared = inputs.familiarity
-        found["surprises"] = draw_surprises(grid, compared.decisions, compared.surprising, layout)
+        found["surprises"] = draw_surprises(grid, compared.decisions, compared.surprising, scenario)
     whose = "" if inputs.driven is None else " of the learned policy"
     policy, traps = inputs.policy, trapped_states(inputs)
     found["policy"] = draw_policy_map(
-        layout, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
+        scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
     )
     found["features"] = draw_features(
-        layout, grid, problem.features, problem.feature_names, problem.mdp.available
+        scenario, grid, problem.features, problem.feature_names, problem.mdp.available
     )
     return found
 

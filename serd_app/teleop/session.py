@@ -10,14 +10,14 @@ is saved by a second end mark.
 from dataclasses import dataclass
 from typing import Literal
 
+from serd_app.drives.episode_spans import DISCARDED, END, SAVED, START, EpisodeMark
 from serd_app.errors import TeleopError
 from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 
 Phase = Literal["idle", "starting", "running", "ended"]
-START, END = "start", "end"
-SAVED, DISCARDED, TIMEOUT = "saved", "discarded", "timeout"
+TIMEOUT = "timeout"
 _CLOCK_ROUNDING_S = 1e-6
 
 
@@ -108,14 +108,6 @@ class Session:
         return EpisodeEvent(END, time_s, outcome)
 
 
-@dataclass(frozen=True)
-class RunningEpisode:
-    """An episode that has begun and not ended."""
-
-    number: int
-    driver: str
-
-
 class EpisodeTally:
     """Counts of the recorded episodes, from the episode marks of all drivers.
 
@@ -123,16 +115,17 @@ class EpisodeTally:
     """
 
     def __init__(self) -> None:
-        self.running: RunningEpisode | None = None
+        #: The start mark of an episode that has not ended.
+        self.running: EpisodeMark | None = None
         self._outcomes: dict[int, str] = {}
 
-    def add(self, event: str, number: int, driver: str, outcome: str) -> None:
+    def add(self, mark: EpisodeMark) -> None:
         """Count a mark."""
-        if event == START:
-            self.running = RunningEpisode(number, driver)
-        elif event == END:
-            self._outcomes[number] = outcome
-            if self.running is not None and self.running.number == number:
+        if mark.event == START:
+            self.running = mark
+        elif mark.event == END:
+            self._outcomes[mark.episode] = mark.outcome
+            if self.running is not None and self.running.episode == mark.episode:
                 self.running = None
 
     @property

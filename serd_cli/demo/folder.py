@@ -70,8 +70,7 @@ class DemoFolder:
         """How long the phases took by name; the last time, where one was run again."""
         if not self._timings.is_file():
             return {}
-        rows = read_table(self._timings, _TIMES)
-        return dict(zip(rows["phase"], rows["wall_s"], strict=True))
+        return {row["phase"]: row["wall_s"] for row in read_table(self._timings, _TIMES)}
 
     @staticmethod
     def episodes(phase: Path) -> tuple[EpisodeResult, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_app.drives.recorded_drive import LONGEST_GAP_S
-from serd_app.report.inputs import CrowdSnapshot, snapshot_from_history
+from serd_app.report.inputs import CrowdSnapshot
 from serd_bag.messages.decoded import messages_of
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.sensors import from_people_message
@@ -47,13 +47,13 @@ def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
     people = _people_between(bag, at_s - _TRAIL_S, at_s)
     kept = [index for index, time_s in enumerate(times_s) if round(time_s * 1e9) in people]
     seen = [people[round(times_s[index] * 1e9)] for index in kept]
-    return snapshot_from_history(
-        times_s=times_s[kept],
-        robot_pose=poses[kept],
-        people_position_m=np.array([each.position_m for each in seen]),
-        people_velocity_mps=np.array([each.velocity_mps for each in seen]),
-        at_s=at_s,
-        trail_s=_TRAIL_S,
+    return CrowdSnapshot(
+        time_s=float(times_s[kept[-1]]),
+        robot_pose=poses[kept[-1]],
+        people_position_m=seen[-1].position_m,
+        people_velocity_mps=seen[-1].velocity_mps,
+        people_trail_m=np.array([each.position_m for each in seen]),
+        robot_trail_m=poses[kept, :2],
     )
 
 

@@ -188,15 +188,13 @@ def save_pictures(
     if not can_draw():
         return
     from serd_app.report.figures.charts import draw_resolution
-    from serd_app.report.figures.map_axes import layout_of
     from serd_app.report.figures.maps import draw_flow_map, draw_visitation
     from serd_app.report.style import save_figure
 
     files = files_beside(output)
-    layout = layout_of(place.scenario) if place.scenario else None
     visits = state_counts(concatenated(found), place.grid.n_states)
     tracks = [track for each in found for track in each.tracks_m]
-    figure = draw_visitation(layout, place.grid, visits, tracks)
+    figure = draw_visitation(place.scenario, place.grid, visits, tracks)
     save_figure(files["picture"], figure)
     if advice is not None:
         save_figure(files["resolution picture"], draw_resolution(advice))
@@ -204,6 +202,6 @@ def save_pictures(
         delete_file(files["flow picture"])
         return
     figure = draw_flow_map(
-        place.grid, flow.flow, flow.order, layout=layout, scenario_flow=place.flow
+        place.grid, flow.flow, flow.order, scenario=place.scenario, scenario_flow=place.flow
     )
     save_figure(files["flow picture"], figure)

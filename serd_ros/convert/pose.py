@@ -12,7 +12,6 @@ from geometry_msgs.msg import (
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
-    TransformStamped,
     Twist,
 )
 from nav_msgs.msg import Odometry, Path
@@ -24,7 +23,6 @@ from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from serd_sim.robot.urdf import Placed
 from serd_sim.safety.motion import STANDING, compose, motion_between
 from serd_sim.scenario.goal import Area
 from serd_sim.world.observation import Observation
@@ -83,23 +81,6 @@ def to_waypoint_message(waypoint: Waypoint, time_s: float, heading_rad: float = 
 def from_waypoint_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[int, Waypoint]:
     """(stamp_ns, waypoint in the map); its orientation is ignored."""
     return stamp_ns(message.header.stamp), Waypoint(*from_goal_message(message, frames))
-
-
-def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> TransformStamped:
-    """The frame `child` lies at (x_m, y_m, yaw_rad) in `parent`."""
-    message = TransformStamped(header=to_header(parent, time_s), child_frame_id=child)
-    message.transform.translation.x = float(pose[0])
-    message.transform.translation.y = float(pose[1])
-    message.transform.rotation = to_quaternion(pose[2])
-    return message
-
-
-def to_static_transform(parent: str, child: str, placed: Placed) -> TransformStamped:
-    """The frame `child` is placed so in `parent`, at all times."""
-    message = to_transform(parent, child, STANDING, 0.0)
-    moved, turned = message.transform.translation, message.transform.rotation
-    (moved.x, moved.y, moved.z), (turned.x, turned.y, turned.z, turned.w) = placed
-    return message
 
 
 def odom_in_map(base_in_map: PlanarPose, base_in_odom: PlanarPose) -> PlanarPose:

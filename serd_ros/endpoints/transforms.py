@@ -8,18 +8,17 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import TransformStamped
-
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.plain import Transform, transforms
-from serd_ros.convert.pose import PlanarPose, odom_in_map, to_static_transform, to_transform
+from serd_ros.convert.pose import PlanarPose, odom_in_map, to_quaternion
+from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
-from serd_sim.robot.urdf import LinkTransform
+from serd_sim.robot.urdf import LinkTransform, Placed
 
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 _LOOK_PERIOD_S = 0.5
@@ -74,9 +73,10 @@ class TransformPublisher:
         if not self._tf.get_subscription_count():
             return
         odom = odom_in_map(base_in_map, base_in_odom)
-        message = _in_rosbags(
-            to_transform(topics.MAP_FRAME, topics.ODOM_FRAME, odom, time_s),
-            to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, base_in_odom, time_s),
+        message = _message(
+            time_s,
+            (topics.MAP_FRAME, topics.ODOM_FRAME, _level(odom)),
+            (topics.ODOM_FRAME, topics.BASE_FRAME, _level(base_in_odom)),
         )
         self._node.frames.add_prefix(message)
         self._tf.publish(_encoded(message))
@@ -85,12 +85,8 @@ class TransformPublisher:
 def publish_links(node: SerdNode[Any], links: Iterable[LinkTransform]) -> None:
     """Publish where the links of a robot are on `tf_static`, with the node's prefix, once."""
     prefix = node.frames.prefix
-    message = _in_rosbags(
-        *(
-            to_static_transform(prefix + parent, prefix + child, placed)
-            for parent, child, placed in links
-        )
-    )
+    prefixed = ((prefix + parent, prefix + child, placed) for parent, child, placed in links)
+    message = _message(0.0, *prefixed)
     publisher = node.create_publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
     publisher.publish(_encoded(message))
 
@@ -99,25 +95,35 @@ def _encoded(message: Any) -> bytes:
     return bytes(rosbags_types().serialize_cdr(message, TF_TYPE))
 
 
-def _in_rosbags(*placed: TransformStamped) -> Any:
+def _level(pose: PlanarPose) -> Placed:
+    """A pose on the floor, in space."""
+    turned = to_quaternion(pose[2])
+    return (*pose[:2], 0.0), (turned.x, turned.y, turned.z, turned.w)
+
+
+def _message(time_s: float, *links: LinkTransform) -> Any:
     """A TFMessage of rosbags, which encodes it without the package."""
-    types = rosbags_types().types
+    types, stamp = rosbags_types().types, to_stamp(time_s)
 
-    def same(message: Any, package: str = "geometry_msgs") -> Any:
-        """The message of rosbags with the numbers of one of rclpy."""
-        kind = types[f"{package}/msg/{type(message).__name__}"]
-        return kind(*(getattr(message, field) for field in message.get_fields_and_field_types()))
+    def made(name: str, *fields: Any) -> Any:
+        return types[name](*fields)
 
-    made = [
-        types["geometry_msgs/msg/TransformStamped"](
-            types["std_msgs/msg/Header"](
-                same(each.header.stamp, "builtin_interfaces"), each.header.frame_id
-            ),
-            each.child_frame_id,
-            types["geometry_msgs/msg/Transform"](
-                same(each.transform.translation), same(each.transform.rotation)
-            ),
-        )
-        for each in placed
-    ]
-    return types[TF_TYPE](made)
+    return types[TF_TYPE](
+        [
+            made(
+                "geometry_msgs/msg/TransformStamped",
+                made(
+                    "std_msgs/msg/Header",
+                    made("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec),
+                    parent,
+                ),
+                child,
+                made(
+                    "geometry_msgs/msg/Transform",
+                    made("geometry_msgs/msg/Vector3", *map(float, moved)),
+                    made("geometry_msgs/msg/Quaternion", *map(float, turned)),
+                ),
+            )
+            for parent, child, (moved, turned) in links
+        ]
+    )

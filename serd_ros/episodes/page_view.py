@@ -177,7 +177,7 @@ class WatchView(PageView):
 
     def _take_mark(self, mark: EpisodeMark) -> None:
         self._mark = mark
-        self._tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
+        self._tally.add(mark)
         if mark.event == START:
             self._began_s, self._n_decisions = mark.time_s, 0
         else:

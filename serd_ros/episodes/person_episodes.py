@@ -5,8 +5,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from serd_app.drives.episode_spans import END
 from serd_app.errors import TeleopError
-from serd_app.teleop.session import END, EpisodeEvent, EpisodeTally, Session
+from serd_app.teleop.session import EpisodeEvent, EpisodeTally, Session
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.starter import EpisodeStarter
@@ -60,7 +61,7 @@ class PersonEpisodes:
     def other_driver(self) -> str:
         """The other driver whose episode is running, empty for none."""
         running = self.tally.running
-        return running.driver if running is not None and running.number != self.number else ""
+        return running.driver if running is not None and running.episode != self.number else ""
 
     def start(self) -> None:
         """Start when all required nodes subscribe; TeleopError where an episode is running."""
@@ -107,7 +108,7 @@ class PersonEpisodes:
 
     def _on_mark(self, message: DiagnosticArray) -> None:
         mark = from_episode_message(message)
-        self.tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
+        self.tally.add(mark)
         if mark.event == END:
             own = mark.episode == self.number
             took = f" after {self.session.duration_s:.1f} s" if own else ""

@@ -127,13 +127,13 @@ def load_flow(path: str | Path, grid: Grid) -> IntArray:
             f"{path}: must have one line for each of the grid's {grid.n_states} states, got"
             f" {len(table)}; it was made for another grid"
         )
-    for line, name in enumerate(table["flow"], start=2):
+    for line, name in enumerate((row["flow"] for row in table), start=2):
         if name not in _FLOWS:
             raise FileError(
                 f"{path}: line {line}, flow must be a direction or none, got {name!r}"
                 f"; {hint(name, _FLOWS)}"
             )
-    centers_m = table[["x_m", "y_m"]].to_numpy()
+    centers_m = np.array([(row["x_m"], row["y_m"]) for row in table])
     apart = np.abs(centers_m - grid.centers_m).max(axis=1) > 1e-6 * grid.cell_size_m
     if apart.any():
         state = int(np.argmax(apart))
@@ -141,4 +141,4 @@ def load_flow(path: str | Path, grid: Grid) -> IntArray:
             f"{path}: line {state + 2} must be the cell at {tuple(grid.centers_m[state].tolist())},"
             f" got {tuple(centers_m[state].tolist())}; it was made for another grid"
         )
-    return np.array([_FLOWS[name] for name in table["flow"]], dtype=np.int64)
+    return np.array([_FLOWS[row["flow"]] for row in table], dtype=np.int64)

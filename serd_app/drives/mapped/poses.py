@@ -37,8 +37,7 @@ class MappedPoses:
         self._topic = topic_named(known, mapping.pose_topic)
         self.from_tf = known[self._topic].type_name in TF_TYPES
         tf = self._topic.removesuffix("_static") if self.from_tf else "/tf"
-        self._tf = RecordedTransforms(known, tf)
-        self.tree = self._tf.tree
+        self.tree = RecordedTransforms(known, tf)
         self._read: FieldReader | None = None
         if not self.from_tf:
             self._read = field_reader(
@@ -52,7 +51,7 @@ class MappedPoses:
     @property
     def topics(self) -> frozenset[str]:
         """Those to take messages of."""
-        return self._tf.topics | {self._topic}
+        return self.tree.topics | {self._topic}
 
     @property
     def frame_that_corrects(self) -> str:
@@ -68,7 +67,7 @@ class MappedPoses:
 
     def take(self, message: RawMessage) -> None:
         """A message; those of other topics are left."""
-        if self._tf.take(message):
+        if self.tree.take(message):
             return
         if message.topic == self._topic and self._read is not None:
             header, numbers = self._read(message.data)

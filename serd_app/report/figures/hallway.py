@@ -12,11 +12,9 @@ from matplotlib.patches import Circle
 
 from serd_app.report import style
 from serd_app.report.figures.map_axes import (
-    HallwayLayout,
     cell_squares,
     draw_areas,
     draw_vectors,
-    layout_of,
     map_figure,
 )
 from serd_app.report.inputs import CrowdSnapshot
@@ -30,16 +28,16 @@ _PERSON_RADIUS_M = 0.22
 _ARROW_PER_SPEED_S = 0.7
 
 
-def draw_hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
+def draw_hallway(scenario: Scenario, snapshot: CrowdSnapshot) -> Figure:
     """Fig. 5.6 with a recorded crowd: arrows show where each person is in 0.7 s at this speed."""
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
-        draw_areas(axes, layout, filled=True)
+        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=6.4)
+        draw_areas(axes, scenario, filled=True)
         for trail in np.swapaxes(snapshot.people_trail_m, 0, 1):
             _fading_trail(axes, trail, style.PERSON_COLOUR, width=1.6)
         _fading_trail(axes, snapshot.robot_trail_m, style.ROBOT_COLOUR, width=2.4)
         _people(axes, snapshot)
-        _robot(axes, snapshot.robot_pose, layout.robot_radius_m)
+        _robot(axes, snapshot.robot_pose, scenario.robot.radius_m)
         axes.set_title(f"{len(snapshot.people_position_m)} people at t = {snapshot.time_s:.1f} s")
         figure.legend(handles=_legend(), loc="outside lower center", ncols=2, handlelength=1.2)
     return figure
@@ -97,12 +95,11 @@ _LARGEST_GRID = 4000
 
 def draw_scenario_plan(scenario: Scenario) -> Figure:
     """The empty place in metres; the legend names the loops and how many people walk each."""
-    layout = layout_of(scenario)
     loops = scenario.directed_loops
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=7.3)
+        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=7.3)
         _draw_cells(axes, scenario)
-        draw_areas(axes, layout, filled=True)
+        draw_areas(axes, scenario, filled=True)
         handles = []
         for number, loop in enumerate(loops):
             colour, line = _LOOKS[number % len(_LOOKS)]

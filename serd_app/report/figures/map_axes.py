@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import cycle
 from operator import itemgetter
 from typing import Any
@@ -37,46 +36,11 @@ _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
 _ROOM_IN = 1.2
 
 
-@dataclass(frozen=True, eq=False)
-class HallwayLayout:
-    """What is drawn under every map; each polygon is (n, 2) corners in metres.
-
-    outline_m: walkable area; obstacles_m: solids in it; goal_area_m; start_areas_m: (name, polygon)
-    pairs; robot_radius_m.
-    """
-
-    outline_m: FloatArray
-    obstacles_m: tuple[FloatArray, ...]
-    goal_area_m: FloatArray
-    start_areas_m: tuple[tuple[str, FloatArray], ...]
-    robot_radius_m: float
-
-    @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the walkable area."""
-        low, high = self.outline_m.min(axis=0), self.outline_m.max(axis=0)
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def layout_of(scenario: Scenario) -> HallwayLayout:
-    """The drawn parts of a scenario."""
-    outline, *obstacles = scenario.wall_polygons_m
-    return HallwayLayout(
-        outline_m=outline,
-        obstacles_m=tuple(obstacles),
-        goal_area_m=np.array(scenario.goal_area_m),
-        start_areas_m=tuple(
-            (name, np.array(corners)) for name, corners in scenario.start_areas_m.items()
-        ),
-        robot_radius_m=scenario.robot.radius_m,
-    )
-
-
 def map_figure(
-    layout: HallwayLayout, n_panels: int = 1, *, height_in: float, width_in: float
+    scenario: Scenario, n_panels: int = 1, *, height_in: float, width_in: float
 ) -> tuple[Figure, list[Axes]]:
     """A figure of `n_panels` equal map axes, arranged to be as large as the given space allows."""
-    rows, columns, size_in = _arranged(layout, n_panels, width_in, height_in)
+    rows, columns, size_in = _arranged(scenario, n_panels, width_in, height_in)
     figure = new_figure(*size_in)
     with style.report_style():
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -84,31 +48,31 @@ def map_figure(
     for spare in axes[n_panels:]:
         spare.remove()
     for each in axes[:n_panels]:
-        draw_layout(each, layout)
+        draw_layout(each, scenario)
     return figure, axes[:n_panels]
 
 
 def cell_map(
     grid: Grid,
-    layout: HallwayLayout | None,
+    scenario: Scenario | None,
     values: FloatArray,
     norm: Normalize,
     colour_map: object,
     *,
     areas: bool = True,
 ) -> tuple[Figure, Axes, PatchCollection]:
-    """A figure with one map of the plan, or of the grid alone where no plan is known.
+    """A figure with one map of the place, or of the grid alone where no scenario is known.
 
-    Its cells are filled by values (S,); areas: whether those of the plan are outlined.
+    Its cells are filled by values (S,); areas: whether those of the scenario are outlined.
     """
-    if layout is None:
+    if scenario is None:
         figure, axes = _fitted_figure(grid)
     else:
-        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
+        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=6.4)
         if areas:
-            draw_areas(axes, layout, filled=False)
+            draw_areas(axes, scenario, filled=False)
     cells = draw_cells(axes, grid, values, norm, colour_map)
-    if layout is None:
+    if scenario is None:
         axes.autoscale_view()
     return figure, axes, cells
 
@@ -126,10 +90,10 @@ def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
 
 
 def _arranged(
-    layout: HallwayLayout, n_panels: int, width_in: float, height_in: float
+    scenario: Scenario, n_panels: int, width_in: float, height_in: float
 ) -> tuple[int, int, tuple[float, float]]:
     """Rows, columns, and the size with room for titles, labels and a colour bar or legend."""
-    x_min, y_min, x_max, y_max = layout.bounds_m
+    x_min, y_min, x_max, y_max = scenario.bounds_m
     width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
     candidates = []
     for columns in range(1, n_panels + 1):
@@ -143,30 +107,33 @@ def _arranged(
     return rows, columns, (size_in, rows * (height_m * scale + _TITLE_HEIGHT_IN) + _FOOT_IN)
 
 
-def draw_layout(axes: Axes, layout: HallwayLayout) -> None:
+def draw_layout(axes: Axes, scenario: Scenario) -> None:
     """Floor, walls, obstacles and axes in metres."""
-    axes.add_patch(Polygon(layout.outline_m, facecolor=style.FLOOR, edgecolor="none", zorder=0))
+    floor, *obstacles = scenario.wall_polygons_m
+    axes.add_patch(Polygon(floor, facecolor=style.FLOOR, edgecolor="none", zorder=0))
     wall: Look = {"edgecolor": style.WALL, "zorder": 6}
     outline = wall | {"fill": False, "linewidth": 2.2, "joinstyle": "miter", "gid": "wall"}
-    axes.add_patch(Polygon(layout.outline_m, **outline))
-    for obstacle in layout.obstacles_m:
+    axes.add_patch(Polygon(floor, **outline))
+    for obstacle in obstacles:
         axes.add_patch(Polygon(obstacle, facecolor=style.WALL, gid="obstacle", **wall))
-    _frame(axes, layout)
+    _frame(axes, scenario)
 
 
-def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
+def draw_areas(axes: Axes, scenario: Scenario, *, filled: bool) -> None:
     """The goal area and the dashed start areas: filled and named, or as outlines over data."""
-    starts = zip(layout.start_areas_m, cycle(style.START_COLOURS), strict=False)
-    areas = [("goal", layout.goal_area_m, style.GOAL_COLOUR)]
-    areas += [(f"start\n{name}", polygon, colour) for (name, polygon), colour in starts]
-    for name, polygon, colour in areas:
+    starts = zip(scenario.start_areas_m.items(), cycle(style.START_COLOURS), strict=False)
+    areas = [("goal", scenario.goal_area_m, style.GOAL_COLOUR)]
+    areas += [(f"start\n{name}", corners, colour) for (name, corners), colour in starts]
+    floor = Path(scenario.wall_polygons_m[0])
+    for name, corners, colour in areas:
+        polygon = np.array(corners)
         look: Look = {"edgecolor": colour, "linewidth": 1.4, "zorder": 2}
         look |= {"linestyle": "-" if name == "goal" else "--"}
         look |= {"facecolor": colour + "26" if filled else "none"}
         label = name.replace("\n", " ")
         axes.add_patch(Polygon(polygon, gid=f"area {name}", label=label, **look))
         if filled:
-            _label_area(axes, name, polygon, colour, Path(layout.outline_m))
+            _label_area(axes, name, polygon, colour, floor)
 
 
 def area_legend(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> None:
@@ -241,8 +208,8 @@ def outline_traps(axes: Axes, grid: Grid, trapped: BoolArray) -> None:
     axes.add_collection(LineCollection(list(np.concatenate(sides)), zorder=5, gid="trap", **look))
 
 
-def _frame(axes: Axes, layout: HallwayLayout) -> None:
-    x_min, y_min, x_max, y_max = layout.bounds_m
+def _frame(axes: Axes, scenario: Scenario) -> None:
+    x_min, y_min, x_max, y_max = scenario.bounds_m
     axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     axes.set_xlim(x_min - _MARGIN_M, x_max + _MARGIN_M)
     axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from serd_app.report import style
 from serd_app.report.figures.map_axes import (
-    HallwayLayout,
     cell_map,
     colour_bar,
     colour_bar_below,
@@ -25,27 +24,28 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
+from serd_sim.scenario.scenario import Scenario
 
 #: Widest shaft of an arrow, in sides of its cell.
 _SLENDER = 0.11
 
 
 def draw_visitation(
-    layout: HallwayLayout | None,
+    scenario: Scenario | None,
     grid: Grid,
     decisions_per_state: FloatArray,
     tracks_m: Sequence[FloatArray] = (),
 ) -> Figure:
     """Decisions taken per cell (S,) in shades of red, tracks (T, 2) as thin lines.
 
-    layout: plan of the place; where it is None, a dot marks the start of each track.
+    scenario: that of the place; where it is None, a dot marks the start of each track.
     """
     with style.report_style():
         norm = Normalize(0, max(decisions_per_state.max(), 1))
-        figure, axes, cells = cell_map(grid, layout, decisions_per_state, norm, style.VISITS_MAP)
+        figure, axes, cells = cell_map(grid, scenario, decisions_per_state, norm, style.VISITS_MAP)
         for track in tracks_m:
             axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
-            if layout is None:
+            if scenario is None:
                 axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
@@ -53,11 +53,11 @@ def draw_visitation(
     return figure
 
 
-def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -> Figure:
+def draw_gain(scenario: Scenario | None, grid: Grid, gain_nats: FloatArray) -> Figure:
     """What a demonstration from each cell (S,) is expected to add, the best start marked."""
     with style.report_style():
         norm = Normalize(0, max(gain_nats.max(), 1e-9))
-        figure, axes, cells = cell_map(grid, layout, gain_nats, norm, style.VISITS_MAP)
+        figure, axes, cells = cell_map(grid, scenario, gain_nats, norm, style.VISITS_MAP)
         star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
         axes.plot(*grid.centers_m[int(gain_nats.argmax())], "*", color=style.BLUE, **star)
         colour_bar_below(figure, axes, cells, "expected information in nats")
@@ -66,7 +66,7 @@ def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -
 
 
 def draw_surprises(
-    grid: Grid, decisions: Decisions, surprising: BoolArray, layout: HallwayLayout | None = None
+    grid: Grid, decisions: Decisions, surprising: BoolArray, scenario: Scenario | None = None
 ) -> Figure:
     """Decisions per cell in shades of blue, and those surprising (N,) as red arrows to the cell
     reached; a circle where it is the same cell. Wider where there are several."""
@@ -76,7 +76,7 @@ def draw_surprises(
     state, following = distinct.T
     with style.report_style():
         norm = Normalize(0, max(visits.max(), 1))
-        figure, axes, cells = cell_map(grid, layout, visits, norm, style.VALUE_MAP)
+        figure, axes, cells = cell_map(grid, scenario, visits, norm, style.VALUE_MAP)
         shift = grid.centers_m[following] - grid.centers_m[state]
         moved = following != state
         size = np.minimum(1.0 + np.log2(count), 4.0)
@@ -97,7 +97,7 @@ def draw_surprises(
 
 
 def draw_features(
-    layout: HallwayLayout,
+    scenario: Scenario,
     grid: Grid,
     features: FloatArray,
     feature_names: tuple[str, ...],
@@ -112,7 +112,7 @@ def draw_features(
         if np.nan_to_num(panel[1]).any()
     ]
     with style.report_style():
-        figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
+        figure, axes = map_figure(scenario, len(panels), height_in=4.8, width_in=12.0)
         for each, (title, values) in zip(axes, panels, strict=True):
             cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
             each.set_title(title, fontsize=8)
@@ -128,7 +128,7 @@ def _panels(name: str, values: FloatArray, available: BoolArray) -> list[tuple[s
 
 
 def draw_policy_map(
-    layout: HallwayLayout,
+    scenario: Scenario,
     grid: Grid,
     value: FloatArray,
     greedy: IntArray,
@@ -143,7 +143,7 @@ def draw_policy_map(
     with style.report_style():
         elsewhere = np.delete(value, goal_states)
         norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else value))
-        figure, axes, cells = cell_map(grid, layout, value, norm, style.VALUE_MAP)
+        figure, axes, cells = cell_map(grid, scenario, value, norm, style.VALUE_MAP)
         draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_traps(axes, grid, trapped)
         colour_bar_below(
@@ -196,12 +196,12 @@ def draw_flow_map(
     flow: IntArray,
     order: FloatArray,
     *,
-    layout: HallwayLayout | None = None,
+    scenario: Scenario | None = None,
     scenario_flow: IntArray | None = None,
 ) -> Figure:
     """flow (S,) as arrows (dot = none), order (S,) 0 to 1 in shades of blue.
 
-    layout: plan of the place where one is known. scenario_flow: (S,) that of the scenario; arrows
+    scenario: that of the place where one is known. scenario_flow: (S,) that of the scenario; arrows
     that differ from it are red.
     """
     differing = np.zeros(grid.n_states, dtype=bool)
@@ -209,7 +209,7 @@ def draw_flow_map(
         differing = (flow != scenario_flow) & (flow != NO_FLOW)
     with style.report_style():
         norm = Normalize(0, 1)
-        figure, axes, cells = cell_map(grid, layout, order, norm, style.VALUE_MAP, areas=False)
+        figure, axes, cells = cell_map(grid, scenario, order, norm, style.VALUE_MAP, areas=False)
         arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
         draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
         colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")

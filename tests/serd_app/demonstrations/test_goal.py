@@ -7,8 +7,8 @@ import numpy as np
 from serd_app.demonstrations.goal import (
     _neighbouring,
     ending_in,
+    episodes_reaching,
     goal_entries_s,
-    n_reaching,
     until_goal,
     usual_goal_states,
 )
@@ -74,11 +74,11 @@ def test_what_follows_the_goal_is_left_out_also_where_the_decision_in_it_was_dro
 
 def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
     goal = np.array([3])
-    assert n_reaching(table([0, 1, 3, 2], [4, 0], [3, 2], [2, 3]), goal) == 2
+    assert len(episodes_reaching(table([0, 1, 3, 2], [4, 0], [3, 2], [2, 3]), goal)) == 2
     ones = np.ones(3, int)
     beside = Decisions(0 * ones, np.arange(3), np.array([0, 1, 3]), ones, np.array([1, 2, 4]))
-    assert n_reaching(beside, goal) == 1
-    assert n_reaching(beside.select([0, 1]), goal) == 0
+    assert len(episodes_reaching(beside, goal)) == 1
+    assert len(episodes_reaching(beside.select([0, 1]), goal)) == 0
 
 
 #: Episodes that arrive 1.1 s and 2 s after a decision, time out, and arrive unobserved.

@@ -9,7 +9,7 @@ import pytest
 
 from serd_app.navigation.nav2_goals import CANCELED, SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
-from serd_ros.convert.pose import odom_in_map, to_transform
+from serd_ros.convert.pose import odom_in_map
 from serd_ros.nodes.nav2_bridge import ros_type
 from support.nav2_server import Handle, Nav2Server, answered
 
@@ -189,9 +189,6 @@ def test_map_to_odom_and_odom_to_base_together_are_the_pose_in_the_map():
     turned_y = math.sin(yaw) * base_in_odom[0] + math.cos(yaw) * base_in_odom[1]
     assert (x_m + turned_x, y_m + turned_y) == pytest.approx(base_in_map[:2])
     assert math.remainder(yaw + base_in_odom[2] - base_in_map[2], math.tau) == pytest.approx(0.0)
-    message = to_transform("map", "odom", (x_m, y_m, yaw), 1.5)
-    assert (message.header.frame_id, message.child_frame_id) == ("map", "odom")
-    assert message.transform.translation.x == pytest.approx(x_m)
 
 
 def test_a_missing_ros_package_is_named_with_the_fix():

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.report.figures.map_axes import HallwayLayout, layout_of
 from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.arrival.law import law_in_seconds
@@ -47,11 +46,6 @@ def scenario() -> Scenario:
             },
         }
     )
-
-
-@pytest.fixture(scope="session")
-def layout(scenario: Scenario) -> HallwayLayout:
-    return layout_of(scenario)
 
 
 @pytest.fixture(scope="session")

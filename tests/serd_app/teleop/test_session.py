@@ -2,8 +2,9 @@
 
 import pytest
 
+from serd_app.drives.episode_spans import DISCARDED, END, SAVED, START, EpisodeMark
 from serd_app.errors import TeleopError
-from serd_app.teleop.session import DISCARDED, END, SAVED, START, EpisodeTally, Session
+from serd_app.teleop.session import EpisodeTally, Session
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
@@ -124,12 +125,12 @@ def test_nothing_can_be_saved_before_the_world_has_been_reset():
 
 def test_the_tally_counts_each_episode_by_its_last_end_mark():
     tally = EpisodeTally()
-    tally.add(START, 1, "me", "")
+    tally.add(EpisodeMark(START, 0.0, 1, "me", outcome=""))
     assert tally.running.driver == "me"
-    tally.add(END, 1, "me", "arrived")
-    tally.add(START, 2, "me", "")
-    tally.add(END, 2, "me", SAVED)
-    tally.add(END, 1, "me", DISCARDED)
+    tally.add(EpisodeMark(END, 0.0, 1, "me", outcome="arrived"))
+    tally.add(EpisodeMark(START, 0.0, 2, "me", outcome=""))
+    tally.add(EpisodeMark(END, 0.0, 2, "me", outcome=SAVED))
+    tally.add(EpisodeMark(END, 0.0, 1, "me", outcome=DISCARDED))
     assert tally.running is None
     assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)
     assert str(tally) == "1 kept (0 arrived), 1 discarded"
@@ -137,7 +138,7 @@ def test_the_tally_counts_each_episode_by_its_last_end_mark():
 
 def test_taking_an_episode_back_does_not_end_the_one_that_runs():
     tally = EpisodeTally()
-    tally.add(END, 1, "me", "arrived")
-    tally.add(START, 2, "you", "")
-    tally.add(END, 1, "me", DISCARDED)
-    assert tally.running.number == 2
+    tally.add(EpisodeMark(END, 0.0, 1, "me", outcome="arrived"))
+    tally.add(EpisodeMark(START, 0.0, 2, "you", outcome=""))
+    tally.add(EpisodeMark(END, 0.0, 1, "me", outcome=DISCARDED))
+    assert tally.running.episode == 2

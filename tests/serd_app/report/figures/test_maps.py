@@ -11,7 +11,6 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.quiver import Quiver
 
 from serd_app.report.figures.hallway import draw_hallway
-from serd_app.report.figures.map_axes import HallwayLayout, layout_of
 from serd_app.report.figures.maps import (
     draw_features,
     draw_flow_map,
@@ -24,7 +23,7 @@ from serd_app.report.style import png_bytes, svg_bytes
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NavigationProblem
-from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 
 def artists(figure: Figure, kind: type, gid: str) -> list:
@@ -37,8 +36,8 @@ def cell_values(figure: Figure, panel: int = 0) -> np.ndarray:
 
 
 @pytest.fixture
-def hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
-    return draw_hallway(layout, snapshot)
+def hallway(scenario: Scenario, snapshot: CrowdSnapshot) -> Figure:
+    return draw_hallway(scenario, snapshot)
 
 
 def test_every_person_and_the_robot_stand_where_they_were(
@@ -56,14 +55,14 @@ def test_arrows_point_along_the_velocities(hallway: Figure, snapshot: CrowdSnaps
     np.testing.assert_allclose(drawn, 0.7 * snapshot.people_velocity_mps)
 
 
-def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, layout: HallwayLayout) -> None:
+def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, scenario: Scenario) -> None:
     (wall,) = artists(hallway, Polygon, "wall")
-    np.testing.assert_allclose(wall.get_xy()[:-1], layout.outline_m)
+    np.testing.assert_allclose(wall.get_xy()[:-1], scenario.wall_polygons_m[0])
     for name in ("goal", "start\ntrain", "start\ntransfer"):
         assert len(artists(hallway, Polygon, f"area {name}")) == 1
 
 
-def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
+def test_an_empty_hallway_can_be_drawn(scenario: Scenario) -> None:
     no_people = CrowdSnapshot(
         time_s=0.0,
         robot_pose=np.zeros(3),
@@ -72,15 +71,15 @@ def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
         people_trail_m=np.zeros((0, 0, 2)),
         robot_trail_m=np.zeros((0, 2)),
     )
-    assert png_bytes(draw_hallway(layout, no_people))
+    assert png_bytes(draw_hallway(scenario, no_people))
 
 
 def test_visitation_shows_the_counts_and_the_tracks(
-    layout: HallwayLayout, problem: NavigationProblem
+    scenario: Scenario, problem: NavigationProblem
 ) -> None:
     counts = np.arange(problem.grid.n_states, dtype=float)
     track = np.array([[0.5, 0.5], [2.5, 4.5], [6.5, 5.0]])
-    figure = draw_visitation(layout, problem.grid, counts, [track])
+    figure = draw_visitation(scenario, problem.grid, counts, [track])
     np.testing.assert_array_equal(cell_values(figure), counts)
     (line,) = [line for line in figure.axes[0].lines if line.get_gid() == "track"]
     np.testing.assert_array_equal(line.get_xydata(), track)
@@ -88,14 +87,14 @@ def test_visitation_shows_the_counts_and_the_tracks(
 
 
 def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
-    layout: HallwayLayout, problem: NavigationProblem
+    scenario: Scenario, problem: NavigationProblem
 ) -> None:
     n_states = problem.grid.n_states
     greedy = np.full(n_states, Action.EAST)
     greedy[0], greedy[1] = Action.WAIT, Action.SOUTH
     trapped = np.arange(n_states) < 2
     value = np.linspace(0.0, 1.0, n_states)
-    figure = draw_policy_map(layout, problem.grid, value, greedy, problem.goal_states, trapped)
+    figure = draw_policy_map(scenario, problem.grid, value, greedy, problem.goal_states, trapped)
     np.testing.assert_array_equal(cell_values(figure), value)
     (arrows,) = artists(figure, Quiver, "greedy moves")
     n_moving = n_states - 1 - len(problem.goal_states)
@@ -117,10 +116,12 @@ def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
 
 
 def test_features_have_one_panel_per_action_only_where_the_action_matters(
-    layout: HallwayLayout, problem: NavigationProblem
+    scenario: Scenario, problem: NavigationProblem
 ) -> None:
     available = problem.mdp.available
-    figure = draw_features(layout, problem.grid, problem.features, problem.feature_names, available)
+    figure = draw_features(
+        scenario, problem.grid, problem.features, problem.feature_names, available
+    )
     titles = [axes.get_title() for axes in figure.axes[:-1]]
     assert titles[0] == "goal\nany action"
     assert titles[1:6] == [f"social norm\n{action.name.lower()}" for action in Action]
@@ -130,23 +131,21 @@ def test_features_have_one_panel_per_action_only_where_the_action_matters(
     np.testing.assert_array_equal(cell_values(figure, 2), north)
 
 
-def test_pictures_are_the_same_bytes_each_time(
-    layout: HallwayLayout, snapshot: CrowdSnapshot
-) -> None:
-    first, second = (draw_hallway(layout, snapshot) for _ in range(2))
+def test_pictures_are_the_same_bytes_each_time(scenario: Scenario, snapshot: CrowdSnapshot) -> None:
+    first, second = (draw_hallway(scenario, snapshot) for _ in range(2))
     assert svg_bytes(first) == svg_bytes(second)
     assert b"<dc:date>" not in svg_bytes(first)
 
 
 def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnapshot) -> None:
-    layout = layout_of(load_scenario("t_junction"))
-    picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(layout, snapshot))))
+    scenario = load_scenario("t_junction")
+    picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(scenario, snapshot))))
     assert (picture[:3, :, :3] == 1.0).all()
 
 
 @pytest.mark.parametrize("with_plan", [True, False])
 def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_differs(
-    problem: NavigationProblem, layout: HallwayLayout, with_plan: bool
+    problem: NavigationProblem, scenario: Scenario, with_plan: bool
 ) -> None:
     own = np.arange(problem.grid.n_states) % 4 + 1
     flow = own.copy()
@@ -155,7 +154,7 @@ def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_diff
         problem.grid,
         flow,
         np.linspace(0, 1, len(flow)),
-        layout=layout if with_plan else None,
+        scenario=scenario if with_plan else None,
         scenario_flow=own,
     )
     (arrows,) = artists(figure, Quiver, "greedy moves")
