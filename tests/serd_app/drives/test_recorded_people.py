@@ -12,12 +12,11 @@ from serd_bag.messages.people import SightedIds, people_of
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
-from support.bag_messages import Messages
+from support.bag_messages import TF, Messages
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 
 MADE = PeopleMessages()
 GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 6), dtype=bool))
-TF = "tf2_msgs/msg/TFMessage"
 
 
 def walk(step):
@@ -51,13 +50,7 @@ def recorded_people(path, frame=""):
 
 def turned(x, y):
     """A static transform that turns by 90 degrees and moves."""
-    make = Messages().make
-    move = make("geometry_msgs/msg/Vector3", x, y, 0.0)
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.5**0.5, 0.5**0.5)
-    placed = make("geometry_msgs/msg/Transform", move, turn)
-    header = Messages().header(100.0, "map")
-    each = make("geometry_msgs/msg/TransformStamped", header, "camera", placed)
-    return Messages().encode(make(TF, [each]), TF)
+    return Messages().transform(100.0, "map", "camera", x, y, np.pi / 2)
 
 
 @pytest.mark.parametrize("kind", [PEOPLE, TRACKED, DETECTIONS])

@@ -35,12 +35,9 @@ def test_the_table_gives_back_the_flow(tmp_path_factory, walkable, data):
     [
         (lambda _: "", "must have the columns state, x_m, y_m, flow, order, count, vx_mps, vy_mps,"
          " got none"),
-        (lambda text: text.replace("flow", "direction"), "must have the columns"),
         (lambda text: text.replace("north", "nort"), "line 2, flow must be a direction or none,"
          " got 'nort'; did you mean 'north'?"),
-        (lambda text: text.replace("-0.75,", "east,", 1), "line 2, x_m must be a number, got 'ea"),
         (lambda text: text.replace("-0.75,", "9.0,", 1), "line 2 must be the cell at"),
-        (lambda text: text.replace(",0.0,0.0\n", "\n", 1), "line 2 must have 8 columns, got 6"),
         (lambda text: text.rsplit("\n", 2)[0], "must have one line for each of the grid's 5"),
     ],
 )  # fmt: skip

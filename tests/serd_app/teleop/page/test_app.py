@@ -85,14 +85,6 @@ def test_a_foreign_origin_cannot_connect(headers):
     with_client(LOCAL, use)
 
 
-def test_without_an_origin_nothing_connects():
-    async def use(client, _):
-        with pytest.raises(WSServerHandshakeError):
-            await client.ws_connect("/socket")
-
-    with_client(LOCAL, use)
-
-
 def test_with_a_token_everything_is_closed_until_it_is_given_and_it_leaves_the_address_bar():
     async def use(client, _):
         for path in ("/", "/main.js", "/?token=wrong-wrong-wrong", "/socket"):
