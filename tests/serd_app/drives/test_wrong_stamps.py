@@ -8,7 +8,6 @@ from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
-from serd_bag.health.check import check_bag
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
 from serd_bag.reader import BagReader
@@ -91,19 +90,3 @@ def test_wrong_stamps_of_a_mapped_bag_cost_no_decision(record, topic, fault):
     assert len(expected[0]) == 10
     drive = mapped_drive_in(BagReader(record(topic, fault)), mapping, 2.0)
     assert decisions([drive]) == expected
-
-
-@pytest.mark.parametrize(
-    ("fault", "remark"),
-    [
-        ("an hour ahead", "/other: stamps are 3600.00 s ahead of log times: the clock of its"),
-        ("an hour behind", "/other: stamps are 3600.00 s behind log times: the clock of its"),
-        ("an hour ahead for a while", "/other: stamps jump against log times forward by 3600.00"),
-        ("backwards", "/other: stamps step back 200 times"),
-    ],
-)
-def test_check_finds_a_wrong_clock_in_a_recording_of_ours(record, fault, remark):
-    assert check_bag(record()).remarks == ()
-    found = check_bag(record("/other", fault)).remarks
-    assert found[0].startswith(remark)
-    assert all(line.startswith("/other: ") for line in found)
