@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.report.figures.map_axes import HallwayLayout, layout_of
+from serd_app.report.figures.map_axes import layout_of
 from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.arrival.law import law_in_seconds
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.policies.solved_policy import Policy, optimal_policy
+from serd_core.policies.solved_policy import optimal_policy
 from serd_core.priors.divergence import KldPrior
 from serd_sim.scenario.grid import navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
@@ -22,7 +19,7 @@ from support.episodes import episode_result
 
 
 @pytest.fixture(scope="session")
-def scenario() -> Scenario:
+def scenario():
     return Scenario.model_validate(
         {
             "name": "corner",
@@ -50,23 +47,23 @@ def scenario() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def layout(scenario: Scenario) -> HallwayLayout:
+def layout(scenario):
     return layout_of(scenario)
 
 
 @pytest.fixture(scope="session")
-def problem(scenario: Scenario) -> NavigationProblem:
+def problem(scenario):
     return navigation_problem_of(scenario, 0.95)
 
 
 @pytest.fixture(scope="session")
-def start(scenario: Scenario, problem: NavigationProblem) -> np.ndarray:
+def start(scenario, problem):
     states = start_states_of(scenario, problem.grid, "train")
     return np.bincount(states, minlength=problem.grid.n_states) / len(states)
 
 
 @pytest.fixture(scope="session")
-def demonstrations(problem: NavigationProblem, start: np.ndarray) -> Decisions:
+def demonstrations(problem, start):
     outcomes = np.full((4, 5), 0.02)
     outcomes[:, 1] = 0.92
     outcomes[3] = [0.92, 0.02, 0.02, 0.02, 0.02]
@@ -84,19 +81,19 @@ def demonstrations(problem: NavigationProblem, start: np.ndarray) -> Decisions:
 
 
 @pytest.fixture(scope="session")
-def fit(problem: NavigationProblem, demonstrations: Decisions) -> FitResult:
+def fit(problem, demonstrations):
     return fit_mdce_serd(
         problem, demonstrations, initial_weights=np.array([1.0, 0.1, 0.0]), prior=KldPrior(0.1)
     )
 
 
 @pytest.fixture(scope="session")
-def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
+def policy(problem, fit):
     return optimal_policy(problem, fit.reward_weights, fit.outcome_probabilities)
 
 
 @pytest.fixture(scope="session")
-def snapshot() -> CrowdSnapshot:
+def snapshot():
     position = np.array([[2.4, 1.0], [2.6, 3.0], [5.0, 4.6]])
     velocity = np.array([[0.0, 1.2], [0.0, 1.3], [1.1, 0.1]])
     back = np.linspace(1.0, 0.0, 8)[:, None, None]
@@ -113,15 +110,7 @@ def snapshot() -> CrowdSnapshot:
 
 
 @pytest.fixture(scope="session")
-def inputs(
-    scenario: Scenario,
-    problem: NavigationProblem,
-    start: np.ndarray,
-    demonstrations: Decisions,
-    fit: FitResult,
-    policy: Policy,
-    snapshot: CrowdSnapshot,
-) -> ReportInputs:
+def inputs(scenario, problem, start, demonstrations, fit, policy, snapshot):
     return ReportInputs(
         title="Corner demo",
         scenario=scenario,
@@ -157,7 +146,7 @@ def inputs(
 
 
 @pytest.fixture
-def odd_inputs(inputs: ReportInputs) -> ReportInputs:
+def odd_inputs(inputs):
     """The same report with names that would break a careless page."""
     odd = '<script>alert("x")</script> & $x_1$ "quoted"'
     run = replace(

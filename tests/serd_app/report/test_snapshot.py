@@ -15,7 +15,7 @@ HISTORY = {
 }
 
 
-def test_the_moment_is_the_last_one_not_later_than_asked() -> None:
+def test_the_moment_is_the_last_one_not_later_than_asked():
     snapshot = snapshot_from_history(**HISTORY, at_s=6.2, trail_s=2.0)
     assert snapshot.time_s == 6.0
     assert snapshot.robot_pose.tolist() == [6.0, 12.0, 0.0]
@@ -24,6 +24,6 @@ def test_the_moment_is_the_last_one_not_later_than_asked() -> None:
     np.testing.assert_array_equal(snapshot.people_trail_m[-1], snapshot.people_position_m)
 
 
-def test_a_moment_before_the_recording_is_refused() -> None:
+def test_a_moment_before_the_recording_is_refused():
     with pytest.raises(SerdError, match="at_s must not lie before the first recorded time"):
         snapshot_from_history(**HISTORY, at_s=-1.0)
