@@ -121,8 +121,6 @@ def test_the_page_computes_where_it_does_not_predict(undriven, tmp_path):
     words = " ".join(re.sub("<[^>]+>", " ", text).split())
     assert "Arrival as the model computes it This is no prediction, because a prediction" in words
     assert "Computed share of drives that have arrived" in words
-    assert "Black: when the recorded drives arrived" in words
-    assert "so the arrows are the way of least expected time" in words
     assert "Predicted share" not in words
     supported = write_report(undriven, tmp_path / "other").read_text(encoding="utf-8")
     assert "Forecast of the arrival" in supported
