@@ -121,14 +121,6 @@ def test_a_new_goal_renews_the_patience(save_model_of):
     assert navigator.gave_up is None
 
 
-def test_no_patience_is_endless_patience(save_model_of):
-    navigator = navigator_of(save_model_of(), patience_periods=0)
-    navigator.begin(0)
-    for step in range(100):
-        navigator.decide(observation_at(4.5, 9.5, time_s=2.0 * step))
-    assert navigator.gave_up is None
-
-
 def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_of):
     path = save_model_of()
     for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
@@ -222,6 +214,10 @@ def reasons(settings, states, left=10):
 
 def test_going_to_and_fro_is_no_progress():
     assert reasons(rules(3, 0.0), [0, 1, 0, 1, 0]) == [None] * 4 + [GiveUp.NO_PROGRESS]
+
+
+def test_no_patience_is_endless_patience():
+    assert reasons(rules(0, 0.0), [0] * 100) == [None] * 100
 
 
 def test_every_new_minimum_counts_as_progress():

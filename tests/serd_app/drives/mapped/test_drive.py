@@ -136,13 +136,6 @@ def test_a_camera_that_looks_forward_is_placed_in_space_not_in_the_plane():
     np.testing.assert_allclose(placed.position_m, [[2.0, 4.0, 0.5]], atol=1e-12)
 
 
-def test_frames_that_are_not_joined_get_a_sentence():
-    tree = TransformTree()
-    tree.add(transform("map", "odom", 0.0, 0.0, 0.0, 0.0), static=False)
-    with pytest.raises(BagError, match=r"'base' must be joined with 'mpa' by /tf.*mean 'map'"):
-        tree.into("mpa", "base", Poses.of_numbers(np.zeros((1, 3))), np.zeros(1))
-
-
 @given(st.lists(st.tuples(number, number), min_size=1, max_size=20))
 def test_a_fitted_grid_holds_every_position(places):
     grid = grid_around(np.array(places), 0.5)

@@ -50,14 +50,6 @@ def test_waypoints_ahead_mean_what_the_intents_say(own_bag):
     assert np.array_equal(drive.intent_time_s, read_drives(own_bag)[0].intent_time_s)
 
 
-def test_without_marks_every_stretch_without_a_gap_is_an_episode(own_bag):
-    drive = mapped_drive_in(BagReader(own_bag), BagMapping(), 2.0)
-    assert [(span.start_s, span.outcome) for span in drive.episodes] == [
-        (10.0, "unmarked"),
-        (30.0, "unmarked"),
-    ]
-
-
 def test_decoded_messages_come_by_their_short_names(own_bag):
     found = [(name, message.header.stamp.sec) for name, message in messages_of(own_bag, ["intent"])]
     assert found[:2] == [("intent", 10), ("intent", 12)]
