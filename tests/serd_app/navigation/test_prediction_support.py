@@ -1,5 +1,7 @@
 """When a predicted arrival may be stated: enough demonstrations, a start, and times that agree."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,6 @@ from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.arrival.bands import binomial_tail
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_files.model_file import load_model
 from serd_sim.scenario.scenario import load_scenario
@@ -35,28 +36,19 @@ def strategy(save_model_of):
     return load_strategy(str(save_model_of()), HALLWAY, "optimal")
 
 
-def drives_of(strategy, n_drives, seed=0):
-    """Drives by the policy under the dynamics of the model."""
-    return sample_decisions(
+def drives_of(strategy, n_drives):
+    """Drives by the policy under the dynamics of the model, a decision each 2 s."""
+    found = sample_decisions(
         strategy.problem.mdp,
         strategy.policy.probabilities,
         strategy.outcome_probabilities,
         start_distribution(HALLWAY, "train"),
         n_episodes=n_drives,
         n_steps=strategy.n_periods,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(0),
     )
-
-
-def timed(decisions):
-    """The same with a time of each decision, in periods of the hallway."""
-    first = np.unique(decisions.episode, return_index=True)[1]
-    number = (
-        np.arange(len(decisions)) - first[np.searchsorted(decisions.episodes, decisions.episode)]
-    )
-    return Decisions(
-        decisions.episode, 2.0 * number, decisions.state, decisions.action, decisions.next_state
-    )
+    number = np.arange(len(found)) - np.searchsorted(found.episode, found.episode)
+    return replace(found, time_s=2.0 * number)
 
 
 def reasons(n_demonstrations=20, starts=GOOD, **given):
@@ -84,7 +76,7 @@ def test_a_start_in_a_trap_of_the_learned_policy_supports_no_prediction(save_mod
 
 
 def test_recorded_drives_that_follow_the_model_support_its_prediction(strategy):
-    decisions = timed(drives_of(strategy, 40))
+    decisions = drives_of(strategy, 40)
     assert starts_of(strategy, "train").n_trapped == 0
     recorded = recorded_times(strategy, decisions, decisions.episodes)
     assert len(recorded.times_s) == 40
@@ -95,7 +87,7 @@ def test_recorded_drives_that_follow_the_model_support_its_prediction(strategy):
 
 
 def test_episodes_that_do_not_reach_the_goal_have_no_time_of_arrival(strategy):
-    decisions = timed(drives_of(strategy, 6))
+    decisions = drives_of(strategy, 6)
     recorded = recorded_times(strategy, decisions, decisions.episodes[[1, 4]])
     assert len(recorded.times_s) == 2
 
@@ -103,7 +95,7 @@ def test_episodes_that_do_not_reach_the_goal_have_no_time_of_arrival(strategy):
 def test_a_recorded_drive_arrives_at_the_usual_entry_within_its_last_period(
     strategy, save_model_of
 ):
-    decisions = timed(drives_of(strategy, 1))
+    decisions = drives_of(strategy, 1)
     at_the_end = recorded_times(strategy, decisions, decisions.episodes)
     entered = load_strategy(str(save_model_of(goal_entry_s=(0.5, 0.7, 0.6))), HALLWAY, "optimal")
     within = recorded_times(entered, decisions, decisions.episodes)
