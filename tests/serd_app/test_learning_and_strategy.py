@@ -16,7 +16,6 @@ from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_beside
-from serd_bag.errors import FileError
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
@@ -101,13 +100,6 @@ def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_pat
     way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
     assert np.abs(np.diff(way_m, axis=0)).sum(axis=1) == pytest.approx(grid.cell_size_m)
     assert grid.state_at(*way_m[-1]) in set(strategy.problem.goal_states.tolist())
-
-
-def test_a_model_of_another_grid_is_refused_with_the_difference(outcome, tmp_path):
-    path = tmp_path / "model.yaml"
-    save_yaml_model(path, outcome[0].model)
-    with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
-        load_strategy(str(path), load_scenario("corridor"), "optimal")
 
 
 def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):

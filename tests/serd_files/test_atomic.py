@@ -16,6 +16,7 @@ from serd_bag.files import (
     read_text,
     require_file_place,
 )
+from serd_files.files import FileWatch
 
 
 def test_the_content_is_written_and_folders_are_made(tmp_path):
@@ -112,3 +113,23 @@ def test_links_to_files_are_read_and_folders_are_not(tmp_path):
         read_bytes(tmp_path)
     with pytest.raises(FileError, match="it does not exist; check the path"):
         read_bytes(tmp_path / "other")
+
+
+def test_every_writing_is_noticed_once(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text("one")
+    watch = FileWatch(path)
+    assert not watch.changed()
+    atomic_write_text(path, "two")
+    assert watch.changed()
+    assert not watch.changed()
+
+
+def test_a_file_that_is_gone_is_unchanged_until_it_is_back(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text("one")
+    watch = FileWatch(path)
+    path.unlink()
+    assert not watch.changed()
+    path.write_text("three")
+    assert watch.changed()

@@ -1,6 +1,7 @@
 """Bags and messages for the tests, made by the rosbags library as an independent judge."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,11 @@ from serd_bag.writer import BagWriter
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+TWIST = "geometry_msgs/msg/Twist"
+STAMPED = "geometry_msgs/msg/TwistStamped"
+TF = "tf2_msgs/msg/TFMessage"
+#: Topics of our own recordings that decisions are made of.
+OWN_TOPICS = {"/robot_pose": POSE, "/intent": VECTOR, "/episode": DIAGNOSTICS}
 
 
 class Messages:
@@ -57,6 +63,40 @@ class Messages:
         status = self.make("diagnostic_msgs/msg/DiagnosticStatus", 0, "episode", event, "t", pairs)
         array = self.make(DIAGNOSTICS, self.header(time_s), [status])
         return self.encode(array, DIAGNOSTICS)
+
+    def twist(
+        self, forward_mps: float, turn_radps: float = 0.0, stamp_s: float | None = None
+    ) -> bytes:
+        """A Twist, or a TwistStamped where it has a stamp."""
+        rows = (forward_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)
+        speeds = self.make(TWIST, *(self.make("geometry_msgs/msg/Vector3", *row) for row in rows))
+        if stamp_s is None:
+            return self.encode(speeds, TWIST)
+        return self.encode(self.make(STAMPED, self.header(stamp_s, ""), speeds), STAMPED)
+
+    def transform(
+        self, time_s: float, parent: str, child: str, x: float, y: float, yaw_rad: float = 0.0
+    ) -> bytes:
+        """A TFMessage of one transform."""
+        turn = (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
+        moved = self.make(
+            "geometry_msgs/msg/Transform",
+            self.make("geometry_msgs/msg/Vector3", x, y, 0.0),
+            self.make("geometry_msgs/msg/Quaternion", *turn),
+        )
+        joint = "geometry_msgs/msg/TransformStamped"
+        stamped = self.make(joint, self.header(time_s, parent), child, moved)
+        return self.encode(self.make(TF, [stamped]), TF)
+
+
+def write_bag(path: Path, topics: dict[str, Any], rows: Iterable[tuple[str, float, bytes]]) -> Path:
+    """A bag of the topics with their types and of messages (topic, log time in s, bytes)."""
+    with BagWriter(path) as writer:
+        for name, kind in topics.items():
+            writer.add_topic(name, kind)
+        for name, time_s, data in rows:
+            writer.write(name, data, round(time_s * 1e9))
+    return path
 
 
 @pytest.fixture(scope="session")

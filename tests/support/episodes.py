@@ -6,7 +6,7 @@ from serd_files.episode_table import EpisodeResult
 
 
 def episode_result(
-    episode: int, outcome: str, time_of_arrival_s: float = math.nan, **changes: float
+    episode: int, outcome: str, time_of_arrival_s: float = math.nan, **changes: float | str
 ) -> EpisodeResult:
     """An episode of a learned policy among people, without contacts unless given."""
     values = {

@@ -6,15 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_bag.writer import BagWriter
-from support.bag_messages import Messages
+from support.bag_messages import STAMPED, TF, TWIST, Messages, write_bag
 
 START_S = 1_650_000_000.0
 STEP_S = 0.02
 ODOMETRY = "nav_msgs/msg/Odometry"
-TWIST = "geometry_msgs/msg/Twist"
-STAMPED = "geometry_msgs/msg/TwistStamped"
-TF = "tf2_msgs/msg/TFMessage"
 
 
 @dataclass(frozen=True)
@@ -85,7 +81,10 @@ class ForeignBag:
         )
         for time_s, x, y, yaw, _ in track[::every]:
             point = make("geometry_msgs/msg/Point", x + offset_m, y, 0.0)
-            pose = make("geometry_msgs/msg/Pose", point, self._turned(yaw))
+            turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+            pose = make(
+                "geometry_msgs/msg/Pose", point, make("geometry_msgs/msg/Quaternion", *turn)
+            )
             pose = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
             header = self._messages.header(START_S + time_s + ahead_s, "odom")
             data = self._messages.encode(make(ODOMETRY, header, "base_link", pose, twist), ODOMETRY)
@@ -93,51 +92,24 @@ class ForeignBag:
 
     def add_commands(self, topic, commands, *, stamped=False):
         """Twist, or TwistStamped."""
-        make = self._messages.make
         for time_s, forward, turn in commands:
-            message = make(
-                TWIST,
-                make("geometry_msgs/msg/Vector3", forward, 0.0, 0.0),
-                make("geometry_msgs/msg/Vector3", 0.0, 0.0, turn),
-            )
-            kind = TWIST
-            if stamped:
-                kind = STAMPED
-                message = make(kind, self._messages.header(START_S + time_s, ""), message)
-            self.add(topic, kind, time_s, self._messages.encode(message, kind))
+            stamp_s = START_S + time_s if stamped else None
+            data = self._messages.twist(forward, turn, stamp_s)
+            self.add(topic, STAMPED if stamped else TWIST, time_s, data)
 
     def add_tf(self, topic, track, parent, child, *, every=5):
         """Transforms of a track."""
-        make = self._messages.make
         for time_s, x, y, yaw, _ in track[::every]:
-            moved = make(
-                "geometry_msgs/msg/Transform",
-                make("geometry_msgs/msg/Vector3", x, y, 0.0),
-                make(
-                    "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
-                ),
-            )
-            header = self._messages.header(START_S + time_s, parent)
-            each = make("geometry_msgs/msg/TransformStamped", header, child, moved)
-            self.add(topic, TF, time_s + 0.003, self._messages.encode(make(TF, [each]), TF))
+            data = self._messages.transform(START_S + time_s, parent, child, x, y, yaw)
+            self.add(topic, TF, time_s + 0.003, data)
 
     def add_pose(self, topic, time_s, x, y):
         """A PoseStamped."""
         data = self._messages.pose(START_S + time_s, x, y)
         self.add(topic, "geometry_msgs/msg/PoseStamped", time_s, data)
 
-    def _turned(self, yaw):
-        half = yaw / 2
-        return self._messages.make(
-            "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half)
-        )
-
     def write(self, folder: Path) -> Path:
         """The bag."""
-        with BagWriter(folder) as writer:
-            for _, topic, kind, _ in self._rows:
-                if topic not in writer.topics:
-                    writer.add_topic(topic, kind)
-            for time_s, topic, _, data in sorted(self._rows, key=lambda row: row[0]):
-                writer.write(topic, data, round((START_S + time_s) * 1e9))
-        return folder
+        topics = {topic: kind for _, topic, kind, _ in self._rows}
+        rows = sorted(self._rows, key=lambda row: row[0])
+        return write_bag(folder, topics, ((row[1], START_S + row[0], row[3]) for row in rows))

@@ -1,7 +1,8 @@
-"""Crossings of cells as a table."""
+"""Crossings of cells as a table, and the people around a robot at each."""
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from serd_app.demonstrations.crossing_table import (
     load_crossings,
     people_per_m2,
 )
+from serd_app.demonstrations.recorded_crossings import people_around
+from serd_app.drives.recorded_people import Sighting
 from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, Grid
@@ -91,3 +94,30 @@ def test_a_table_reads_back_and_names_the_line_of_a_fault(tmp_path):
 
 def test_people_are_counted_per_walkable_area():
     assert people_per_m2(GRID, 8) == 0.5
+
+
+BAG = SimpleNamespace(crowd=None)
+
+
+def seen(time_s: float, *places_m: tuple[float, float, float]) -> Sighting:
+    people = SimpleNamespace(position_m=np.array(places_m, dtype=np.float64).reshape(-1, 3))
+    return Sighting(time_s, people, b"")
+
+
+def counts(sightings, *times_s: float) -> list[int | None]:
+    found = people_around(BAG, 0, sightings)(np.array(times_s))
+    return [None if people is None else len(people) for people in found]
+
+
+def test_the_last_sighting_at_most_a_second_before_counts():
+    sightings = [seen(1.0, (2.5, 2.5, 0.0)), seen(2.0), seen(4.0, (2.5, 1.5, 0.0), (0.5, 0.5, 0.0))]
+    assert counts(sightings, 0.5, 1.5, 2.0, 4.2, 5.0, 5.01) == [None, 1, 0, 2, 2, None]
+
+
+def test_people_without_a_place_are_left_out():
+    assert counts([seen(1.0, (2.5, 2.5, 0.0), (np.nan, 1.0, 0.0))], 1.0) == [1]
+
+
+def test_sightings_of_a_clock_that_goes_back_are_not_known():
+    person = (2.5, 2.5, 0.0)
+    assert counts([seen(2.0, person), seen(1.0, person)], 1.0, 2.0) == [None, None]

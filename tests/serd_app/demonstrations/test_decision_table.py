@@ -77,9 +77,6 @@ def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
     ("text", "sentence"),
     [
         ("", "must have the columns episode, time_s, state, action, next_state, source, got none"),
-        ("a,b\n", "must have the columns .*, got a, b"),
-        ("HEAD\n1,2,3\n", "line 2 must have 6 columns, got 3"),
-        ("HEAD\n1,x,3,4,5,s\n", "line 2, time_s must be a number, got 'x'"),
         ("HEAD\n1,2.0,3.5,4,5,s\n", "line 2, state must be a whole number, got '3.5'"),
         ("HEAD\n1,2.0,-3,4,5,s\n", r"state\[0\] must not be negative, got -3"),
         ("HEAD\n1,nan,3,4,5,s\n", "time_s"),

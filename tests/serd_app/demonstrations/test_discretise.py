@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from serd_app.demonstrations import discretise
 from serd_app.demonstrations.demonstrations import (
     demonstrations_of_bag,
-    demonstrations_of_drives,
 )
 from serd_app.demonstrations.discretise import (
     OFF_GRID,
@@ -22,15 +21,12 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive
-from serd_app.drives.sessions import DriveSessions, Session, read_drives
+from serd_app.drives.sessions import Session, read_drives
 from serd_bag.errors import BagError
-from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action, Grid
+from support.bag_messages import OWN_TOPICS, write_bag
 
-POSE = "geometry_msgs/msg/PoseStamped"
-VECTOR = "geometry_msgs/msg/Vector3Stamped"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 PERIOD_S = 2.0
 GRID = Grid((0.0, 0.0), 1.0, np.array([[1, 1, 1, 1], [1, 1, 0, 1], [1, 1, 1, 1]], dtype=bool))
 
@@ -73,25 +69,12 @@ def only(recorded, grid=GRID):
 
 
 @pytest.mark.parametrize(
-    ("end_m", "next_m"),
-    [
-        ((0.5, 0.5), (0.5, 0.5)),
-        ((0.9, 0.1), (0.5, 0.5)),
-        ((1.5, 0.5), (1.5, 0.5)),
-        ((0.5, 1.5), (0.5, 1.5)),
-    ],
-)
-def test_the_next_state_is_the_cell_one_period_later(end_m, next_m):
-    middle = tuple(np.mean([(0.5, 0.5), end_m], axis=0))
-    recorded = drive([(0.5, 0.5), middle, end_m, (3.5, 2.5)], [(0.0, Action.EAST)])
-    row, report = only(recorded)
-    assert row == (GRID.state_at(0.5, 0.5), Action.EAST, GRID.state_at(*next_m))
-    assert (report.n_diagonal, report.n_far, report.dropped) == (0, 0, {})
-
-
-@pytest.mark.parametrize(
     ("start_m", "end_m", "next_m", "diagonal", "far"),
     [
+        ((0.5, 0.5), (0.5, 0.5), (0.5, 0.5), 0, 0),
+        ((0.5, 0.5), (0.9, 0.1), (0.5, 0.5), 0, 0),
+        ((0.5, 0.5), (1.5, 0.5), (1.5, 0.5), 0, 0),
+        ((0.5, 0.5), (0.5, 1.5), (0.5, 1.5), 0, 0),
         ((0.5, 0.5), (1.9, 1.4), (1.5, 0.5), 1, 0),  # farther east than north
         ((0.5, 0.5), (1.2, 1.9), (0.5, 1.5), 1, 0),  # farther north than east
         ((1.5, 1.5), (2.8, 2.1), (1.5, 2.5), 1, 0),  # farther east, but that cell is a wall
@@ -100,15 +83,14 @@ def test_the_next_state_is_the_cell_one_period_later(end_m, next_m):
         ((3.5, 2.5), (0.9, 2.2), (2.5, 2.5), 0, 1),
     ],
 )
-def test_diagonal_and_far_moves_count_as_the_neighbour_of_the_larger_displacement(
+def test_the_next_state_is_the_cell_a_period_later_or_the_neighbour_of_the_larger_displacement(
     start_m, end_m, next_m, diagonal, far
 ):
-    recorded = drive([start_m, start_m, end_m], [(0.0, Action.NORTH)])
+    recorded = drive([start_m, start_m, end_m, (3.5, 2.5)], [(0.0, Action.NORTH)])
     row, report = only(recorded)
-    assert row[2] == GRID.state_at(*next_m)
-    assert (report.n_diagonal, report.n_far) == (diagonal, far)
+    assert row == (GRID.state_at(*start_m), Action.NORTH, GRID.state_at(*next_m))
     assert faults(report) == (diagonal, far, 0, 1)
-    assert report.fault_share == diagonal + far
+    assert (report.fault_share, report.dropped) == (diagonal + far, {})
 
 
 def test_the_decision_that_arrives_ends_at_the_arrival_and_nothing_follows():
@@ -138,18 +120,15 @@ def test_of_intents_within_a_period_the_first_counts():
     assert report.dropped == {discretise.WITHIN_PERIOD: 3}
 
 
-def test_a_discarded_episode_gives_nothing():
-    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome="discarded")
+@pytest.mark.parametrize(
+    ("outcome", "reason"),
+    [("discarded", discretise.IN_DISCARDED), ("return", discretise.ON_WAY_BACK)],
+)
+def test_a_discarded_episode_and_a_way_back_give_nothing(outcome, reason):
+    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome=outcome)
     decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
     assert len(decisions) == 0
-    assert report.dropped == {discretise.IN_DISCARDED: 2}
-
-
-def test_a_way_back_gives_nothing():
-    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome="return")
-    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
-    assert len(decisions) == 0
-    assert report.dropped == {discretise.ON_WAY_BACK: 2}
+    assert report.dropped == {reason: 2}
 
 
 def test_walls_outside_and_gaps_are_dropped_with_their_reason():
@@ -159,12 +138,8 @@ def test_walls_outside_and_gaps_are_dropped_with_their_reason():
     assert decisions_from_drive(left, GRID, PERIOD_S)[1].dropped == {discretise.OFF_GRID: 1}
     whole = drive([(0.5, 0.5)] * 4, [(0.1, 1)])
     kept = (whole.pose_time_s < 2.0) | (whole.pose_time_s > 2.6)
-    gap = RecordedDrive(
-        whole.pose_time_s[kept],
-        whole.position_m[kept],
-        whole.intent_time_s,
-        whole.intent_action,
-        whole.episodes,
+    gap = dataclasses.replace(
+        whole, pose_time_s=whole.pose_time_s[kept], position_m=whole.position_m[kept]
     )
     assert decisions_from_drive(gap, GRID, PERIOD_S)[1].dropped == {discretise.NO_POSE: 1}
 
@@ -197,7 +172,7 @@ def test_every_intent_is_counted_and_every_decision_fits_the_mdp(places, intents
 def recorded_bag(tmp_path, messages):
     """A bag of a straight drive east over four cells with intents, ended by arrival."""
     writer = BagWriter(tmp_path / "drive")
-    for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
+    for name, kind in OWN_TOPICS.items():
         writer.add_topic(name, kind)
     writer.write("/episode", messages.mark(100.0, "start", 5), 1)
     for tick in range(61):
@@ -223,24 +198,12 @@ def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     )
 
 
-def test_a_broken_bag_is_refused_unless_tolerated(recorded_bag):
-    recorded_bag.flush()
-    recorded_bag.abandon()
-    with pytest.raises(BagError, match=r"metadata.yaml: it does not exist.*recover"):
-        demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
-    drives = read_drives(recorded_bag.directory, tolerant=True)
-    found, _ = demonstrations_of_drives(drives, GRID, PERIOD_S)
-    assert len(found.decisions) == 3
-
-
 def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
     with pytest.raises(BagError, match="must hold the topic 'episode', it holds /intent, /robot_p"):
         demonstrations_of_bag(small_bag(), GRID, PERIOD_S)
-    with BagWriter(tmp_path / "empty") as writer:
-        for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
-            writer.add_topic(name, kind)
+    empty = write_bag(tmp_path / "empty", OWN_TOPICS, ())
     with pytest.raises(BagError, match="holds no decision to learn from: 0 decisions"):
-        demonstrations_of_bag(tmp_path / "empty", GRID, PERIOD_S)
+        demonstrations_of_bag(empty, GRID, PERIOD_S)
 
 
 def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(recorded_bag):
@@ -259,22 +222,21 @@ def test_of_a_file_that_is_no_bag_the_damage_is_told_and_not_a_missing_topic(tmp
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_pose_that_is_not_finite_is_left_out_and_counted(recorded_bag, messages, bad):
-    sound, _ = decisions_from_drive(tolerated(recorded_bag), GRID, PERIOD_S)
+def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
+    recorded_bag, messages, bad
+):
+    recorded_bag.flush()
+    (before,) = read_drives(recorded_bag.directory, tolerant=True)
+    sound, _ = decisions_from_drive(before, GRID, PERIOD_S)
     recorded_bag.write("/robot_pose", messages.pose(105.95, bad, 0.0), 100)
     recorded_bag.write("/robot_pose", messages.pose(107.0, 0.5, bad), 101)
+    recorded_bag.write("/intent", messages.intent(106.05, bad, 0.0), 102)
     recorded_bag.close()
     found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
     decisions = found.decisions
     assert np.array_equal(decisions.next_state, sound.next_state)
-    assert report.n_bad_poses == 2
+    assert (report.n_bad_poses, report.dropped[NOT_FINITE]) == (2, 1)
     assert str(report).endswith("; 2 poses not finite")
-
-
-def tolerated(writer):
-    """The drive as far as it is recorded."""
-    writer.flush()
-    return read_drives(writer.directory, tolerant=True)[0]
 
 
 def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
@@ -283,22 +245,6 @@ def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
         session.poses.extend((time_s, np.nan, 0.0))
     with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
         session.drive()
-
-
-def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
-    recorded_bag.write("/intent", messages.intent(106.05, np.inf, 0.0), 100)
-    recorded_bag.close()
-    live = DriveSessions("bag drive")
-    for message in BagReader(recorded_bag.directory).messages():
-        live.take(message.topic[1:], message.data)
-    from_file, from_topics = (
-        read_drives(recorded_bag.directory)[0],
-        live.sessions[0].drive(),
-    )
-    assert from_topics.episodes == from_file.episodes
-    assert from_topics.dropped == from_file.dropped == {NOT_FINITE: 1}
-    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
-        assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))
 
 
 def test_faults_of_several_recordings_are_added_and_their_share_has_a_sentence():
@@ -394,12 +340,6 @@ def test_each_move_to_a_neighbour_is_counted_also_into_the_first_cell():
     decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
     assert decisions.next_state.tolist() == [0, 0]
     assert (report.n_diagonal, report.dropped) == (2, {})
-
-
-def test_a_move_that_no_neighbour_explains_is_dropped_as_that():
-    alone = Grid((0.0, 0.0), 1.0, np.array([[1, 0], [0, 1]], dtype=bool))
-    recorded = drive([(0.5, 0.5), (0.5, 0.5), (1.5, 1.5)], [(0.0, Action.EAST)])
-    assert decisions_from_drive(recorded, alone, PERIOD_S)[1].dropped == {UNEXPLAINED: 1}
 
 
 def test_places_are_known_between_poses_up_to_the_longest_gap_and_not_after_the_last():

@@ -14,9 +14,9 @@ from serd_app.demonstrations.demonstrations import (
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, REPEATED
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
-from serd_bag.writer import BagWriter
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
+from support.bag_messages import OWN_TOPICS, write_bag
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
@@ -31,14 +31,16 @@ def messages(root: Path):
     return bag, [(each.topic[1:], each.data) for each in BagReader(bag).messages(wanted)]
 
 
-def _write_joined(target: Path, *bags: Path) -> None:
+def joined_bag(target: Path, *bags: Path) -> Path:
     """The messages of several bags, one after the other, as a bag."""
-    with BagWriter(target) as writer:
-        for topic in BagReader(bags[0]).topics.values():
-            writer.add_topic(topic.name, topic.type_name)
-        for bag in bags:
-            for each in BagReader(bag).messages([f"/{topic}" for topic in TOPICS]):
-                writer.write(each.topic, each.data, each.log_time_ns)
+    wanted = [f"/{topic}" for topic in TOPICS]
+    found = [each for bag in bags for each in BagReader(bag).messages(wanted)]
+    return bag_of(target, found)
+
+
+def bag_of(target: Path, found) -> Path:
+    rows = ((each.topic, each.log_time_ns / 1e9, each.data) for each in found)
+    return write_bag(target, OWN_TOPICS, rows)
 
 
 def live_drive(messages, earlier: Demonstrations | None = None) -> LiveDrive:
@@ -84,8 +86,7 @@ def test_live_messages_give_the_decisions_of_the_bag(messages):
 
 def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, tmp_path):
     bag, _ = messages
-    target = tmp_path / "restarted"
-    _write_joined(target, bag, OTHER_BAG)
+    target = joined_bag(tmp_path / "restarted", bag, OTHER_BAG)
     found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
     first, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
     second, _ = demonstrations_of_bag(OTHER_BAG, GRID, HALLWAY.decision_period_s)
@@ -102,12 +103,8 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(messages
     marks = [index for index, each in enumerate(recorded) if each.topic == "/episode"]
     lost = range(marks[5] - 200, marks[10] + 200)  # the end of the third to the start of the sixth
     kept = [each for index, each in enumerate(recorded) if index not in lost]
-    with BagWriter(tmp_path / "torn") as writer:
-        for topic in BagReader(bag).topics.values():
-            writer.add_topic(topic.name, topic.type_name)
-        for each in kept:
-            writer.write(each.topic, each.data, each.log_time_ns)
-    found, report = demonstrations_of_bag(tmp_path / "torn", GRID, HALLWAY.decision_period_s)
+    torn = bag_of(tmp_path / "torn", kept)
+    found, report = demonstrations_of_bag(torn, GRID, HALLWAY.decision_period_s)
     drive = live_drive([(each.topic[1:], each.data) for each in kept])
     assert same(drive.gathered(), found)
     assert drive.report == report
@@ -120,8 +117,7 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(messages
 
 def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(messages, tmp_path):
     bag, _ = messages
-    target = tmp_path / "twice"
-    _write_joined(target, bag, bag)
+    target = joined_bag(tmp_path / "twice", bag, bag)
     found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
     once, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
     assert same(found, once)
@@ -193,15 +189,6 @@ def test_one_topic_may_come_long_before_the_others(messages, ahead):
     first = [each for each in sent if each[0] == ahead]
     rest = [each for each in sent if each[0] != ahead]
     assert same(live_drive(first + rest).gathered(), live_drive(sent).gathered())
-
-
-def test_two_worlds_one_after_the_other_are_kept_apart(messages, root):
-    _, sent = messages
-    bags = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))
-    wanted = [f"/{topic}" for topic in TOPICS]
-    other = [(each.topic[1:], each.data) for each in BagReader(bags[1]).messages(wanted)]
-    both = live_drive(sent + other).gathered()
-    assert same(both, joined([live_drive(sent).gathered(), live_drive(other).gathered()]))
 
 
 def test_a_world_restarted_before_it_had_many_decisions_gets_a_session_of_its_own(messages):

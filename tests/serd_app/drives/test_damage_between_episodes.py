@@ -8,10 +8,8 @@ from serd_app.drives.sessions import read_drives
 from serd_bag.command.rewrite import recover
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
+from support.bag_messages import OWN_TOPICS
 
-POSE = "geometry_msgs/msg/PoseStamped"
-VECTOR = "geometry_msgs/msg/Vector3Stamped"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 GRID = Grid((0.0, 0.0), 1.0, [[True] * 12])
 
 
@@ -20,7 +18,7 @@ def torn_bag(tmp_path, messages):
     """Three episodes of 10 s, one after the other; a chunk of 2 s about the first end is lost."""
     folder = tmp_path / "torn"
     with BagWriter(folder) as writer:
-        for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
+        for name, kind in OWN_TOPICS.items():
             writer.add_topic(name, kind)
         for tick in range(301):
             time_s = 100.0 + 0.1 * tick

@@ -1,23 +1,30 @@
-"""People of standard message types, by the definitions in the bag, as from our own topic."""
+"""People of standard message types, by the definitions in the bag, and their tracks."""
 
 import numpy as np
 import pytest
 
 from serd_app.demonstrations.grid.flow_field import flow_from_recordings
-from serd_app.drives.recorded_people import recorded_sightings, sightings_of_all
+from serd_app.drives.recorded_people import (
+    Sighting,
+    crowd_of_sightings,
+    recorded_sightings,
+    sightings_of_all,
+    tracks_of_sightings,
+)
 from serd_app.drives.recording import Recording
+from serd_app.errors import AppError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError
-from serd_bag.messages.people import SightedIds, people_of
+from serd_bag.messages.people import SeenPeople, SightedIds, people_of
+from serd_bag.messages.plain import Header
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
-from support.bag_messages import Messages
+from support.bag_messages import TF, Messages
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 
 MADE = PeopleMessages()
 GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 6), dtype=bool))
-TF = "tf2_msgs/msg/TFMessage"
 
 
 def walk(step):
@@ -51,13 +58,7 @@ def recorded_people(path, frame=""):
 
 def turned(x, y):
     """A static transform that turns by 90 degrees and moves."""
-    make = Messages().make
-    move = make("geometry_msgs/msg/Vector3", x, y, 0.0)
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.5**0.5, 0.5**0.5)
-    placed = make("geometry_msgs/msg/Transform", move, turn)
-    header = Messages().header(100.0, "map")
-    each = make("geometry_msgs/msg/TransformStamped", header, "camera", placed)
-    return Messages().encode(make(TF, [each]), TF)
+    return Messages().transform(100.0, "map", "camera", x, y, np.pi / 2)
 
 
 @pytest.mark.parametrize("kind", [PEOPLE, TRACKED, DETECTIONS])
@@ -138,3 +139,70 @@ def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it(
         seen = people_of(MADE.message(DETECTIONS, time_s, place, walk_mps))
         made.append(ids.with_velocities(seen, time_s).velocity_mps[0, 0])
     np.testing.assert_allclose(made, [np.nan, 3.0, 1.0, 1.0, 0.0, np.nan], atol=1e-9)
+
+
+def sighting(time_s, places, velocities, ids=None):
+    """A sighting of people."""
+    level = np.zeros((len(places), 1))
+    people = SeenPeople(
+        Header(0, "map"),
+        tuple(ids or [""] * len(places)),
+        np.hstack([np.reshape(places, (-1, 2)), level]),
+        np.hstack([np.reshape(velocities, (-1, 2)), level]),
+    )
+    return Sighting(time_s, people, str(time_s).encode())
+
+
+def crossing_walks(n_steps=40, names=None):
+    """Two people who walk through each other at 1 m/s, in an order that changes."""
+    rng, found = np.random.default_rng(0), []
+    for step in range(n_steps):
+        t = step / 10
+        places, velocities = [[t, 0.0], [4 - t, 0.05]], [[1.0, 0.0], [-1.0, 0.0]]
+        order = rng.permutation(2).tolist()
+        ids = None if names is None else [names[each] for each in order]
+        found.append(
+            sighting(t, [places[each] for each in order], [velocities[each] for each in order], ids)
+        )
+    return found
+
+
+def test_people_without_ids_are_followed_through_each_other():
+    tracks = tracks_of_sightings(crossing_walks())
+    assert len(tracks) == 2
+    ends = sorted(float(track.position_m[-1, 0] - track.position_m[0, 0]) for track in tracks)
+    assert ends == pytest.approx([-3.9, 3.9])
+    assert all(len(track.time_s) == 40 for track in tracks)
+
+
+def test_ids_name_the_tracks():
+    tracks = tracks_of_sightings(crossing_walks(names=("anna", "ben")))
+    assert {track.agent for track in tracks} == {"anna", "ben"}
+
+
+def test_a_person_who_jumps_or_was_away_is_another_one():
+    still = [sighting(t / 10, [[0.0, 0.0]], [[0.0, 0.0]]) for t in range(5)]
+    jumped = [sighting(0.5 + t / 10, [[0.0, 0.6]], [[0.0, 0.0]]) for t in range(5)]
+    later = [sighting(3.0 + t / 10, [[0.0, 0.6]], [[0.0, 0.0]]) for t in range(5)]
+    assert [len(each.time_s) for each in tracks_of_sightings(still + jumped + later)] == [5, 5, 5]
+
+
+def test_the_same_message_twice_counts_once_and_numbers_that_are_none_are_left_out():
+    walks = crossing_walks()
+    broken = sighting(1.05, [[np.nan, 0.0]], [[0.0, 0.0]])
+    tracks = tracks_of_sightings([*walks, *walks, broken])
+    assert [len(track.time_s) for track in tracks] == [40, 40]
+
+
+def test_each_person_has_the_others_around():
+    crowd = crowd_of_sightings(crossing_walks(names=("anna", "ben")), "here")
+    (first,), (none,) = crowd.others_at(0, np.array([1.0])), crowd.others_at(0, np.array([9.0]))
+    other = crowd.tracks[1]
+    at = np.flatnonzero(other.time_s == 1.0)[0]
+    assert first == pytest.approx(other.position_m[[at]])
+    assert none.shape == (0, 2)
+
+
+def test_nobody_who_is_seen_twice_gets_a_sentence():
+    with pytest.raises(AppError, match="bag here must hold people who are seen twice at least"):
+        crowd_of_sightings([sighting(0.0, [[0.0, 0.0]], [[0.0, 0.0]])], "here")

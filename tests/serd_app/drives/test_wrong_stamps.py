@@ -8,20 +8,14 @@ from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
-from serd_bag.health.check import check_bag
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
 from serd_bag.reader import BagReader
 from serd_bag.recorder import BagRecorder, RecorderSettings
+from support.bag_messages import OWN_TOPICS, POSE, TWIST
 
 START_S = 1_700_000_000.0
-TOPICS = {
-    "/robot_pose": "geometry_msgs/msg/PoseStamped",
-    "/intent": "geometry_msgs/msg/Vector3Stamped",
-    "/episode": "diagnostic_msgs/msg/DiagnosticArray",
-    "/cmd_vel": "geometry_msgs/msg/Twist",
-    "/other": "geometry_msgs/msg/PoseStamped",
-}
+TOPICS = OWN_TOPICS | {"/cmd_vel": TWIST, "/other": POSE}
 FAULTS = {
     "an hour ahead": lambda time_s: time_s + 3600.0,
     "an hour behind": lambda time_s: time_s - 3600.0,
@@ -30,13 +24,6 @@ FAULTS = {
     "an hour ahead for a while": lambda t: t + (3600.0 if t > START_S + 15.0 else 0.0),
 }
 GRID = grid_around(np.array([[0.5, 0.5 + row] for row in range(11)]), 1.0)
-
-
-def twist(messages):
-    speed = messages.make("geometry_msgs/msg/Vector3", 0.5, 0.0, 0.0)
-    still = messages.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    message = messages.make("geometry_msgs/msg/Twist", speed, still)
-    return messages.encode(message, "geometry_msgs/msg/Twist")
 
 
 @pytest.fixture
@@ -60,7 +47,7 @@ def record(tmp_path, messages):
             times_ns = clock.times_ns(stamp_ns, received_ns, round((time_s + 0.001) * 1e9))
             assert recorder.record(name, data, *times_ns)
 
-        command = twist(messages)
+        command = messages.twist(0.5)
         send("/episode", START_S, messages.mark, "start", 0)
         for tick in range(201):
             time_s = START_S + 0.1 * tick
@@ -103,19 +90,3 @@ def test_wrong_stamps_of_a_mapped_bag_cost_no_decision(record, topic, fault):
     assert len(expected[0]) == 10
     drive = mapped_drive_in(BagReader(record(topic, fault)), mapping, 2.0)
     assert decisions([drive]) == expected
-
-
-@pytest.mark.parametrize(
-    ("fault", "remark"),
-    [
-        ("an hour ahead", "/other: stamps are 3600.00 s ahead of log times: the clock of its"),
-        ("an hour behind", "/other: stamps are 3600.00 s behind log times: the clock of its"),
-        ("an hour ahead for a while", "/other: stamps jump against log times forward by 3600.00"),
-        ("backwards", "/other: stamps step back 200 times"),
-    ],
-)
-def test_check_finds_a_wrong_clock_in_a_recording_of_ours(record, fault, remark):
-    assert check_bag(record()).remarks == ()
-    found = check_bag(record("/other", fault)).remarks
-    assert found[0].startswith(remark)
-    assert all(line.startswith("/other: ") for line in found)

@@ -1,35 +1,18 @@
-"""The log of arrivals: appended, whole after a kill, faults by line."""
+"""The log of arrivals: appended, whole after a kill."""
 
-import math
 import os
 import signal
 import subprocess
 import sys
 
-import pytest
-
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
-from serd_bag.errors import FileError
 
 
-def row(episode=0, **changes):
-    values = {
-        "episode": episode,
-        "seed": 3,
-        "start_x_m": 0.1 + 0.2,
-        "start_y_m": 1 / 3,
-        "goal_x_m": 12.0,
-        "goal_y_m": 18.0,
-        "model": "a, model.yaml",
-        "outcome": "arrived",
-        "reason": "",
-        "predicted_probability": 0.99,
-        "predicted_median_s": 51.05,
-        "predicted_most_s": 1e-17,
-        "time_of_arrival_s": 48.9,
-        "predicted_share": 0.25,
-    }
-    return ArrivalRow(**(values | changes))
+def row(episode):
+    return ArrivalRow(
+        episode, 3, 0.1 + 0.2, 1 / 3, 12.0, 18.0, "a, model.yaml", "arrived", "",
+        0.99, 51.05, 1e-17, 48.9, 0.25,
+    )  # fmt: skip
 
 
 def test_rows_are_appended_and_survive_exactly(tmp_path):
@@ -38,14 +21,6 @@ def test_rows_are_appended_and_survive_exactly(tmp_path):
     for each in rows:
         append_arrival(path, each)
     assert load_arrivals(path) == rows
-
-
-def test_a_drive_that_did_not_arrive_has_no_time(tmp_path):
-    path = tmp_path / "arrivals.csv"
-    append_arrival(path, row(outcome="aborted", reason="no progress", time_of_arrival_s=math.nan))
-    (back,) = load_arrivals(path)
-    assert math.isnan(back.time_of_arrival_s)
-    assert back.reason == "no progress"
 
 
 _WRITE_FOR_EVER = """
@@ -70,15 +45,3 @@ def test_what_was_told_before_a_kill_is_there_after_it(tmp_path):
     episodes = [each.episode for each in load_arrivals(path)]
     assert episodes == list(range(len(episodes)))
     assert len(episodes) > 20
-
-
-def test_another_table_is_refused_and_so_is_a_row_that_is_none(tmp_path):
-    path = tmp_path / "arrivals.csv"
-    path.write_text("a,b\n1,2\n")
-    with pytest.raises(FileError, match=r"must have the columns episode, seed, .*got a, b"):
-        load_arrivals(path)
-    append_arrival(tmp_path / "good.csv", row())
-    text = (tmp_path / "good.csv").read_text()
-    path.write_text(text.replace("0,3,", "x,3,"))
-    with pytest.raises(FileError, match="line 2, episode must be a whole number, got 'x'"):
-        load_arrivals(path)

@@ -11,10 +11,10 @@ from serd_app.navigation.settings import NavigationSettings
 from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.model_file import OutcomeModel, load_model
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
+from support.episodes import episode_result
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
@@ -22,25 +22,6 @@ HALLWAY = load_scenario("hallway")
 
 def navigator_of(model, **changes):
     return Navigator(HALLWAY, NavigationSettings(model=str(model), **changes))
-
-
-def result(outcome, time_of_arrival_s=float("nan"), reason=""):
-    return EpisodeResult(
-        episode=4,
-        seed=2,
-        driver="strategy",
-        start_area="train",
-        outcome=outcome,
-        time_of_arrival_s=time_of_arrival_s,
-        duration_s=40.0,
-        distance_m=20.0,
-        robot_on_person=0,
-        person_on_robot=0,
-        robot_on_wall=0,
-        minimum_person_distance_m=1.0,
-        wall_s=1.0,
-        reason=reason,
-    )
 
 
 def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_model_of):
@@ -140,14 +121,6 @@ def test_a_new_goal_renews_the_patience(save_model_of):
     assert navigator.gave_up is None
 
 
-def test_no_patience_is_endless_patience(save_model_of):
-    navigator = navigator_of(save_model_of(), patience_periods=0)
-    navigator.begin(0)
-    for step in range(100):
-        navigator.decide(observation_at(4.5, 9.5, time_s=2.0 * step))
-    assert navigator.gave_up is None
-
-
 def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_of):
     path = save_model_of()
     for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
@@ -211,13 +184,13 @@ def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(save_model_
     here = observation_at(4.5, 9.5, time_s=100.0)
     navigator.decide(here)
     prediction = prediction_of(navigator, here)
-    row = arrival_row(prediction, result("arrived", time_of_arrival_s=40.0))
+    row = arrival_row(prediction, episode_result(4, "arrived", 40.0))
     law = navigator.forecast.law
     assert row.predicted_median_s == law.quantile_s(0.5)
     assert row.predicted_share == pytest.approx(float(law.probability_by(40.0)))
     assert (row.start_x_m, row.start_y_m) == (4.5, 9.5)
     assert (row.goal_x_m, row.goal_y_m) == (12.0, 18.0)
-    late = arrival_row(prediction, result("aborted", reason="no progress"))
+    late = arrival_row(prediction, episode_result(4, "aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)
 
 
@@ -241,6 +214,10 @@ def reasons(settings, states, left=10):
 
 def test_going_to_and_fro_is_no_progress():
     assert reasons(rules(3, 0.0), [0, 1, 0, 1, 0]) == [None] * 4 + [GiveUp.NO_PROGRESS]
+
+
+def test_no_patience_is_endless_patience():
+    assert reasons(rules(0, 0.0), [0] * 100) == [None] * 100
 
 
 def test_every_new_minimum_counts_as_progress():

@@ -42,15 +42,17 @@ def n_cells_to_the_goal(problem):
     return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
 
 
-def test_where_every_move_succeeds_the_median_is_a_period_per_cell_of_the_shortest_path(
-    save_model_of,
+@pytest.mark.parametrize(("entries_s", "last_s"), [((), 2.0), ((0.5,), 0.5), ((1.5,), 1.5)])
+def test_where_every_move_succeeds_the_median_is_a_period_per_cell_and_a_last_one_of_entry(
+    save_model_of, entries_s, last_s
 ):
     sure = with_moves(save_model_of(), (0.0, 1.0, 0.0, 0.0, 0.0))
-    path = save_model_of(reward_weights=GOAL_ALONE, outcome_models=sure)
-    overlay, strategy = overlay_and_strategy(path)
+    values = {"reward_weights": GOAL_ALONE, "outcome_models": sure, "goal_entry_s": entries_s}
+    overlay, strategy = overlay_and_strategy(save_model_of(**values))
     n_cells = n_cells_to_the_goal(strategy.problem)
     assert n_cells.max() > 10
-    np.testing.assert_allclose(overlay.median_s, 2.0 * n_cells)
+    expected_s = np.where(n_cells > 0, 2.0 * (n_cells - 1) + last_s, 0.0)
+    np.testing.assert_allclose(overlay.median_s, expected_s)
 
 
 def test_a_direction_leads_to_the_neighbour_of_the_greedy_action(save_model_of):
@@ -79,15 +81,3 @@ def test_cells_from_which_fewer_than_half_arrive_have_no_median(save_model_of):
     overlay, strategy = overlay_and_strategy(save_model_of(outcome_models=stuck))
     in_goal = np.isin(np.arange(len(overlay.median_s)), strategy.problem.goal_states)
     np.testing.assert_array_equal(overlay.median_s, np.where(in_goal, 0.0, np.nan))
-
-
-@pytest.mark.parametrize("entry_s", [0.5, 1.5])
-def test_the_median_counts_the_last_period_by_the_demonstrations_times_of_entry(
-    save_model_of, entry_s
-):
-    sure = with_moves(save_model_of(), (0.0, 1.0, 0.0, 0.0, 0.0))
-    values = {"reward_weights": GOAL_ALONE, "outcome_models": sure, "goal_entry_s": (entry_s,)}
-    overlay, strategy = overlay_and_strategy(save_model_of(**values))
-    n_cells = n_cells_to_the_goal(strategy.problem)
-    expected_s = np.where(n_cells > 0, 2.0 * (n_cells - 1) + entry_s, 0.0)
-    np.testing.assert_allclose(overlay.median_s, expected_s)

@@ -1,5 +1,7 @@
 """When a predicted arrival may be stated: enough demonstrations, a start, and times that agree."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,6 @@ from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.arrival.bands import binomial_tail
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_files.model_file import load_model
 from serd_sim.scenario.scenario import load_scenario
@@ -35,38 +36,19 @@ def strategy(save_model_of):
     return load_strategy(str(save_model_of()), HALLWAY, "optimal")
 
 
-def drives_of(strategy, n_drives, seed=0):
-    """Drives by the policy under the dynamics of the model."""
-    return sample_decisions(
+def drives_of(strategy, n_drives):
+    """Drives by the policy under the dynamics of the model, a decision each 2 s."""
+    found = sample_decisions(
         strategy.problem.mdp,
         strategy.policy.probabilities,
         strategy.outcome_probabilities,
         start_distribution(HALLWAY, "train"),
         n_episodes=n_drives,
         n_steps=strategy.n_periods,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(0),
     )
-
-
-def slower(decisions, factor):
-    return Decisions(
-        decisions.episode,
-        factor * decisions.time_s,
-        decisions.state,
-        decisions.action,
-        decisions.next_state,
-    )
-
-
-def timed(decisions):
-    """The same with a time of each decision, in periods of the hallway."""
-    first = np.unique(decisions.episode, return_index=True)[1]
-    number = (
-        np.arange(len(decisions)) - first[np.searchsorted(decisions.episodes, decisions.episode)]
-    )
-    return Decisions(
-        decisions.episode, 2.0 * number, decisions.state, decisions.action, decisions.next_state
-    )
+    number = np.arange(len(found)) - np.searchsorted(found.episode, found.episode)
+    return replace(found, time_s=2.0 * number)
 
 
 def reasons(n_demonstrations=20, starts=GOOD, **given):
@@ -94,7 +76,7 @@ def test_a_start_in_a_trap_of_the_learned_policy_supports_no_prediction(save_mod
 
 
 def test_recorded_drives_that_follow_the_model_support_its_prediction(strategy):
-    decisions = timed(drives_of(strategy, 40))
+    decisions = drives_of(strategy, 40)
     assert starts_of(strategy, "train").n_trapped == 0
     recorded = recorded_times(strategy, decisions, decisions.episodes)
     assert len(recorded.times_s) == 40
@@ -104,17 +86,8 @@ def test_recorded_drives_that_follow_the_model_support_its_prediction(strategy):
     assert np.median(recorded.times_s) == pytest.approx(law.quantile_s(0.5), abs=4.0)
 
 
-def test_recorded_drives_that_take_twice_as_long_speak_against_it(strategy):
-    decisions = slower(timed(drives_of(strategy, 5)), 2.0)
-    recorded = recorded_times(strategy, decisions, decisions.episodes)
-    assert recorded.outside.all()
-    assert reasons(recorded=recorded) == (
-        "5 of 5 recorded drives arrived outside the 90 % band that the model computes",
-    )
-
-
 def test_episodes_that_do_not_reach_the_goal_have_no_time_of_arrival(strategy):
-    decisions = timed(drives_of(strategy, 6))
+    decisions = drives_of(strategy, 6)
     recorded = recorded_times(strategy, decisions, decisions.episodes[[1, 4]])
     assert len(recorded.times_s) == 2
 
@@ -122,7 +95,7 @@ def test_episodes_that_do_not_reach_the_goal_have_no_time_of_arrival(strategy):
 def test_a_recorded_drive_arrives_at_the_usual_entry_within_its_last_period(
     strategy, save_model_of
 ):
-    decisions = timed(drives_of(strategy, 1))
+    decisions = drives_of(strategy, 1)
     at_the_end = recorded_times(strategy, decisions, decisions.episodes)
     entered = load_strategy(str(save_model_of(goal_entry_s=(0.5, 0.7, 0.6))), HALLWAY, "optimal")
     within = recorded_times(entered, decisions, decisions.episodes)
@@ -162,12 +135,6 @@ def test_drives_that_do_not_arrive_speak_against_a_prediction_that_most_do():
         "0 of 3 measured drives arrived, where the model computes 84%",
     )
     assert reasons(measured=(PARTLY, np.array([15.0, 20.0, np.inf]))) == ()
-
-
-def test_measured_drives_later_than_predicted_speak_against_it():
-    assert reasons(measured=(EVEN, np.array([50.0, 60.0, 40.0]))) == (
-        "3 of 3 measured drives arrived outside the 90 % band that the model computes",
-    )
 
 
 def test_three_drives_by_the_policy_count_in_place_of_those_of_persons():

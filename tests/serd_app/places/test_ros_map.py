@@ -21,29 +21,26 @@ def cells_of(folder, shades=SHADES, **look):
     return read_map(write_map(folder, "map", shades, **look)).cells[0].tolist()
 
 
-def test_a_trinary_map_is_occupied_unknown_or_free_by_its_thresholds(tmp_path):
-    assert cells_of(tmp_path) == [100, 100, -1, 0, 0]
+RAW = np.array([[0, 40, 100, 101, 255]], dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "keys", "cells"),
+    [
+        (SHADES, "", [100, 100, -1, 0, 0]),
+        (SHADES, "mode: scale\n", [100, 100, 62, 0, 0]),  # (0.498 - 0.25) / (0.65 - 0.25) = 62 %
+        (RAW, "mode: raw\n", [0, 40, 100, -1, -1]),
+        (np.array([[UNKNOWN, FREE]], dtype=np.uint8), "", [-1, 0]),  # p of UNKNOWN is below 0.25
+    ],
+)
+def test_each_mode_of_shades_has_its_percents(tmp_path, pixels, keys, cells):
+    assert cells_of(tmp_path, pixels, keys=keys) == cells
 
 
 def test_negate_makes_bright_cells_the_occupied_ones(tmp_path):
     path = write_map(tmp_path, "map", SHADES)
     path.write_text(path.read_text().replace("negate: 0", "negate: true"))
     assert read_map(path).cells[0].tolist() == [0, -1, -1, 100, 100]
-
-
-def test_a_scaled_map_has_percents_between_the_thresholds(tmp_path):
-    # (0.498 - 0.25) / (0.65 - 0.25) = 62 %
-    assert cells_of(tmp_path, keys="mode: scale\n") == [100, 100, 62, 0, 0]
-
-
-def test_a_raw_map_holds_the_percents_themselves(tmp_path):
-    raw = np.array([[0, 40, 100, 101, 255]], dtype=np.uint8)
-    assert cells_of(tmp_path, raw, keys="mode: raw\n") == [0, 40, 100, -1, -1]
-
-
-def test_the_shade_of_map_saver_for_unknown_is_unknown_below_the_threshold_too(tmp_path):
-    assert 1 - UNKNOWN / 255 < 0.25
-    assert cells_of(tmp_path, np.array([[UNKNOWN, FREE]], dtype=np.uint8)) == [-1, 0]
 
 
 def test_transparent_cells_are_unknown_in_a_scaled_map_and_dark_in_a_trinary_one(tmp_path):
@@ -61,18 +58,13 @@ def test_sixteen_bits_of_grey_are_read_like_eight(tmp_path):
     assert read_map(path).cells[0].tolist() == [100, 100, -1, 0, 0]
 
 
-def test_the_lowest_row_of_the_image_lies_at_the_origin(tmp_path):
+def test_the_lowest_row_of_the_image_lies_at_the_origin_and_turned_at_its_yaw(tmp_path):
     shades = np.full((4, 6), OCCUPIED, dtype=np.uint8)
     shades[-3:, :3] = FREE
     path = write_map(tmp_path, "map", shades, origin="[10.0, 20.0, 0.0]")
     assert free_area_m(read_map(path)).bounds == pytest.approx((10.0, 20.0, 10.15, 20.15))
-
-
-def test_a_map_that_is_turned_lies_at_its_yaw(tmp_path):
-    shades = np.full((10, 30), FREE, dtype=np.uint8)
-    path = write_map(tmp_path, "map", shades, origin=f"[1.0, 2.0, {np.pi / 2}]")
-    area = free_area_m(read_map(path), at_m=(0.75, 3.0))
-    assert area.bounds == pytest.approx((0.5, 2.0, 1.0, 3.5))
+    turned = write_map(tmp_path, "turned", shades, origin=f"[10.0, 20.0, {np.pi / 2}]")
+    assert free_area_m(read_map(turned)).bounds == pytest.approx((9.85, 20.0, 10.0, 20.15))
 
 
 def occupancy_grid(cells, *, origin=(1.0, 2.0), yaw=0.0, resolution=0.05):

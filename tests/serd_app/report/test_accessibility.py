@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from serd_app.report.inputs import Forecast, ReportInputs
+from serd_app.report.inputs import Forecast
 from serd_app.report.write import write_report
 from support.browser import (
     DEVICES,
@@ -27,7 +27,7 @@ def browser(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def page(inputs: ReportInputs, tmp_path_factory):
+def page(inputs, tmp_path_factory):
     """With the forecasts of a model beside what drove."""
     given = replace(
         inputs,

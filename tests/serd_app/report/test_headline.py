@@ -2,14 +2,13 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
 from serd_app.report.figures.arrival import draw_forecasts
-from serd_app.report.inputs import Forecast, ReportInputs
+from serd_app.report.inputs import Forecast
 from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import write_report
@@ -19,7 +18,7 @@ from serd_core.policies.solved_policy import optimal_policy
 from support.episodes import episode_result
 
 
-def test_nobody_arrived(inputs: ReportInputs) -> None:
+def test_nobody_arrived(inputs):
     episodes = (episode_result(0, "timeout"), episode_result(1, "aborted"))
     summary = summary_of(replace(inputs, episodes=episodes))
     assert "in 0 of 2 new episodes" in headline_of(summary)
@@ -29,17 +28,17 @@ def test_nobody_arrived(inputs: ReportInputs) -> None:
 
 
 @pytest.fixture
-def undriven(inputs: ReportInputs) -> ReportInputs:
+def undriven(inputs):
     """The report of a model by which nothing drove, with its forecast."""
     forecast = Forecast("area train", inputs.predicted)
     return replace(inputs, episodes=(), forecasts=(forecast,), n_demonstrations=6)
 
 
-def recorded(*times_s: float, n_outside: int = 0) -> RecordedTimes:
+def recorded(*times_s, n_outside=0):
     return RecordedTimes(np.array(times_s), np.arange(len(times_s)) < n_outside)
 
 
-def trapped(inputs: ReportInputs) -> ReportInputs:
+def trapped(inputs):
     """The same with a policy that has learned to shun the goal."""
     problem, outcomes = inputs.problem, inputs.fit.outcome_probabilities
     learned = optimal_policy(problem, np.array([-1.0, 0.0, 0.0]), outcomes)
@@ -53,7 +52,7 @@ def trapped(inputs: ReportInputs) -> ReportInputs:
     return replace(inputs, policy=driven.policy, driven=driven, remarks=("a remark",))
 
 
-def test_a_supported_prediction_is_the_headline(undriven: ReportInputs) -> None:
+def test_a_supported_prediction_is_the_headline(undriven):
     given = replace(undriven, recorded=recorded(20.0, 21.0, 22.0, n_outside=1))
     summary = summary_of(given)
     assert summary.no_prediction_because == ()
@@ -81,9 +80,7 @@ def test_a_supported_prediction_is_the_headline(undriven: ReportInputs) -> None:
         ),
     ],
 )
-def test_what_does_not_support_a_prediction_stands_in_its_place(
-    undriven: ReportInputs, changes: dict[str, object], reason: str, known: str
-) -> None:
+def test_what_does_not_support_a_prediction_stands_in_its_place(undriven, changes, reason, known):
     summary = summary_of(replace(undriven, **changes))
     headline = headline_of(summary)
     assert headline.startswith(known)
@@ -94,7 +91,7 @@ def test_what_does_not_support_a_prediction_stands_in_its_place(
     assert summary.as_json()["no_prediction_because"] == (reason,)
 
 
-def test_a_start_in_a_trap_has_no_predicted_headline(undriven: ReportInputs) -> None:
+def test_a_start_in_a_trap_has_no_predicted_headline(undriven):
     summary = summary_of(trapped(undriven))
     assert summary.n_least_time_states > 10
     assert summary.n_trap_states == 0
@@ -106,7 +103,7 @@ def test_a_start_in_a_trap_has_no_predicted_headline(undriven: ReportInputs) -> 
     assert dict(summary_rows(summary))["Plan"] == "A remark."
 
 
-def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs: ReportInputs) -> None:
+def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs):
     assert "75 %; predicted" in headline_of(summary_of(inputs))
     missed = tuple(episode_result(number, "timeout") for number in range(3))
     summary = summary_of(replace(inputs, episodes=missed))
@@ -118,25 +115,19 @@ def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs: Rep
     assert "; predicted" not in headline + " ".join(dict(summary_rows(summary)).values())
 
 
-def test_the_page_computes_where_it_does_not_predict(
-    undriven: ReportInputs, tmp_path: Path
-) -> None:
+def test_the_page_computes_where_it_does_not_predict(undriven, tmp_path):
     one = replace(trapped(undriven), n_demonstrations=1, recorded=recorded(41.0))
     text = write_report(one, tmp_path).read_text(encoding="utf-8")
     words = " ".join(re.sub("<[^>]+>", " ", text).split())
     assert "Arrival as the model computes it This is no prediction, because a prediction" in words
     assert "Computed share of drives that have arrived" in words
-    assert "Black: when the recorded drives arrived" in words
-    assert "so the arrows are the way of least expected time" in words
     assert "Predicted share" not in words
     supported = write_report(undriven, tmp_path / "other").read_text(encoding="utf-8")
     assert "Forecast of the arrival" in supported
     assert "no prediction" not in supported
 
 
-def test_recorded_drives_are_drawn_on_the_forecast_from_the_first_to_the_last(
-    undriven: ReportInputs,
-) -> None:
+def test_recorded_drives_are_drawn_on_the_forecast_from_the_first_to_the_last(undriven):
     times_s = [150.0, 31.0, 40.0]
     figure = draw_forecasts({"area train": undriven.predicted}, 120.0, times_s)
     (axes,) = figure.axes

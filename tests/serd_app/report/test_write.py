@@ -5,13 +5,12 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.report.inputs import ReportInputs, RunFacts
+from serd_app.report.inputs import RunFacts
 from serd_app.report.page import render_page
 from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
@@ -27,7 +26,7 @@ VOID = {"meta", "img", "br", "link", "hr", "input"}
 class Page(HTMLParser):
     """Collects tags, addresses, text, and whether every tag is closed in order."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
         self.tags: list[str] = []
         self.addresses: list[str] = []
@@ -36,21 +35,21 @@ class Page(HTMLParser):
         self.feed(text)
         self.close()
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
         self.addresses += [str(v) for k, v in attrs if k in {"src", "href", "srcset", "action"}]
         if tag not in VOID:
             self.open.append(tag)
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data):
         self.text += data
 
 
 @pytest.fixture(scope="module")
-def folder(inputs: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(inputs, tmp_path_factory):
     target = tmp_path_factory.mktemp("run") / "report"
     page = write_report(inputs, target)
     assert page == target / "report.html"
@@ -58,11 +57,11 @@ def folder(inputs: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def text(folder: Path) -> str:
+def text(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_page_needs_nothing_from_outside(text: str) -> None:
+def test_the_page_needs_nothing_from_outside(text):
     page = Page(text)
     assert not page.open
     assert "script" not in page.tags
@@ -73,7 +72,7 @@ def test_the_page_needs_nothing_from_outside(text: str) -> None:
         assert address.startswith("data:image/svg+xml;base64,") or ":" not in address
 
 
-def test_the_page_shows_every_figure_with_its_caption(text: str) -> None:
+def test_the_page_shows_every_figure_with_its_caption(text):
     page = Page(text)
     assert page.tags.count("figure") == page.tags.count("img") == len(FIGURES)
     captions = re.findall(r"<strong>[^<]+\.</strong>([^<]+)</figcaption>", text)
@@ -81,19 +80,19 @@ def test_the_page_shows_every_figure_with_its_caption(text: str) -> None:
     assert all(len(caption.split()) > 10 for caption in captions)
 
 
-def test_every_link_leads_to_a_file_beside_the_page(folder: Path, text: str) -> None:
+def test_every_link_leads_to_a_file_beside_the_page(folder, text):
     for address in Page(text).addresses:
         if not address.startswith("data:") and address != "model.yaml":
             assert (folder / address).exists(), address
 
 
-def test_each_figure_is_written_as_png_and_svg(folder: Path) -> None:
+def test_each_figure_is_written_as_png_and_svg(folder):
     for name in FIGURES:
         assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert b"<svg" in (folder / "figures" / f"{name}.svg").read_bytes()
 
 
-def test_the_summary_file_holds_the_numbers_of_the_run(folder: Path, inputs: ReportInputs) -> None:
+def test_the_summary_file_holds_the_numbers_of_the_run(folder, inputs):
     summary = json.loads((folder / "summary.json").read_text())
     assert summary == json.loads(json.dumps(summary_of(inputs).as_json()))
     assert summary["n_episodes"] == 4
@@ -105,8 +104,8 @@ def test_the_summary_file_holds_the_numbers_of_the_run(folder: Path, inputs: Rep
     assert sum(summary["decisions_per_model"].values()) == summary["n_decisions"]
 
 
-def test_the_tables_hold_what_was_given(folder: Path, inputs: ReportInputs) -> None:
-    def rows(name: str) -> list[dict[str, str]]:
+def test_the_tables_hold_what_was_given(folder, inputs):
+    def rows(name):
         with (folder / name).open(newline="") as stream:
             return list(csv.DictReader(stream))
 
@@ -125,7 +124,7 @@ def test_the_tables_hold_what_was_given(folder: Path, inputs: ReportInputs) -> N
     assert float(last["measured_cdf"]) == 0.75
 
 
-def test_odd_names_are_shown_and_not_obeyed(odd_inputs: ReportInputs, tmp_path: Path) -> None:
+def test_odd_names_are_shown_and_not_obeyed(odd_inputs, tmp_path):
     page = Page(write_report(odd_inputs, tmp_path).read_text(encoding="utf-8"))
     assert "script" not in page.tags
     assert not page.open
@@ -133,9 +132,7 @@ def test_odd_names_are_shown_and_not_obeyed(odd_inputs: ReportInputs, tmp_path: 
     assert "a%20%3Cb%3E%20%26%20c.yaml" in page.addresses
 
 
-def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(
-    inputs: ReportInputs, folder: Path
-) -> None:
+def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(inputs, folder):
     bare = replace(inputs, run=RunFacts("serd report", "in process", "2026"), files=())
     pictures = {path.stem: path.read_bytes() for path in (folder / "figures").glob("*.svg")}
     page = Page(render_page(bare, summary_of(bare), pictures, links=()))
@@ -143,9 +140,7 @@ def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(
     assert page.tags.count("figure") == len(FIGURES)
 
 
-def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(
-    inputs: ReportInputs, tmp_path: Path
-) -> None:
+def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(inputs, tmp_path):
     problem = inputs.problem
     fit = fit_mdce_serd(problem, inputs.demonstrations)
     posterior = posterior_of(problem, inputs.demonstrations, fit)
@@ -161,7 +156,7 @@ def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_nex
         assert f"{row.from_choices_nats:.2f}" in page.text
 
 
-def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs: ReportInputs) -> None:
+def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs):
     decisions = inputs.demonstrations
     fit = fit_mdce_serd(inputs.problem, decisions)
     posterior = posterior_of(inputs.problem, decisions, fit)

@@ -1,16 +1,14 @@
 """Whose the columns of places are: certain, or an error with a mapping that is right."""
 
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from serd_app.drives.mapped.mapping import TableMapping
-from serd_app.drives.table_drives import drives_of_table
 from serd_bag.errors import FileError
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
+from support.trajectory_tables import drives, mappings_in, read
 
 N_STEPS = 50
 TIME_NS = 1_700_000_000_000_000_000 + 100_000_000 * np.arange(N_STEPS)
@@ -41,19 +39,6 @@ def rows_of_people(people):
         for number, places in enumerate(people, start=1)
     ]  # fmt: skip
     return pd.concat(frames).sort_values(["timestamp", "column"], kind="stable")
-
-
-def read(tmp_path, frame, wanted=None):
-    path = tmp_path / "table.csv"
-    frame.to_csv(path, index=False)
-    return read_trajectories(path, wanted)
-
-
-def drives(tmp_path, frame, mapping=""):
-    path = tmp_path / "table.csv"
-    frame.to_csv(path, index=False)
-    chosen = yaml_model(mapping, TableMapping, name="mapping") if mapping else TableMapping()
-    return drives_of_table(path, chosen, 1.0)
 
 
 def assert_robot_among_people(found, n_people):
@@ -122,11 +107,6 @@ def test_units_that_some_columns_lack_are_asked_for_with_a_mapping_that_is_right
     (mapping,) = mappings_in(raised.value)
     assert mapping == "{unit: cm}"
     assert_robot_among_people(drives(tmp_path, table, mapping), 1)
-
-
-def mappings_in(error):
-    """The mappings that an error shows."""
-    return re.findall(r"\{[^}]*\}", str(error))
 
 
 @pytest.mark.parametrize(

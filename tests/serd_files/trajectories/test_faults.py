@@ -7,8 +7,8 @@ import pytest
 from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.table_drives import drives_of_table, is_table
 from serd_bag.errors import FileError
-from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
+from support.trajectory_tables import drives, read
 
 WALKS = pd.DataFrame(
     [(agent, step / 10, 0.12 * step, 0.7 * agent) for agent in (1, 2) for step in range(50)],
@@ -16,11 +16,9 @@ WALKS = pd.DataFrame(
 )
 
 
-def sentences(frame, tmp_path, **write):
+def sentences(frame, tmp_path):
     """What the table assumes and warns of, besides units."""
-    path = tmp_path / "walks.csv"
-    frame.to_csv(path, index=False, **write)
-    found = read_trajectories(path)
+    found = read(tmp_path, frame)
     return found.tracks, [each for each in found.assumed if "are assumed" not in each]
 
 
@@ -66,10 +64,16 @@ def test_rows_away_from_where_their_agent_is_are_left_out(tmp_path, rows, place)
     assert np.abs(np.concatenate([each.position_m for each in tracks])).max() < 6.0
 
 
-def test_degrees_and_times_in_other_units_are_refused(tmp_path):
-    degrees = WALKS.assign(x=13.4 + WALKS.x / 68_000, y=52.5 + WALKS.y / 111_000)
-    with pytest.raises(FileError, match=r"are at 1\.8e-05 m/s or slower; state unit: and"):
-        sentences(degrees, tmp_path)
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "speeds"),
+    [
+        (13.4 + WALKS.x / 68_000, 52.5 + WALKS.y / 111_000, r"1\.8e-05 m/s or slower"),  # degrees
+        (100 * WALKS.x, 100 * WALKS.y, "half of them move at 120 m/s or faster"),
+    ],
+)
+def test_units_that_cannot_be_are_refused(tmp_path, x_m, y_m, speeds):
+    with pytest.raises(FileError, match=f"{speeds}; state unit: and"):
+        sentences(WALKS.assign(x=x_m, y=y_m), tmp_path)
 
 
 def test_columns_of_lists_get_a_sentence(tmp_path):
@@ -101,12 +105,6 @@ def test_an_agent_in_two_places_at_once_is_named(tmp_path):
         sentences(both, tmp_path)
 
 
-def test_units_that_cannot_be_are_refused(tmp_path):
-    far = WALKS.assign(x=100 * WALKS.x, y=100 * WALKS.y)
-    with pytest.raises(FileError, match=r"half of them move at 120 m/s or faster; state unit: and"):
-        sentences(far, tmp_path)
-
-
 def test_agents_that_hardly_move_get_a_sentence(tmp_path):
     near = WALKS.assign(x=WALKS.x / 100, y=WALKS.y / 100)
     found = sentences(near.rename(columns={"x": "x_m", "y": "y_m"}), tmp_path)[1]
@@ -135,32 +133,21 @@ def test_a_robot_and_people_in_columns_of_their_own_are_read(tmp_path, names):
                        4 - 0.1 * np.arange(50), 2 + 0 * times], axis=1)  # fmt: skip
     places[:, 4:][20:] = np.nan
     wide = pd.DataFrame(places * (100 if "cm" in names[0] else 1), columns=list(names))
-    path = tmp_path / "wide.csv"
-    wide.assign(time=times).to_csv(path, index=False)
-    tracks = {len(each.time_s): each for each in read_trajectories(path).tracks}
-    assert sorted(len(each.time_s) for each in read_trajectories(path).tracks) == [20, 50, 50]
-    assert tracks[20].position_m[0] == pytest.approx([4.0, 2.0])
-    found = drives_of_table(path, TableMapping(), 1.0)
+    tracks = read(tmp_path, wide.assign(time=times)).tracks
+    assert sorted(len(each.time_s) for each in tracks) == [20, 50, 50]
+    (short,) = (each for each in tracks if len(each.time_s) == 20)
+    assert short.position_m[0] == pytest.approx([4.0, 2.0])
+    found = drives(tmp_path, wide.assign(time=times))
     assert found.drives[0].position_m[-1] == pytest.approx([0.05 * 49, 0.0])
     assert (len(found.drives), len(found.crowd.people)) == (1, 2)
 
 
 def test_a_column_of_types_names_the_robot(tmp_path):
-    path = tmp_path / "typed.csv"
-    WALKS.assign(type=np.where(WALKS.id == 1, "Robot", "pedestrian")).to_csv(path, index=False)
-    found = drives_of_table(path, TableMapping(), 1.0)
+    typed = WALKS.assign(type=np.where(WALKS.id == 1, "Robot", "pedestrian"))
+    found = drives(tmp_path, typed)
     assert len(found.drives) == 1
     assert found.assumed[-1] == "1 demonstrates among 1 people ('experts:')"
-    every = yaml_model("experts: ['1', '2']", TableMapping, name="mapping")
-    assert len(drives_of_table(path, every, 1.0).drives) == 2
-
-
-def drives(frame, tmp_path, mapping=""):
-    """Of a table, with a mapping."""
-    path = tmp_path / "drives.csv"
-    frame.to_csv(path, index=False)
-    chosen = yaml_model(mapping, TableMapping, name="mapping") if mapping else TableMapping()
-    return drives_of_table(path, chosen, 1.0)
+    assert len(drives(tmp_path, typed, "experts: ['1', '2']").drives) == 2
 
 
 @pytest.mark.parametrize(
@@ -168,7 +155,7 @@ def drives(frame, tmp_path, mapping=""):
     [("robot_a", "anna"), ("mobile_robot", "7"), ("Robot03", "non-robot"), ("AGV-2", "agvena")],
 )
 def test_agents_named_as_robots_demonstrate_among_the_others(tmp_path, robot, person):
-    found = drives(WALKS.assign(id=np.where(WALKS.id == 1, robot, person)), tmp_path)
+    found = drives(tmp_path, WALKS.assign(id=np.where(WALKS.id == 1, robot, person)))
     assert [len(found.drives), len(found.crowd.people)] == [1, 1]
     assert found.assumed[-1] == f"{robot} demonstrates among 1 people ('experts:')"
 
@@ -176,14 +163,14 @@ def test_agents_named_as_robots_demonstrate_among_the_others(tmp_path, robot, pe
 def test_a_robot_that_is_lost_for_a_while_stays_one_beside_people(tmp_path):
     jumped = WALKS.assign(id=np.where(WALKS.id == 1, "robot", "anna"))
     jumped.loc[20:49, "x"] += 8.0
-    found = drives(jumped, tmp_path)
+    found = drives(tmp_path, jumped)
     assert [len(found.drives), len(found.crowd.people)] == [2, 1]
 
 
 def test_where_all_demonstrate_that_is_stated(tmp_path):
     stated = "all 2 agents demonstrate; 'experts:' in a --mapping file names others"
-    assert drives(WALKS, tmp_path).assumed[-1] == stated
-    robots = drives(WALKS.assign(id="robot_" + WALKS.id.astype(str)), tmp_path)
+    assert drives(tmp_path, WALKS).assumed[-1] == stated
+    robots = drives(tmp_path, WALKS.assign(id="robot_" + WALKS.id.astype(str)))
     assert (len(robots.drives), robots.crowd.people) == (2, ())
 
 
@@ -198,7 +185,7 @@ def test_where_all_demonstrate_that_is_stated(tmp_path):
 )
 def test_a_flag_a_kind_or_a_pattern_names_the_robot(tmp_path, flags, mapping):
     columns = {name: np.where(WALKS.id == 1, *values) for name, values in flags.items()}
-    found = drives(WALKS.assign(**columns), tmp_path, mapping)
+    found = drives(tmp_path, WALKS.assign(**columns), mapping)
     assert [len(found.drives), len(found.crowd.people)] == [1, 1]
     assert found.drives[0].position_m[0] == pytest.approx([0.0, 0.7])
 

@@ -1,7 +1,6 @@
 """Tables of trajectories in the layouts in which other programs write them."""
 
 import gzip
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from serd_bag.errors import FileError
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
+from support.trajectory_tables import mappings_in
 
 PEDESTRIANS = Path(__file__).parents[3].parent / "shared" / "data" / "pedestrians"
 #: Two agents: 1 walks east at 1.25 m/s from (0, 1), 2 north at 1 m/s from (3, 0).
@@ -117,12 +117,6 @@ def test_a_kitti_trajectory_lies_in_the_plane_of_the_camera_s_x_and_z(tmp_path):
     np.testing.assert_allclose(given.tracks[0].time_s[-1], 3.8)
 
 
-def mappings_in(error):
-    """The mappings that an error shows."""
-    found = re.findall(r"\{[^}]*\}", str(error))
-    return [yaml_model(text, TableColumns, name="mapping") for text in found]
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -143,7 +137,8 @@ def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, t
     with pytest.raises(FileError, match=sentence) as raised:
         read_trajectories(path)
     (advised,) = mappings_in(raised.value)
-    first, second = read_trajectories(path, advised).tracks
+    wanted = yaml_model(advised, TableColumns, name="mapping")
+    first, second = read_trajectories(path, wanted).tracks
     np.testing.assert_allclose(second.position_m[:, 0], 3.0)
     np.testing.assert_allclose(first.position_m[:, 1], 1.0)
 

@@ -20,10 +20,18 @@ from support.foreign_bags import START_S, ForeignBag, Robot, held_keys, key_pres
 
 REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
 
+DEFAULT_ROBOT = Robot()
+
 
 @pytest.fixture
 def bag(messages):
     return ForeignBag(messages)
+
+
+def driven(seed, make=key_presses, robot=DEFAULT_ROBOT):
+    """Commands of keys and the track of a robot that obeys them."""
+    commands = make(np.random.default_rng(seed))
+    return commands, robot.drive(commands, commands[-1][0] + 5.0)
 
 
 def suggested(bag, tmp_path):
@@ -49,8 +57,7 @@ def suggested(bag, tmp_path):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_robot_that_keeps_the_last_command_is_found(bag, tmp_path, seed):
-    commands = key_presses(np.random.default_rng(seed))
-    track = Robot(delay_s=0.2).drive(commands, commands[-1][0] + 5.0)
+    commands, track = driven(seed, robot=Robot(delay_s=0.2))
     bag.add_odometry("/odom", track)
     bag.add_commands("/cmd_vel", commands)
     mapping = suggested(bag, tmp_path).mapping
@@ -61,8 +68,7 @@ def test_a_robot_that_keeps_the_last_command_is_found(bag, tmp_path, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_robot_that_stops_by_a_timeout_is_found(bag, tmp_path, seed):
-    commands = held_keys(np.random.default_rng(seed))
-    track = Robot(hold_s=0.5).drive(commands, commands[-1][0] + 5.0)
+    commands, track = driven(seed, held_keys, Robot(hold_s=0.5))
     bag.add_odometry("/odom", track)
     bag.add_commands("/cmd_vel", commands)
     mapping = suggested(bag, tmp_path).mapping
@@ -71,10 +77,8 @@ def test_a_robot_that_stops_by_a_timeout_is_found(bag, tmp_path, seed):
 
 
 def test_topics_of_one_namespace_with_stamped_commands_are_found(bag, tmp_path):
-    rng = np.random.default_rng(1)
-    for robot, offset_m in (("alpha", 0.0), ("beta", 5.0)):
-        commands = key_presses(rng)
-        track = Robot().drive(commands, 70.0)
+    for seed, robot, offset_m in ((1, "alpha", 0.0), (2, "beta", 5.0)):
+        commands, track = driven(seed)
         bag.add_odometry(f"/{robot}/odom", track, offset_m=offset_m)
         bag.add_commands(f"/{robot}/cmd_vel", commands, stamped=True)
     mapping = suggested(bag, tmp_path).mapping
@@ -83,8 +87,7 @@ def test_topics_of_one_namespace_with_stamped_commands_are_found(bag, tmp_path):
 
 
 def test_of_several_poses_one_that_moves_with_the_commands_is_taken(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(2))
-    track = Robot().drive(commands, 70.0)
+    commands, track = driven(2)
     still = track.copy()
     still[:, 1:] = 0.0
     bag.add_odometry("/camera/odom/sample", still)
@@ -104,40 +107,36 @@ def test_of_several_poses_one_that_moves_with_the_commands_is_taken(bag, tmp_pat
 
 
 def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(3))
-    bag.add_odometry("/odom", Robot().drive(commands, 70.0), ahead_s=3600.0)
+    commands, track = driven(3)
+    bag.add_odometry("/odom", track, ahead_s=3600.0)
     bag.add_commands("/cmd_vel", commands, stamped=True)
     assert suggested(bag, tmp_path).mapping.action_from == "velocity"
 
 
 def test_a_topic_whose_name_a_terminal_obeys_gives_a_mapping_that_is_yaml(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(0))
     topic = "/\x1b[31m\u202eodom"
-    bag.add_odometry(topic, Robot().drive(commands, commands[-1][0] + 5.0))
+    bag.add_odometry(topic, driven(0)[1])
     found = suggested(bag, tmp_path)
     assert found.mapping.pose_topic == topic
     assert "\x1b" not in found.yaml(tmp_path / "mapping.yaml")
 
 
-def test_without_commands_actions_are_hidden(bag, tmp_path):
-    bag.add_odometry("/odom", Robot().drive(key_presses(np.random.default_rng(4)), 70.0))
-    found = suggested(bag, tmp_path)
-    assert found.mapping.action_from == "hidden"
-    assert "no velocity commands were found" in found.comments["action_from"][0]
-
-
-def test_commands_that_do_not_explain_the_motion_are_not_taken(bag, tmp_path):
+@pytest.mark.parametrize(
+    ("n_commands", "comment"), [(0, "no velocity commands were found"), (140, "disagree in")]
+)
+def test_actions_are_hidden_where_no_commands_explain_the_motion(
+    bag, tmp_path, n_commands, comment
+):
     rng = np.random.default_rng(5)
-    bag.add_odometry("/odom", Robot().drive(key_presses(rng), 70.0))
-    bag.add_commands("/cmd_vel", [(0.5 * n, rng.normal(), 0.0) for n in range(140)])
+    bag.add_odometry("/odom", driven(4)[1])
+    bag.add_commands("/cmd_vel", [(0.5 * n, rng.normal(), 0.0) for n in range(n_commands)])
     found = suggested(bag, tmp_path)
     assert found.mapping.action_from == "hidden"
-    assert "disagree in" in found.comments["action_from"][0]
+    assert comment in found.comments["action_from"][0]
 
 
 def test_a_pose_from_tf_alone_is_found_in_a_namespace(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(6))
-    track = Robot().drive(commands, 70.0)
+    commands, track = driven(6)
     bag.add_tf("/tf", track, "map", "husky/base_link")
     bag.add_commands("/husky/cmd_vel", commands)
     mapping = suggested(bag, tmp_path).mapping
@@ -145,35 +144,24 @@ def test_a_pose_from_tf_alone_is_found_in_a_namespace(bag, tmp_path):
     assert mapping.action_from == "velocity"
 
 
-def test_odometry_that_a_localisation_corrects_is_taken_in_the_frame_of_the_map(bag, tmp_path):
+@pytest.mark.parametrize(("moved_m", "frame"), [(2.0, "site"), (0.0, "")])
+def test_odometry_is_taken_in_the_frame_of_a_map_that_corrects_it(bag, tmp_path, moved_m, frame):
     """The map moves by 2 m in odom, by which the last lap would lie beside the first."""
-    commands = key_presses(np.random.default_rng(7))
-    track = Robot().drive(commands, 70.0)
-    drift = np.zeros_like(track)
-    drift[:, 0], drift[:, 1] = track[:, 0], np.linspace(0.0, 2.0, len(track))
+    commands, track = driven(7)
+    drift = np.c_[track[:, 0], np.linspace(0.0, moved_m, len(track)), np.zeros((len(track), 3))]
     bag.add_odometry("/odom", track)
     bag.add_tf("/tf", track, "odom", "chassis")
     bag.add_tf("/tf", drift, "site", "odom")
     bag.add_commands("/cmd_vel", commands)
     found = suggested(bag, tmp_path)
-    assert (found.mapping.pose_topic, found.mapping.frame) == ("/odom", "site")
-    assert "as a localisation corrects odometry" in found.comments["frame"][0]
-
-
-def test_a_map_that_stands_still_in_odom_corrects_nothing(bag, tmp_path):
-    commands = key_presses(np.random.default_rng(7))
-    track = Robot().drive(commands, 70.0)
-    bag.add_odometry("/odom", track)
-    bag.add_tf("/tf", track, "odom", "chassis")
-    bag.add_tf("/tf", np.c_[track[:, :1], np.zeros((len(track), 4))], "site", "odom")
-    bag.add_commands("/cmd_vel", commands)
-    assert suggested(bag, tmp_path).mapping.frame == ""
+    assert (found.mapping.pose_topic, found.mapping.frame) == ("/odom", frame)
+    corrected = "as a localisation corrects odometry" in found.comments.get("frame", [""])[0]
+    assert corrected == bool(frame)
 
 
 def test_of_frames_with_names_of_their_own_the_one_that_travels_is_the_robot(bag, tmp_path):
     """A wheel turns on it without travelling."""
-    commands = key_presses(np.random.default_rng(8))
-    track = Robot().drive(commands, 70.0)
+    commands, track = driven(8)
     wheel = np.c_[track[:, 0], np.zeros((len(track), 2)), 9.0 * track[:, 0], track[:, 4]]
     bag.add_tf("/tf", track, "site", "chassis")
     bag.add_tf("/tf", wheel, "chassis", "left_wheel")

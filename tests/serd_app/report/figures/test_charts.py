@@ -1,13 +1,21 @@
-"""Chart figures carry the numbers they were given."""
+"""Chart figures carry the numbers they were given, arrivals the steps of their curves."""
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.container import BarContainer, ErrorbarContainer
-from matplotlib.figure import Figure
 
 from serd_app.learning.knowledge import Knowledge, OutcomeRow
-from serd_app.report.figures.arrival import ArrivalCurve, draw_arrival
+from serd_app.report.figures.arrival import (
+    ArrivalCurve,
+    at_times,
+    draw_arrival,
+    measured_curve,
+    predicted_curve,
+    shown_from_s,
+    shown_until_s,
+    time_reaching,
+)
 from serd_app.report.figures.charts import (
     OUTCOME_LABELS,
     draw_outcomes,
@@ -15,15 +23,16 @@ from serd_app.report.figures.charts import (
     draw_weights,
 )
 from serd_app.report.style import png_bytes
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
 
 
-def bars(figure: Figure, panel: int = 0) -> list[BarContainer]:
+def bars(figure, panel=0):
     return [c for c in figure.axes[panel].containers if isinstance(c, BarContainer)]
 
 
-def test_weight_bars_have_the_lengths_and_names_of_the_weights() -> None:
+def test_weight_bars_have_the_lengths_and_names_of_the_weights():
     weights = np.array([4.0, -1.5, 0.25])
     figure = draw_weights(FEATURE_NAMES, weights)
     (drawn,) = bars(figure)
@@ -33,7 +42,7 @@ def test_weight_bars_have_the_lengths_and_names_of_the_weights() -> None:
     assert png_bytes(figure)
 
 
-def test_outcome_panels_show_initial_and_learned_probabilities_and_counts() -> None:
+def test_outcome_panels_show_initial_and_learned_probabilities_and_counts():
     rng = np.random.default_rng(0)
     initial, learned = rng.dirichlet(np.ones(5), size=(2, 4))
     figure = draw_outcomes(MODEL_NAMES, initial, learned, np.array([455, 0, 1, 13]))
@@ -48,7 +57,7 @@ def test_outcome_panels_show_initial_and_learned_probabilities_and_counts() -> N
     assert png_bytes(figure)
 
 
-def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale() -> None:
+def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
     table = np.full((4, 5), 0.2)
     rows = tuple(
         OutcomeRow(model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, 1.0, 0.5, 0.2, "goal")
@@ -71,7 +80,7 @@ def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale() -> N
     assert png_bytes(figure)
 
 
-def test_the_arrival_figure_draws_both_curves_with_their_bands() -> None:
+def test_the_arrival_figure_draws_both_curves_with_their_bands():
     times = np.array([0.0, 10.0, 20.0])
     predicted = ArrivalCurve(
         times, np.array([0, 0.4, 0.9]), np.array([0, 0.2, 0.7]), np.array([0, 0.6, 1.0])
@@ -94,7 +103,7 @@ def test_the_arrival_figure_draws_both_curves_with_their_bands() -> None:
     assert png_bytes(figure)
 
 
-def test_the_progress_line_is_the_objective_of_every_step() -> None:
+def test_the_progress_line_is_the_objective_of_every_step():
     trace = np.array([-300.0, -220.0, -208.0, -207.5])
     figure = draw_progress(trace, converged=True)
     np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), trace)
@@ -103,11 +112,56 @@ def test_the_progress_line_is_the_objective_of_every_step() -> None:
 
 
 @pytest.mark.parametrize("trace", [[-1.0], [2.0, 2.0, 2.0], np.linspace(-900, -1, 500)])
-def test_any_trace_can_be_drawn(trace: list[float]) -> None:
+def test_any_trace_can_be_drawn(trace):
     assert png_bytes(draw_progress(np.array(trace), converged=False))
 
 
-def test_drawing_leaves_the_global_settings_alone_and_needs_no_pyplot() -> None:
+def test_drawing_leaves_the_global_settings_alone_and_needs_no_pyplot():
     before = dict(mpl.rcParams)
     png_bytes(draw_weights(("goal",), np.ones(1)))
     assert dict(mpl.rcParams) == before
+
+
+def curve(times, shares):
+    share = np.array(shares)
+    return ArrivalCurve(np.array(times), share, share, share)
+
+
+def test_the_measured_curve_counts_who_never_arrived():
+    measured = measured_curve([3.0, 5.0, np.inf, 5.0], 60.0)
+    assert at_times(measured, np.array([2.9, 3.0, 5.0, 60.0])).probability.tolist() == [
+        0.0,
+        0.25,
+        0.75,
+        0.75,
+    ]
+    assert (measured.lower <= measured.probability).all()
+    assert (measured.upper >= measured.probability).all()
+
+
+def test_the_predicted_band_narrows_with_the_number_of_episodes():
+    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+    few, many = predicted_curve(predicted, 10), predicted_curve(predicted, 1000)
+    assert few.time_s.tolist() == [0.0, 2.0, 4.0, 6.0]
+    assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
+
+
+def test_the_time_axis_ends_where_both_curves_have_settled():
+    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+    assert shown_until_s(predicted, [3.0, 5.0], 60.0) == 1.15 * 6.0
+    assert shown_until_s(predicted, [3.0, 9.0], 60.0) == 1.15 * 9.0
+    assert shown_until_s(predicted, [3.0, np.inf], 60.0) == 60.0
+    assert shown_until_s(predicted, [3.0, 9.0], 10.0) == 10.0
+
+
+def test_a_share_that_is_never_reached_has_no_time():
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.4]), 0.5) is None
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.5]), 0.5) == 1.0
+
+
+def test_the_axis_begins_shortly_before_the_first_curve_leaves_zero():
+    times = [0.0, 20.0, 30.0, 40.0]
+    early, late = curve(times, [0.0, 0.1, 0.5, 1.0]), curve(times, [0.0, 0.001, 0.5, 1.0])
+    assert shown_from_s(early, late) == 0.9 * 20.0
+    assert shown_from_s(late) == 0.9 * 30.0
+    assert shown_from_s(curve(times, [0.0] * 4)) == 0.0

@@ -1,4 +1,4 @@
-"""Map figures carry the data they were given: positions, counts, arrows, traps."""
+"""Map figures carry the data they were given: positions, counts, arrows, traps, loops."""
 
 from io import BytesIO
 
@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from matplotlib import image as mpl_image
 from matplotlib.collections import LineCollection, PatchCollection
-from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from matplotlib.quiver import Quiver
+from matplotlib.text import Annotation
 
-from serd_app.report.figures.hallway import draw_hallway
+from serd_app.report.figures.hallway import draw_hallway, draw_scenario_plan
 from serd_app.report.figures.maps import (
     draw_features,
     draw_flow_map,
@@ -22,47 +23,44 @@ from serd_app.report.inputs import CrowdSnapshot
 from serd_app.report.style import png_bytes, svg_bytes
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import NavigationProblem
-from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
 
 
-def artists(figure: Figure, kind: type, gid: str) -> list:
+def artists(figure, kind, gid):
     return [a for a in figure.axes[0].get_children() if isinstance(a, kind) and a.get_gid() == gid]
 
 
-def cell_values(figure: Figure, panel: int = 0) -> np.ndarray:
+def cell_values(figure, panel=0):
     (cells,) = [a for a in figure.axes[panel].collections if isinstance(a, PatchCollection)]
     return np.ma.filled(cells.get_array(), np.nan)
 
 
 @pytest.fixture
-def hallway(scenario: Scenario, snapshot: CrowdSnapshot) -> Figure:
+def hallway(scenario, snapshot):
     return draw_hallway(scenario, snapshot)
 
 
-def test_every_person_and_the_robot_stand_where_they_were(
-    hallway: Figure, snapshot: CrowdSnapshot
-) -> None:
+def test_every_person_and_the_robot_stand_where_they_were(hallway, snapshot):
     people = [circle.center for circle in artists(hallway, Circle, "person")]
     np.testing.assert_allclose(people, snapshot.people_position_m)
     (robot,) = artists(hallway, Circle, "robot")
     np.testing.assert_allclose(robot.center, snapshot.robot_pose[:2])
 
 
-def test_arrows_point_along_the_velocities(hallway: Figure, snapshot: CrowdSnapshot) -> None:
+def test_arrows_point_along_the_velocities(hallway, snapshot):
     (arrows,) = artists(hallway, Quiver, "walking direction")
     drawn = np.stack([arrows.U, arrows.V], axis=1)
     np.testing.assert_allclose(drawn, 0.7 * snapshot.people_velocity_mps)
 
 
-def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, scenario: Scenario) -> None:
+def test_walls_and_areas_are_those_of_the_scenario(hallway, scenario):
     (wall,) = artists(hallway, Polygon, "wall")
     np.testing.assert_allclose(wall.get_xy()[:-1], scenario.wall_polygons_m[0])
     for name in ("goal", "start\ntrain", "start\ntransfer"):
         assert len(artists(hallway, Polygon, f"area {name}")) == 1
 
 
-def test_an_empty_hallway_can_be_drawn(scenario: Scenario) -> None:
+def test_an_empty_hallway_can_be_drawn(scenario):
     no_people = CrowdSnapshot(
         time_s=0.0,
         robot_pose=np.zeros(3),
@@ -74,9 +72,7 @@ def test_an_empty_hallway_can_be_drawn(scenario: Scenario) -> None:
     assert png_bytes(draw_hallway(scenario, no_people))
 
 
-def test_visitation_shows_the_counts_and_the_tracks(
-    scenario: Scenario, problem: NavigationProblem
-) -> None:
+def test_visitation_shows_the_counts_and_the_tracks(scenario, problem):
     counts = np.arange(problem.grid.n_states, dtype=float)
     track = np.array([[0.5, 0.5], [2.5, 4.5], [6.5, 5.0]])
     figure = draw_visitation(scenario, problem.grid, counts, [track])
@@ -86,9 +82,7 @@ def test_visitation_shows_the_counts_and_the_tracks(
     assert figure.axes[0].get_title() == f"{int(counts.sum())} decisions, 1 track"
 
 
-def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
-    scenario: Scenario, problem: NavigationProblem
-) -> None:
+def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(scenario, problem):
     n_states = problem.grid.n_states
     greedy = np.full(n_states, Action.EAST)
     greedy[0], greedy[1] = Action.WAIT, Action.SOUTH
@@ -115,9 +109,7 @@ def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
     assert "2 trap states" in figure.axes[0].get_title()
 
 
-def test_features_have_one_panel_per_action_only_where_the_action_matters(
-    scenario: Scenario, problem: NavigationProblem
-) -> None:
+def test_features_have_one_panel_per_action_only_where_the_action_matters(scenario, problem):
     available = problem.mdp.available
     figure = draw_features(
         scenario, problem.grid, problem.features, problem.feature_names, available
@@ -131,13 +123,13 @@ def test_features_have_one_panel_per_action_only_where_the_action_matters(
     np.testing.assert_array_equal(cell_values(figure, 2), north)
 
 
-def test_pictures_are_the_same_bytes_each_time(scenario: Scenario, snapshot: CrowdSnapshot) -> None:
+def test_pictures_are_the_same_bytes_each_time(scenario, snapshot):
     first, second = (draw_hallway(scenario, snapshot) for _ in range(2))
     assert svg_bytes(first) == svg_bytes(second)
     assert b"<dc:date>" not in svg_bytes(first)
 
 
-def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnapshot) -> None:
+def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot):
     scenario = load_scenario("t_junction")
     picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(scenario, snapshot))))
     assert (picture[:3, :, :3] == 1.0).all()
@@ -145,8 +137,8 @@ def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnap
 
 @pytest.mark.parametrize("with_plan", [True, False])
 def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_differs(
-    problem: NavigationProblem, scenario: Scenario, with_plan: bool
-) -> None:
+    problem, scenario, with_plan
+):
     own = np.arange(problem.grid.n_states) % 4 + 1
     flow = own.copy()
     flow[:2], flow[2] = -1, own[2] % 4 + 1
@@ -184,3 +176,58 @@ def test_surprising_decisions_are_arrows_to_the_cell_reached_and_circles_where_i
     assert "4 of 5 decisions surprising" in figure.axes[0].get_title()
     none = draw_surprises(grid, decisions, np.zeros(5, bool))
     assert not artists(none, Quiver, "surprising moves")
+
+
+HALLWAY = load_scenario("hallway")
+
+
+def loops_in(figure):
+    (axes,) = figure.axes
+    return [line for line in axes.get_lines() if line.get_gid() == "loop"]
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_every_loop_is_drawn_and_named(name):
+    scenario = load_scenario(name)
+    figure = draw_scenario_plan(scenario)
+    loops = scenario.pedestrians.loops
+    assert len(loops_in(figure)) == len(loops)
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert all(words.startswith(loop.name) for words, loop in zip(named, loops, strict=True))
+
+
+def test_loops_that_share_a_way_are_drawn_beside_each_other():
+    east_sides = [max(line.get_xdata()) for line in loops_in(draw_scenario_plan(HALLWAY))]
+    assert len({round(x, 3) for x in east_sides}) == len(east_sides)
+
+
+@pytest.mark.parametrize(("convention", "northwards"), [("right_hand", True), ("left_hand", False)])
+def test_on_the_east_side_people_walk_north_where_traffic_keeps_right(convention, northwards):
+    (axes,) = draw_scenario_plan(HALLWAY.model_copy(update={"flow_convention": convention})).axes
+    arrows = [each for each in axes.texts if isinstance(each, Annotation)]
+    east = [each for each in arrows if 4.0 < each.xy[0] < 5.0 and each.xy[0] == each.xyann[0]]
+    assert len(east) > 4
+    assert all((each.xy[1] > each.xyann[1]) == northwards for each in east)
+
+
+def test_a_place_without_people_has_no_legend_and_can_be_drawn():
+    empty = HALLWAY.with_pedestrian_count(0)
+    empty = empty.model_copy(
+        update={"pedestrians": empty.pedestrians.model_copy(update={"loops": ()})}
+    )
+    figure = draw_scenario_plan(empty)
+    assert not figure.legends
+    assert not any(isinstance(each, Line2D) for each in loops_in(figure))
+    assert png_bytes(figure) == png_bytes(draw_scenario_plan(empty))
+
+
+def test_a_name_with_dollar_signs_is_no_formula():
+    """matplotlib would take what is between them for one, and fail."""
+    assert png_bytes(draw_scenario_plan(HALLWAY.model_copy(update={"name": "$x_1^$ <b>"})))
+
+
+def test_the_axes_of_a_long_place_have_few_numbers():
+    """At every 4 m they would lie over each other."""
+    outline = ((0.0, 0.0), (200.0, 0.0), (200.0, 4.0), (0.0, 4.0))
+    (axes,) = draw_scenario_plan(HALLWAY.model_copy(update={"walkable_area_m": outline})).axes
+    assert len(axes.get_xticks()) < 20

@@ -37,12 +37,6 @@ def test_a_model_by_which_no_drive_arrives_has_layers_too():
     assert arrival["high"] == "0 s"
 
 
-def test_the_cross_is_explained_where_a_cell_has_one():
-    arrival = overlay_message(overlay([40.0, NAN, 0.0], [0.9, 0.5, NAN]))["arrival"]
-    assert "×" in arrival["note"]
-    assert overlay_message(overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN]))["arrival"]["note"] == ""
-
-
 def test_the_layers_state_what_is_driven_and_predicted_only_as_far_as_it_is_supported():
     trusted = overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN])
     layers = overlay_message(trusted)
