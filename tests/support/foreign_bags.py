@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_bag.writer import BagWriter
 from support.bag_messages import Messages
+from support.transforms_message import quaternion, transforms_message
 
 START_S = 1_650_000_000.0
 STEP_S = 0.02
@@ -85,7 +86,8 @@ class ForeignBag:
         )
         for time_s, x, y, yaw, _ in track[::every]:
             point = make("geometry_msgs/msg/Point", x + offset_m, y, 0.0)
-            pose = make("geometry_msgs/msg/Pose", point, self._turned(yaw))
+            turned = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, *quaternion(yaw))
+            pose = make("geometry_msgs/msg/Pose", point, turned)
             pose = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
             header = self._messages.header(START_S + time_s + ahead_s, "odom")
             data = self._messages.encode(make(ODOMETRY, header, "base_link", pose, twist), ODOMETRY)
@@ -108,29 +110,14 @@ class ForeignBag:
 
     def add_tf(self, topic, track, parent, child, *, every=5):
         """Transforms of a track."""
-        make = self._messages.make
         for time_s, x, y, yaw, _ in track[::every]:
-            moved = make(
-                "geometry_msgs/msg/Transform",
-                make("geometry_msgs/msg/Vector3", x, y, 0.0),
-                make(
-                    "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
-                ),
-            )
-            header = self._messages.header(START_S + time_s, parent)
-            each = make("geometry_msgs/msg/TransformStamped", header, child, moved)
-            self.add(topic, TF, time_s + 0.003, self._messages.encode(make(TF, [each]), TF))
+            placed = parent, child, (x, y), quaternion(yaw), START_S + time_s
+            self.add(topic, TF, time_s + 0.003, transforms_message(placed))
 
     def add_pose(self, topic, time_s, x, y):
         """A PoseStamped."""
         data = self._messages.pose(START_S + time_s, x, y)
         self.add(topic, "geometry_msgs/msg/PoseStamped", time_s, data)
-
-    def _turned(self, yaw):
-        half = yaw / 2
-        return self._messages.make(
-            "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half)
-        )
 
     def write(self, folder: Path) -> Path:
         """The bag."""

@@ -205,22 +205,3 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert f"topics:=[odom, {IMU}]" in log
     assert "put a value that contains : into quotes" in log
     assert "Traceback" not in log
-
-
-@pytest.mark.parametrize(
-    ("topics", "sentence"),
-    [
-        (("odom", "/odom:nav_msgs/msg/Odometry"), "each topic once, got /odom twice"),
-        (("/base/imu:sensor_msgs/msg/Imuu",), "did you mean 'sensor_msgs/msg/Imu'?"),
-        (("/base/imu",), "written topic:package/msg/Type, got '/base/imu'"),
-    ],
-)
-def test_topics_that_cannot_be_recorded_are_refused_at_once(
-    nodes, ros_env, tmp_path, topics, sentence
-):
-    given = {"output": str(tmp_path / "bag"), "topics": topics}
-    process = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
-    assert process.wait(PATIENCE_S) == 2
-    assert sentence in nodes.log_of("demo_recorder")
-    assert "Traceback" not in nodes.log_of("demo_recorder")
-    assert not (tmp_path / "bag").exists()
