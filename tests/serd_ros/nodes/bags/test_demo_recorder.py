@@ -4,6 +4,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -80,3 +81,18 @@ def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(tmp_path):
     ):
         pass
     assert not (tmp_path / "bag").exists()
+
+
+def test_a_topic_of_the_stack_is_followed_also_from_a_publisher_that_offers_less(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["odom"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        running.node.create_publisher(Odometry, "odom", qos.SENSOR)
+
+        def follows():
+            running.call_timers()
+            found = [each for each in running.node.subscriptions if each.topic_name == "/odom"]
+            asked = [each.qos_profile.reliability for each in found]
+            return asked == [ReliabilityPolicy.BEST_EFFORT]
+
+        wait_until(follows)
+        running.assert_alive()
