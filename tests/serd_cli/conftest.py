@@ -12,9 +12,12 @@ from serd_bag.writer import BagWriter
 from serd_cli.main import main
 from support.bag_messages import DIAGNOSTICS, POSE, VECTOR, Messages
 from support.commands import Ended, work_in_empty_folder
+from support.foreign_bags import ForeignBag, Robot, key_presses
+from support.people_messages import CLOUD, PeopleMessages
 
-CLOUD = "sensor_msgs/msg/PointCloud2"
-_MADE = Messages()
+_MADE, _PEOPLE = Messages(), PeopleMessages()
+#: Places and velocities of people.
+_WALKERS = np.array([[4.5, 8.5], [1.5, 8.5]]), np.array([[0.0, 1.0], [1.0, 0.0]])
 _START_S = 100.0
 _STEP_S = 0.1
 
@@ -48,7 +51,7 @@ def drive_bag(tmp_path) -> Callable[..., Path]:
             writer.write("/episode", _mark(_START_S, "start"), _ns(_START_S))
             for step in range(101):
                 time_s = _START_S + _STEP_S * step
-                writer.write(pose, _pose(time_s, x_m, 1.5 + 0.05 * step), _ns(time_s))
+                writer.write(pose, _MADE.pose(time_s, x_m, 1.5 + 0.05 * step), _ns(time_s))
                 if intents and step % 20 == 0 and step < 100:
                     writer.write(intent, _MADE.intent(time_s, 0.0, 1.0), _ns(time_s))
                 if step % 10 == 9:
@@ -73,34 +76,26 @@ def people_bag(drive_bag, tmp_path) -> Callable[[], Path]:
                 writer.write(message.topic, message.data, message.log_time_ns)
             for step in range(30):
                 time_s = _START_S + _STEP_S * step
-                writer.write("/pedestrians", _people(time_s), _ns(time_s))
+                people = _PEOPLE.encode(CLOUD, time_s, *_WALKERS)
+                writer.write("/pedestrians", people, _ns(time_s))
                 writer.flush()
         return tmp_path / "people"
 
     return make
 
 
-def _people(time_s: float) -> bytes:
-    rows = np.array([[4.5, 8.5, 0.0, 1.0], [1.5, 8.5, 1.0, 0.0]], dtype="<f4")
-    names = ("x", "y", "vx", "vy")
-    fields = [
-        _MADE.make("sensor_msgs/msg/PointField", name, 4 * index, 7, 1)
-        for index, name in enumerate(names)
-    ]
-    data = np.frombuffer(rows.tobytes(), dtype=np.uint8)
-    header = _MADE.header(time_s)
-    return _MADE.encode(_MADE.make(CLOUD, header, 1, 2, fields, False, 16, 32, data, True), CLOUD)
+@pytest.fixture
+def key_driven_bag(messages, tmp_path) -> Path:
+    """A bag of a robot of another project that is driven by key presses."""
+    commands = key_presses(np.random.default_rng(1))
+    foreign = ForeignBag(messages)
+    foreign.add_odometry("/odom", Robot().drive(commands, commands[-1][0] + 3.0))
+    foreign.add_commands("/cmd_vel", commands)
+    return foreign.write(tmp_path / "foreign")
 
 
 def _ns(time_s: float) -> int:
     return round(time_s * 1e9)
-
-
-def _pose(time_s: float, x_m: float, y_m: float) -> bytes:
-    point = _MADE.make("geometry_msgs/msg/Point", x_m, y_m, 0.0)
-    level = _MADE.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    pose = _MADE.make("geometry_msgs/msg/Pose", point, level)
-    return _MADE.encode(_MADE.make(POSE, _MADE.header(time_s), pose), POSE)
 
 
 def _mark(time_s: float, event: str) -> bytes:

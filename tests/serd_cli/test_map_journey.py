@@ -1,6 +1,5 @@
 """From the map and a bag of laps of another robot to a model that drives there, without options."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -59,14 +58,16 @@ def place(serd, tmp_path):
 def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, place):
     scenario, bag = place
     words = ("--mapping", "mapping.yaml", "--scenario", scenario, "--json")
-    read = json.loads(serd("demos", bag, *words).out)
+    read = serd("demos", bag, *words).values
     (counts,) = read["bags"]
     assert counts["n_episodes"] == 6
     assert counts["dropped"]["on the way back from the goal"] > 0.4 * counts["n_intents"]
     files = read_learning_files(Path("decisions.csv"), discount=0.99)
     assert (files.n_after_goal, files.n_reaching_goal) == (0, 6)
+    place = load_scenario(scenario)
+    scenario.unlink()  # table and model keep it
     assert serd("learn", "decisions.csv").code == 0
-    strategy = load_strategy("model.yaml", load_scenario(scenario), "optimal")
+    strategy = load_strategy("model.yaml", place, "optimal")
     assert not strategy.transferred
-    driven = json.loads(serd("navigate", "model.yaml", "--episodes", "2", "--json").out)
+    driven = serd("navigate", "model.yaml", "--episodes", "2", "--json").values
     assert driven["n_arrived"] == 2

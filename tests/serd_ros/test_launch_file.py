@@ -73,13 +73,6 @@ def launch_file(installed, monkeypatch):
     return runpy.run_path(str(installed / "serd.launch.py"))
 
 
-def test_every_parameter_is_a_launch_argument(launch_file):
-    (entities,) = launch_file["generate_launch_description"]().words
-    declared = {entity.words[0] for entity in entities if entity.words}
-    assert {"stack", "seed", "scenario", "lockstep", "model", "bag"} <= declared
-    assert {"namespace", "use_sim_time", "params_file"} <= declared
-
-
 def test_a_file_of_parameters_overrides_the_stack_and_arguments_override_the_file(launch_file):
     given = {"params_file": "robot.yaml", "use_sim_time": "true", "hallway_sim.seed": "7"}
     context = context_of(launch_file, stack="live", **given)
@@ -107,13 +100,6 @@ def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
     remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
     assert remapped.pop("local_planner") == [("cmd_vel_raw", "cmd_vel_planner")]
     assert not any(remapped.values())
-
-
-def test_arguments_of_a_file_that_includes_this_one_are_left(launch_file, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "bringup.launch.py"])
-    context = context_of(launch_file, stack="live", world="depot", guard="true", seed="3")
-    nodes = launch_file["nodes_of_stack"](context)
-    assert nodes[0].named["parameters"][0]["seed"] == 3
 
 
 def description_of(installed, name):

@@ -1,7 +1,8 @@
 """Commands that tests run in their own process."""
 
+import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -14,6 +15,18 @@ class Ended(NamedTuple):
     code: int
     out: str
     err: str
+
+    @property
+    def values(self) -> Any:
+        """The result that it printed as JSON; it must have ended well."""
+        assert self.code == 0, self.err
+        return json.loads(self.out)
+
+    @property
+    def refusal(self) -> str:
+        """The sentence by which it refused its input; it must have ended with 2."""
+        assert self.code == 2, self.err
+        return self.err
 
 
 def work_in_empty_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

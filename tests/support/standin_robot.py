@@ -1,6 +1,6 @@
 """A stand-in for a robot with a driver, AMCL and Nav2, as a process of its own.
 
-    python tests/support/standin_robot.py --start 3.5 1.5 --period 0.1 --follow nav2
+    PYTHONPATH=tests python tests/support/standin_robot.py --period 0.1 --follow nav2
 
 All stamps are of the wall clock, and no two topics share one. `odom` and `scan` are best effort,
 `amcl_pose` is latched and published after some motion only, and map -> odom is stamped ahead, as
@@ -37,6 +37,7 @@ from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.motion import compose, motion_between
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.observation import People
+from support.transforms_message import quaternion, transforms_message
 
 TF = "tf2_msgs/msg/TFMessage"
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -206,23 +207,12 @@ class StandIn(Node):
         self.scan.publish(message)
 
     def publish_tf(self, publisher, *transforms):
-        types = self.store.types
-        made = []
-        for parent, child, (x, y, yaw), time_s in transforms:
-            stamp = Time(nanoseconds=round(time_s * 1e9)).to_msg()
-            time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
-            moved = types["geometry_msgs/msg/Vector3"](x, y, 0.0)
-            turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-            made.append(
-                types["geometry_msgs/msg/TransformStamped"](
-                    types["std_msgs/msg/Header"](time, parent),
-                    child,
-                    types["geometry_msgs/msg/Transform"](
-                        moved, types["geometry_msgs/msg/Quaternion"](*turned)
-                    ),
-                )
-            )
-        publisher.publish(bytes(self.store.serialize_cdr(types[TF](made), TF)))
+        """Transforms: parent, child, (x, y, yaw) and time."""
+        placed = (
+            (parent, child, pose[:2], quaternion(pose[2]), time_s)
+            for parent, child, pose, time_s in transforms
+        )
+        publisher.publish(transforms_message(*placed))
 
 
 def walkers(time_s):
@@ -244,7 +234,7 @@ def fill(message, time_s, frame):
 
 def place(pose, x, y, yaw):
     pose.position.x, pose.position.y = x, y
-    pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    pose.orientation.z, pose.orientation.w = quaternion(yaw)
 
 
 def main():

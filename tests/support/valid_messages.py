@@ -74,7 +74,8 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "diagnostics": lambda: _diagnostics(time_s),
         "map": OccupancyGrid,
         "tf": lambda: transforms_message(
-            ("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)
+            ("map", "odom", (0.5, 0.0), (0.0, 1.0), 1.0),
+            ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
         ),
         "model": lambda: String(data="scenario: hallway"),
     }

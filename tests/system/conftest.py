@@ -81,6 +81,7 @@ class Nodes:
         for process in self._started.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
+                process.send_signal(signal.SIGCONT)
         for process in self._started.values():
             try:
                 process.wait(PATIENCE_S)

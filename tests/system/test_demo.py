@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from serd_cli.demo import report
 from serd_cli.main import main
 from serd_files.episode_table import load_episodes
 from support.changed_scenario import changed_scenario
-from support.waiting import PATIENCE_S, wait_until
+from support.waiting import PATIENCE_S, descendants_of, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
 SMALL = ["--demonstrations", "2", "--episodes", "1", "--seed", "5"]
@@ -122,15 +123,22 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert factor == row.duration_s / summary["wall_s"]["navigate"]
 
 
+def executable_of(pid):
+    """Command line of a node that a supervisor started, which may have ended."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+    return ""
+
+
 @pytest.mark.parametrize("name", ["hallway_sim", "scripted_expert"])
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
     demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    node = next(
-        int(entry.name)
-        for entry in Path("/proc").glob("[0-9]*")
-        if is_node_of(entry, name, demo.process.pid)
+    (node,) = (
+        pid
+        for pid in descendants_of(demo.process.pid)
+        if f"lib/serd_ros/{name} " in executable_of(pid) and not descendants_of(pid)
     )
     os.kill(node, signal.SIGKILL)
     code, log = demo.wait()
@@ -148,18 +156,3 @@ def test_a_killed_demo_leaves_no_node_behind(tmp_path):
     wait_until(lambda: not processes_of(tmp_path), seen=lambda: processes_of(tmp_path))
     # Where the machine was too busy for the recorder to close it, it is whole up to its last chunk.
     assert BagReader(run / "bag", tolerant=True).topics
-
-
-def is_node_of(entry, name, demo_pid):
-    """Whether a process is the node that this demo's supervisor started."""
-    try:
-        if f"lib/serd_ros/{name}" not in (entry / "cmdline").read_text():
-            return False
-        wrapper = parent_of(int(entry.name))
-        return parent_of(wrapper) == demo_pid
-    except OSError:
-        return False
-
-
-def parent_of(pid):
-    return int(Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[1])

@@ -1,17 +1,36 @@
 """Nodes that are killed or stopped while the robot drives.
 
-Time is that of the stamps. The time that threads waited for a processor is added to each limit.
+The nodes of a stack run each by itself, so that the others continue when one of them ends, as they
+do on a robot. Time is that of the stamps. The time that threads waited for a processor is added to
+each limit.
 """
 
+import asyncio
+import math
+import os
+import re
 import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
+from aiohttp import ClientError, ClientSession
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from nav_msgs.msg import Odometry
 
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_intent
+from serd_ros.convert.diagnostics import OK
+from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
+from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-from support.driven_stack import SOURCE, DrivenStack
-from support.launched_stack import LaunchedStack
-from support.node_processes import NodeProcess
-from support.waiting import ProcessorWait
+from support.waiting import PATIENCE_S, ProcessorWait, wait_until
+from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 KILL, STOP = signal.SIGKILL, signal.SIGSTOP
@@ -23,24 +42,158 @@ PERSON_S = CHAIN_S + 0.3
 SOURCE_S = 0.8 + 1.2 / 2.5 + 0.2
 #: An action ends in the next cell, 1.5 m ahead at most.
 ACTION_S = 4.0
+#: The source of intents of the stack live, which this process is.
+SOURCE = "source of intents"
+SILENCE_S, WATCHED_S, RESUMED_S = 2.0, 10.0, 3.0
+PAGE = re.compile(r"the page is at (http://\S+)")
 
 
-class ForkedStack(DrivenStack):
-    """Its nodes start in a tenth of the time."""
+class HeldKey:
+    """A page that holds the direction north; a client of the page's WebSocket, in a thread."""
 
-    def _start(self, name, command):
-        return NodeProcess(command, self._environment, self._folder / f"{name}.log")
+    def __init__(self, url):
+        self._url, self._ended, self._n_neutral = url, threading.Event(), 0
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
+        self._thread.start()
+
+    @property
+    def is_held(self):
+        """Whether the key is held, and not about to be pressed."""
+        return self._n_neutral > 3
+
+    def press_anew(self):
+        self._n_neutral = 0
+
+    def close(self):
+        self._ended.set()
+        self._thread.join()
+
+    async def _run(self):
+        with suppress(ClientError, ConnectionError):
+            async with (
+                ClientSession() as session,
+                session.ws_connect(f"{self._url}socket", origin=self._url.rstrip("/")) as socket,
+            ):
+                while not self._ended.is_set() and not socket.closed:
+                    direction = "north" if self.is_held else None
+                    self._n_neutral += direction is None
+                    await socket.send_json({"type": "hold", "direction": direction})
+                    await asyncio.sleep(0.1)
 
 
-def run(stack, node, number, ros_env, tmp_path, **given):
-    """How the motion ends, and whether a stopped node drives on when it continues."""
-    with ForkedStack(stack, {"people": 0, **given}, ros_env, tmp_path) as driven:
-        driven.drive()
-        waited = ProcessorWait()
-        standing = driven.inject(node, number)
-        late_s = waited.total_s
-        resumes = number == STOP and driven.resume(node)
-    return standing, late_s, resumes
+class Driven:
+    """A robot that the source of a stack drives towards north without people.
+
+    The source is a goal of the strategy (goto), a page with a held key (teleop) or this process
+    (live). way_m: driven so far; reports: warnings on `diagnostics`, as `node: message`.
+    """
+
+    def __init__(self, stack, nodes, probe, **given):
+        self._stack, self._nodes, self._probe = stack, nodes, probe
+        self.time_s, self.speed_mps, self.way_m = math.nan, 0.0, 0.0
+        self.reports, self._heard_s, self._place_m = [], time.monotonic(), None
+        self.page, self._publishes, self._due_s = None, True, 0.0
+        subscribe = probe.node.create_subscription
+        subscribe(Odometry, "odom", self._take_odometry, qos.STATE)
+        subscribe(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
+        subscribe(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
+        self._intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
+        self._processes = nodes.start_stack(stack, people=0, **given)
+
+    def drive(self):
+        """Drive faster than 0.4 m/s; a held key is pressed anew, as a late page stops the robot."""
+        self._spin(lambda: self.time_s > 0.0)
+        if self._stack == "goto":
+            goals = self._probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
+            self._spin(goals.get_subscription_count)
+            goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
+        elif self._stack == "teleop":
+            self._spin(lambda: PAGE.search(self._nodes.log_of("teleop_page")))
+            self.page = HeldKey(PAGE.search(self._nodes.log_of("teleop_page"))[1])
+        pressed_s = time.monotonic()
+
+        def drives():
+            nonlocal pressed_s
+            if self.page and time.monotonic() > pressed_s + 15.0:
+                self.page.press_anew()
+                pressed_s = time.monotonic()
+            return self.speed_mps > 0.4 and (not self.page or self.page.is_held)
+
+        self._spin(drives)
+
+    def inject(self, node, number):
+        """Send a signal to a node, or end the source; time and way until the robot stands.
+
+        The time is infinite where the robot still drives after 10 s, NaN where the stamps end.
+        """
+        self.reports.clear()
+        since_s, before_m = self.time_s, self.way_m
+        if node == SOURCE:
+            self._publishes = False
+        else:
+            self._processes[node].send_signal(number)
+        self._heard_s = time.monotonic()
+        watched = self._while_stamps_come(
+            lambda: self.speed_mps < STOPPED_MPS or self.time_s > since_s + WATCHED_S
+        )
+        after_s = self.time_s - since_s if watched else math.nan
+        if watched and self.speed_mps >= STOPPED_MPS:
+            after_s = math.inf
+        distance_m, until_s = self.way_m - before_m, self.time_s + 1.0
+        self._while_stamps_come(lambda: self.time_s > until_s)
+        return after_s, distance_m
+
+    def resumes(self, node):
+        """Continue a stopped node; whether the robot drives within some simulated seconds."""
+        self._processes[node].send_signal(signal.SIGCONT)
+        self._spin(lambda: time.monotonic() - self._heard_s < 0.1)
+        since_s = self.time_s
+        self._spin(lambda: self.speed_mps > 0.1 or self.time_s > since_s + RESUMED_S)
+        return self.speed_mps > 0.1
+
+    def _while_stamps_come(self, condition):
+        """Until the condition holds or odom is silent; whether the condition held."""
+        self._spin(lambda: condition() or time.monotonic() - self._heard_s > SILENCE_S)
+        return condition()
+
+    def _spin(self, condition):
+        def publish_and_look():
+            if self._stack == "live" and self._publishes and self.time_s >= self._due_s:
+                self._due_s = self.time_s + 0.5
+                self._intents.publish(to_intent(Action.NORTH, self.time_s))
+            return condition()
+
+        self._probe.spin_until(publish_and_look, seen=lambda: (self.time_s, self.speed_mps))
+
+    def _take_odometry(self, message):
+        stamp_ns, _, (speed_mps, _) = from_odometry(message)
+        self.time_s, self.speed_mps = stamp_ns * 1e-9, abs(speed_mps)
+        self._heard_s = time.monotonic()
+
+    def _take_pose(self, message):
+        place_m = from_pose_stamped(message)[1][:2]
+        self.way_m += math.dist(place_m, self._place_m or place_m)
+        self._place_m = place_m
+
+    def _take_health(self, message):
+        faults = (each for each in message.status if each.level != OK)
+        self.reports += [f"{each.name}: {each.message}" for each in faults]
+
+
+@pytest.fixture
+def driven(nodes, probe):
+    """Makes a robot that a stack drives."""
+    made = []
+
+    def drive(stack, **given):
+        made.append(Driven(stack, nodes, probe, **given))
+        made[-1].drive()
+        return made[-1]
+
+    yield drive
+    for each in made:
+        if each.page:
+            each.page.close()
 
 
 @pytest.mark.parametrize(
@@ -53,59 +206,102 @@ def run(stack, node, number, ros_env, tmp_path, **given):
         ("teleop_page", STOP),
     ],
 )
-def test_the_robot_stands_after_a_node_of_teleoperation_died(node, number, ros_env, tmp_path):
-    given = {"demo_recorder.output": str(tmp_path / "bag"), "port": 0}
-    standing, late_s, resumes = run("teleop", node, number, ros_env, tmp_path, **given)
-    limit_s = PERSON_S if node == "teleop_page" else CHAIN_S
-    assert standing.after_s <= limit_s + late_s
-    assert standing.distance_m <= 1.2 * (limit_s + late_s)
-    assert not resumes  # the key that is still held counts after it was pressed anew
+def test_the_robot_stands_after_a_node_of_teleoperation_died(node, number, driven, tmp_path):
+    robot = driven("teleop", demo_recorder__output=str(tmp_path / "bag"), port=0)
+    waited = ProcessorWait()
+    after_s, distance_m = robot.inject(node, number)
+    limit_s = (PERSON_S if node == "teleop_page" else CHAIN_S) + waited.total_s
+    assert after_s <= limit_s
+    assert distance_m <= 1.2 * limit_s
+    if number == STOP:
+        assert not robot.resumes(node)  # the held key counts after it was pressed anew
 
 
 @pytest.mark.parametrize(
     ("node", "number", "limit_s"),
     [("local_planner", KILL, CHAIN_S), ("strategy", KILL, SOURCE_S), ("strategy", STOP, SOURCE_S)],
 )
-def test_the_robot_stands_after_a_node_of_goto_died(
-    node, number, limit_s, ros_env, tmp_path, save_model_of
-):
-    standing, late_s, _ = run("goto", node, number, ros_env, tmp_path, model=str(save_model_of()))
-    assert standing.after_s <= limit_s + late_s
+def test_the_robot_stands_after_a_node_of_goto_died(node, number, limit_s, driven, save_model_of):
+    robot = driven("goto", model=str(save_model_of()))
+    waited = ProcessorWait()
+    after_s, _ = robot.inject(node, number)
+    assert after_s <= limit_s + waited.total_s
     if node == "strategy":
-        assert "local_planner: no recent waypoint" in standing.reports
+        assert "local_planner: no recent waypoint" in robot.reports
 
 
-def test_a_silent_source_of_intents_ends_the_motion_in_its_cell(ros_env, tmp_path):
-    standing, late_s, _ = run("live", SOURCE, KILL, ros_env, tmp_path)
-    assert standing.after_s <= ACTION_S + late_s
-    assert standing.distance_m <= 1.5 + 1.2 * late_s
+def test_a_silent_source_of_intents_ends_the_motion_in_its_cell(driven):
+    robot = driven("live")
+    waited = ProcessorWait()
+    after_s, distance_m = robot.inject(SOURCE, STOP)
+    assert after_s <= ACTION_S + waited.total_s
+    assert distance_m <= 1.5 + 1.2 * waited.total_s
 
 
-def test_the_loss_of_the_world_stops_the_planner(ros_env, tmp_path):
-    standing, _, _ = run("live", "hallway_sim", STOP, ros_env, tmp_path)
-    assert any(each.startswith("local_planner: stale") for each in standing.reports)
+def test_the_loss_of_the_world_stops_the_planner(driven):
+    robot = driven("live")
+    robot.inject("hallway_sim", STOP)
+    assert any(each.startswith("local_planner: stale") for each in robot.reports)
+
+
+class Launched:
+    """`serd launch live` in a separate process."""
+
+    def __init__(self, environment, folder):
+        self._log, self._domain = folder / "launch.log", environment["ROS_DOMAIN_ID"]
+        command = [str(Path(sys.executable).with_name("serd")), "launch", "live"]
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=log, stderr=log
+            )
+
+    def output(self):
+        return self._log.read_text(errors="replace")
+
+    def nodes(self):
+        """Names and process ids of the running nodes in its domain."""
+        found = {}
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (entry / "cmdline").read_text().split("\0")
+                environment = (entry / "environ").read_text().split("\0")
+            except OSError:
+                continue
+            if "--ros-args" in words and f"ROS_DOMAIN_ID={self._domain}" in environment:
+                found[Path(words[words.index("--ros-args") - 1]).name] = int(entry.name)
+        return found
 
 
 @pytest.fixture
 def launched(ros_env, tmp_path):
-    stack = LaunchedStack("live", [], ros_env, tmp_path)
+    found, names = Launched(ros_env, tmp_path), set(find_stack("live").nodes)
+
+    def works():
+        assert found.process.poll() is None, found.output()
+        return names <= set(found.nodes()) and "commands come from" in found.output()
+
     try:
-        stack.wait_until_running(find_stack("live").nodes, tmp_path)
-        yield stack
+        wait_until(works, seen=found.output)
+        yield found
     finally:
-        if stack.process.poll() is None:
-            stack.end()
+        if found.process.poll() is None:
+            found.process.send_signal(signal.SIGINT)
+            found.process.wait(PATIENCE_S)
 
 
-def test_serd_launch_ends_all_nodes_when_one_is_killed(launched):
-    ending = launched.kill_node("local_planner")
-    assert (ending.named, ending.n_left) == (True, 0)
-
-
-def test_serd_launch_names_a_node_that_is_stopped(launched):
-    ending = launched.stop_node("hallway_sim")
-    assert (ending.named, ending.n_left) == (True, len(find_stack("live").nodes))
+def test_serd_launch_names_a_node_that_is_stopped_and_ends_all_when_one_is_killed(launched):
+    stopped = launched.nodes()["hallway_sim"]
+    os.kill(stopped, STOP)
+    wait_until(lambda: "hallway_sim was stopped by a signal" in launched.output())
+    os.kill(stopped, signal.SIGCONT)
+    assert set(launched.nodes()) == set(find_stack("live").nodes)
+    os.kill(launched.nodes()["local_planner"], KILL)
+    launched.process.wait(PATIENCE_S)
+    assert "local_planner was killed by signal 9" in launched.output()
+    assert launched.nodes() == {}
 
 
 def test_a_killed_serd_launch_leaves_no_node_behind(launched):
-    assert launched.kill().n_left == 0
+    launched.process.kill()
+    launched.process.wait()
+    wait_until(lambda: not launched.nodes(), seen=launched.nodes)

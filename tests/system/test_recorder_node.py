@@ -4,22 +4,18 @@ import shlex
 import signal
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from serd_bag.command.rewrite import recover
-from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos
-from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -109,36 +105,19 @@ def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(
     assert recording.times_s("/robot_pose") == pytest.approx([0.0, 900.0, 5.0])
 
 
-def test_recording_starts_again_into_another_bag_also_when_the_first_is_empty(record, probe):
-    recording = record()
-    clients = {
-        name: probe.node.create_client(Trigger, name)
-        for name in ("start_recording", "stop_recording")
-    }
-
-    def call(name):
-        probe.spin_until(clients[name].service_is_ready)
-        future = clients[name].call_async(Trigger.Request())
-        probe.spin_until(future.done)
-        return future.result()
-
-    assert not call("start_recording").success
-    stopped = call("stop_recording")
-    assert stopped.success
-    assert stopped.message == f"0 messages in {recording.bag}"
-    assert not call("stop_recording").success
-    again = call("start_recording")
-    assert again.success
-    assert again.message.endswith("bag-2")
-    assert recording.end() == 0
-
-
 def test_it_records_again_after_a_stop_request_in_the_middle_of_a_burst(record, probe):
     recording = record()
     stop, start = (
         probe.node.create_client(Trigger, name) for name in ("stop_recording", "start_recording")
     )
     probe.spin_until(lambda: stop.service_is_ready() and start.service_is_ready())
+
+    def call(client):
+        future = client.call_async(Trigger.Request())
+        probe.spin_until(future.done)
+        return future.result()
+
+    assert not call(start).success
     recording.process.send_signal(signal.SIGSTOP)
     for number in range(1, 401):
         recording.pose_at(0.1 * number)
@@ -149,54 +128,13 @@ def test_it_records_again_after_a_stop_request_in_the_middle_of_a_burst(record, 
     times_s = recording.times_s("/robot_pose")
     assert 200 <= len(times_s) <= 400
     assert times_s == pytest.approx([0.1 * n for n in range(1, len(times_s) + 1)])
-    started = start.call_async(Trigger.Request())
-    probe.spin_until(started.done)
+    assert not call(stop).success
+    assert call(start).message.endswith("bag-2")
     recording.pose_at(100.0)
     recording.wait_until_received()
     assert recording.end() == 0
     recording.bag = recording.bag.with_name("bag-2")
     assert recording.times_s("/robot_pose")[-1] == 100.0
-
-
-@pytest.fixture
-def recorder_node(ros_env, monkeypatch, tmp_path):
-    """The node in this process, for an executor of the test's choice."""
-    monkeypatch.setenv("ROS_LOG_DIR", ros_env["ROS_LOG_DIR"])
-    given = [f"output:={tmp_path / 'bag'}", "topics:=[robot_pose]", "minimum_free_mb:=0.0"]
-    arguments = [word for each in given for word in ("-p", each)]
-    rclpy.init(args=["--ros-args", *arguments], domain_id=int(ros_env["ROS_DOMAIN_ID"]))
-    node = DemoRecorderNode("demo_recorder")
-    yield node
-    node.close()
-    node.destroy_node()
-    rclpy.try_shutdown()
-
-
-def test_a_stop_request_keeps_waiting_messages_also_when_it_is_served_before_them(
-    recorder_node, probe, tmp_path
-):
-    """This executor takes one message per topic, then the call."""
-    poses = probe.node.create_publisher(PoseStamped, "robot_pose", qos.STATE)
-    stop = probe.node.create_client(Trigger, "stop_recording")
-    probe.spin_until(lambda: stop.service_is_ready() and bool(poses.get_subscription_count()))
-    for number in range(1, 101):
-        message = PoseStamped()
-        message.header.stamp = to_stamp(0.1 * number)
-        poses.publish(message)
-    assert poses.wait_for_all_acked(PATIENCE)  # the node has received them, but is not spun yet
-    stopped = stop.call_async(Trigger.Request())
-    executor = SingleThreadedExecutor()
-    executor.add_node(recorder_node)
-
-    def answered():
-        executor.spin_once(timeout_sec=0.0)
-        return stopped.done()
-
-    probe.spin_until(answered)
-    executor.shutdown()
-    found = BagReader(tmp_path / "bag").messages()
-    times_s = [message_stamp_ns(each.data) * 1e-9 for each in found]
-    assert times_s == pytest.approx([0.1 * n for n in range(1, 101)])
 
 
 def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(

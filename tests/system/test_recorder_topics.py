@@ -10,10 +10,9 @@ from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 
 from serd_bag.formats.rosbag2.qos import profile_to_offer
-from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
 from serd_cli.processes.node_commands import find_command, node_command
 from serd_ros.convert.diagnostics import WARN
@@ -83,32 +82,6 @@ def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
     assert profile_to_offer(infos["/base/name"].qos).durability == "transient_local"
     assert "21 messages" in nodes.log_of("demo_recorder")
     assert "/none has no publisher" in nodes.log_of("demo_recorder")
-
-
-def test_a_topic_of_the_stack_is_recorded_also_from_a_publisher_that_offers_less(
-    record, probe, recorder_report, bag
-):
-    process = record("odom")
-    odometry = probe.node.create_publisher(Odometry, "odom", qos.SENSOR)
-
-    def publish(time_s):
-        odometry.publish(Odometry(header=Header(stamp=to_stamp(time_s))))
-
-    def is_recorded():
-        publish(0.05)  # best effort: lost until the recorder has matched the publisher
-        return recorder_report.n_messages > 0
-
-    probe.spin_until(is_recorded)
-    n_before = recorder_report.n_messages
-
-    def all_are_recorded():
-        publish(1.0)
-        return recorder_report.n_messages >= n_before + 10
-
-    probe.spin_until(all_are_recorded)
-    assert ended(process) == 0
-    stamps_s = [message_stamp_ns(message.data) * 1e-9 for message in bag().messages()]
-    assert stamps_s[-10:] == pytest.approx([1.0] * 10)
 
 
 #: Stamps of a faulty sensor: seconds after the present, and from one message to the next.
@@ -205,22 +178,3 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert f"topics:=[odom, {IMU}]" in log
     assert "put a value that contains : into quotes" in log
     assert "Traceback" not in log
-
-
-@pytest.mark.parametrize(
-    ("topics", "sentence"),
-    [
-        (("odom", "/odom:nav_msgs/msg/Odometry"), "each topic once, got /odom twice"),
-        (("/base/imu:sensor_msgs/msg/Imuu",), "did you mean 'sensor_msgs/msg/Imu'?"),
-        (("/base/imu",), "written topic:package/msg/Type, got '/base/imu'"),
-    ],
-)
-def test_topics_that_cannot_be_recorded_are_refused_at_once(
-    nodes, ros_env, tmp_path, topics, sentence
-):
-    given = {"output": str(tmp_path / "bag"), "topics": topics}
-    process = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
-    assert process.wait(PATIENCE_S) == 2
-    assert sentence in nodes.log_of("demo_recorder")
-    assert "Traceback" not in nodes.log_of("demo_recorder")
-    assert not (tmp_path / "bag").exists()

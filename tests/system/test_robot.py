@@ -11,7 +11,6 @@ from itertools import cycle, islice
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 from serd_ros.convert.diagnostics import values_of
@@ -95,36 +94,3 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
         until(lambda: speeds[-1] > 0.1, "")
     else:
         until(lambda: speeds[-1] > 0.1 and not guard["reasons"], disturbance)
-
-
-def test_what_is_missing_is_named_in_the_log_and_on_diagnostics(
-    nodes, probe, start_robot, save_model_of
-):
-    reported = []
-
-    def take(message):
-        reported.extend(
-            status.message for status in message.status if status.name == "strategy: observation"
-        )
-
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
-    nodes.start_stack("robot", model=str(save_model_of()))
-
-    def is_named(words):
-        return any(words in each for each in reported) and words in nodes.log_of("strategy")
-
-    probe.spin_until(lambda: is_named("tf has no publisher; odom has no publisher"))
-    reported.clear()
-    odometry = probe.node.create_publisher(Odometry, "odom", qos.SENSOR)
-    message = Odometry(child_frame_id="wheels")
-    message.header.frame_id, message.header.stamp.sec = "odom", 5
-    message.pose.pose.orientation.w = 1.0
-    probe.spin_until(
-        lambda: odometry.publish(message) or is_named("odom has a publisher, but no usable message")
-    )
-    refused = "must be 'base_link' or joined with it by /tf, got 'wheels'"
-    probe.spin_until(lambda: odometry.publish(message) or refused in nodes.log_of("strategy"))
-    probe.node.destroy_publisher(odometry)
-    reported.clear()
-    start_robot()
-    probe.spin_until(lambda: reported and reported[-1] == "", seen=lambda: nodes.log_of("strategy"))

@@ -179,24 +179,6 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
     spin_until(lambda: any(row.model == "model of the learner" for row in arrivals(tmp_path)))
 
 
-def test_the_predicted_arrival_is_latched_and_decreases_during_a_drive(
-    nodes, watch, save_model_of, quick_hallway
-):
-    model = str(save_model_of())
-    given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "model": model}
-    nodes.start_stack("navigate", **given, episodes=1000)
-    watch.spin_until(lambda: watch.y_m > 6.0)
-    watch.subscribe_late()
-    watch.spin_until(lambda: len(watch.laws) > 15)
-    for now_s, law in watch.laws:
-        assert now_s > 0
-        assert law.times_s[0] == 0
-        assert (law.cdf[1:] > law.cdf[:-1]).all()
-        assert 0 <= law.cdf[-1] <= 1
-    medians = [law.quantile_s(0.5) for _, law in watch.laws]
-    assert min(medians) < max(medians) - 10.0
-
-
 def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_of, tmp_path):
     model = save_model_of(outcome_models=UNMOVED)
     stack = nodes.start_stack(
@@ -223,20 +205,30 @@ def crossings(folder):
     return load_crossings(path) if path.exists() else ()
 
 
-def test_rows_of_arrivals_survive_a_kill_and_the_next_strategy_appends_to_them(
-    nodes, probe, save_model_of, quick_hallway, tmp_path
+def test_the_predicted_arrival_decreases_and_rows_survive_a_kill_of_the_strategy(
+    nodes, watch, save_model_of, quick_hallway, tmp_path
 ):
     given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "episodes": 1000}
     given["model"] = str(save_model_of())
     stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path))
-    probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
+    watch.spin_until(lambda: watch.y_m > 6.0)
+    watch.subscribe_late()
+    watch.spin_until(lambda: len(watch.laws) > 15)
+    for now_s, law in watch.laws:
+        assert now_s > 0
+        assert law.times_s[0] == 0
+        assert (law.cdf[1:] > law.cdf[:-1]).all()
+        assert 0 <= law.cdf[-1] <= 1
+    medians = [law.quantile_s(0.5) for _, law in watch.laws]
+    assert min(medians) < max(medians) - 10.0
+    watch.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
     stack["strategy"].kill()
     stack["strategy"].wait()
     kept, crossed = arrivals(tmp_path), crossings(tmp_path)
     nodes.start(list(stack["strategy"].args), "strategy")
-    probe.spin_until(lambda: len(arrivals(tmp_path)) > len(kept))
+    watch.spin_until(lambda: len(arrivals(tmp_path)) > len(kept))
     assert arrivals(tmp_path)[: len(kept)] == kept
-    probe.spin_until(lambda: len(crossings(tmp_path)) > len(crossed))
+    watch.spin_until(lambda: len(crossings(tmp_path)) > len(crossed))
     assert crossings(tmp_path)[: len(crossed)] == crossed
     further = {row.episode for row in crossings(tmp_path)[len(crossed) :]}
     assert min(further) > max((row.episode for row in crossed), default=-1)

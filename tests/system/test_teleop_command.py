@@ -1,11 +1,10 @@
-"""`serd teleop` as a person types it into a terminal, with a page."""
+"""`serd teleop` with a page, interrupted as a terminal does it."""
 
 import asyncio
-import contextlib
 import json
 import os
-import pty
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -23,32 +22,22 @@ SERD = str(Path(sys.executable).with_name("serd"))
 
 
 class Session:
-    """`serd teleop` in a separate terminal."""
+    """`serd teleop` in a process group of its own, as a terminal starts it."""
 
     def __init__(self, folder, environment, *arguments):
-        self._person, device = pty.openpty()
-        self._device = device
-        self.output = ""
-        os.set_blocking(self._person, False)
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", _IN_ITS_TERMINAL, SERD, "teleop", *arguments],
-            cwd=folder, env=environment, stdin=device, stdout=device, stderr=device,
-            start_new_session=True,
-        )  # fmt: skip
+        self._log = folder / "teleop.log"
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [SERD, "teleop", *arguments], cwd=folder, env=environment,
+                stdout=log, stderr=log, start_new_session=True,
+            )  # fmt: skip
+
+    @property
+    def output(self):
+        return self._log.read_text()
 
     def wait_for(self, words):
-        self._wait_until(lambda: words in self.output)
-
-    def _wait_until(self, condition):
-        def read_and_look():
-            self.read()
-            return condition()
-
-        wait_until(read_and_look, seen=lambda: self.output)
-
-    def read(self):
-        with contextlib.suppress(BlockingIOError):
-            self.output += os.read(self._person, 65536).decode(errors="replace")
+        wait_until(lambda: words in self.output, seen=lambda: self.output)
 
     def request(self, do):
         """Start, save or discard an episode, as the page's buttons do."""
@@ -63,26 +52,14 @@ class Session:
         asyncio.run(send())
 
     def end(self):
-        """Ctrl-C, as the terminal itself passes it on; the exit code."""
-        os.write(self._person, b"\x03")
-        self._wait_until(lambda: self.process.poll() is not None)
-        self.read()
-        return self.process.returncode
+        """Ctrl-C, which a terminal sends to the whole group; the exit code."""
+        os.killpg(self.process.pid, signal.SIGINT)
+        return self.process.wait(PATIENCE_S)
 
     def close(self):
         if self.process.poll() is None:
             self.process.terminate()  # not killed, so that it ends its nodes
             self.process.wait(PATIENCE_S)
-        os.close(self._person)
-        os.close(self._device)
-
-
-# The terminal becomes the controlling one, so that Ctrl-C reaches the command as a signal.
-_IN_ITS_TERMINAL = """
-import fcntl, os, sys, termios
-fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-os.execv(sys.argv[1], sys.argv[1:])
-"""
 
 
 @pytest.mark.ros

@@ -33,9 +33,16 @@ def simulator(nodes, ros_env):
     return start
 
 
-def test_a_second_simulator_ends_before_its_world_begins_and_names_both(nodes, simulator):
+@pytest.mark.parametrize("paused", [False, True])
+def test_a_second_simulator_ends_before_its_world_begins_and_names_both(
+    paused, nodes, probe, simulator
+):
     first = simulator("first")
     wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("first"))
+    if paused:
+        pause = probe.node.create_client(SetBool, "pause")
+        probe.spin_until(pause.service_is_ready)
+        probe.spin_until(pause.call_async(SetBool.Request(data=True)).done)
     assert simulator("second", "-r", "__ns:=/other").wait(PATIENCE_S) == 2
     sentence = "there must be one publisher of /clock, got 2: /hallway_sim, /other/hallway_sim; "
     assert nodes.log_of("second").splitlines()[-1] == f"hallway_sim: {sentence}{FIX}"
@@ -86,20 +93,6 @@ def test_an_episode_beside_another_clock_does_not_count(nodes, probe, tmp_path):
     probe.spin_until(lambda: len([each for each in marks if each.event == END]) == 2)
     assert [each.outcome for each in marks if each.event == END] == ["discarded", "timeout"]
     assert len(load_episodes(tmp_path / "episodes.csv")) == 1
-
-
-def test_a_simulator_does_not_begin_beside_a_paused_one(nodes, probe, simulator):
-    first = simulator("first")
-    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("first"))
-    pause = probe.node.create_client(SetBool, "pause")
-    probe.spin_until(pause.service_is_ready)
-    paused = pause.call_async(SetBool.Request(data=True))
-    probe.spin_until(paused.done)
-    assert simulator("second", "-r", "__ns:=/other").wait(PATIENCE_S) == 2
-    sentence = "there must be one publisher of /clock, got 2: /hallway_sim, /other/hallway_sim; "
-    assert nodes.log_of("second").splitlines()[-1] == f"hallway_sim: {sentence}{FIX}"
-    assert "commands come from" not in nodes.log_of("second")
-    assert first.poll() is None
 
 
 def test_a_simulator_begins_after_another_one_was_killed(nodes, simulator):

@@ -11,23 +11,12 @@ from serd_bag.writer import BagWriter
 from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.raw_type import raw_message_class
+from support.transforms_message import transforms_message
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TF = "tf2_msgs/msg/TFMessage"
 N_SENT = 50
-
-
-def transforms(messages, number):
-    make = messages.make
-    moved = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", 0.1 * number, 0.0, 0.0),
-        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
-    )
-    header = messages.header(1.0 + 0.1 * number)
-    stamped = make("geometry_msgs/msg/TransformStamped", header, "base_link", moved)
-    return messages.encode(make(TF, [stamped]), TF)
 
 
 def test_raw_and_compiled_classes_of_one_type_exchange_messages(probe):
@@ -47,8 +36,11 @@ def test_raw_and_compiled_classes_of_one_type_exchange_messages(probe):
     assert back == [sent]
 
 
-def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, messages, tmp_path):
-    sent = [transforms(messages, number) for number in range(N_SENT)]
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):
+    sent = [
+        transforms_message(("odom", "base_link", (0.1 * n, 0.0), (0.0, 1.0), 1.0 + 0.1 * n))
+        for n in range(N_SENT)
+    ]
     with BagWriter(tmp_path / "played") as writer:
         writer.add_topic("/tf", TF)
         for number, data in enumerate(sent):

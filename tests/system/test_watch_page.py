@@ -35,35 +35,31 @@ def running(environment, folder, *words):
             process.stdout.read()
 
 
-async def first_layers(url):
-    """The layers of a learned model, as soon as they come."""
+async def messages_until(url, wanted):
+    """The newest message of the page of each type, at the first of which the condition holds."""
+    newest = {}
     async with ClientSession() as session:
         origin = {"Origin": url.rstrip("/")}
         async with session.ws_connect(f"{url}socket", headers=origin) as socket:
             async for message in socket:
                 values = json.loads(message.data)
-                if values["type"] == "overlay":
-                    return values
+                newest[values["type"]] = values
+                if wanted(values):
+                    return newest
     raise AssertionError("the page's server ended")
 
 
-async def first_states(url, wanted):
-    """The scene, and a state of which the condition holds."""
-    async with ClientSession() as session:
-        origin = {"Origin": url.rstrip("/")}
-        async with session.ws_connect(f"{url}socket", headers=origin) as socket:
-            scene = None
-            async for message in socket:
-                values = json.loads(message.data)
-                scene = values if values["type"] == "scene" else scene
-                if values["type"] == "state" and wanted(values):
-                    return scene, values
-    raise AssertionError("the page's server ended")
+def received(url, wanted):
+    return asyncio.run(asyncio.wait_for(messages_until(url, wanted), PATIENCE_S))
 
 
-def moves(state):
-    world = state["world"]
-    return world and abs(world["robot"][3]) > 0.1 and state["episode"]["phase"] == "running"
+def moves(values):
+    world = values["type"] == "state" and values["world"]
+    return world and abs(world["robot"][3]) > 0.1 and values["episode"]["phase"] == "running"
+
+
+def is_overlay(values):
+    return values["type"] == "overlay"
 
 
 @pytest.mark.parametrize("namespace", ["", "/robot1"])
@@ -82,7 +78,8 @@ def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
         nodes.start(list(process.command), process.name)
     with running(ros_env, tmp_path, *words) as watch:
         url = read_json_object(watch.stdout)["url"]
-        scene, state = asyncio.run(asyncio.wait_for(first_states(url, moves), PATIENCE_S))
+        newest = received(url, moves)
+        scene, state = newest["scene"], newest["state"]
         assert (scene["watch"], scene["name"]) == (True, "hallway")
         assert len(state["world"]["people"]) > 10
         assert state["episode"]["other_driver"] == "scripted_expert"
@@ -104,10 +101,10 @@ def test_the_page_has_the_layers_of_the_newest_model_of_a_learner_and_a_bad_one_
         models = probe.node.create_publisher(String, "model", qos.LATCHED)
         probe.spin_until(models.get_subscription_count)
         models.publish(String(data=text))
-        layers = asyncio.run(asyncio.wait_for(first_layers(url), PATIENCE_S))
+        layers = received(url, is_overlay)["overlay"]
         assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
         assert "with flow 90 %" in layers["dynamics"]["note"]
         for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):
             models.publish(String(data=bad))
-        assert asyncio.run(asyncio.wait_for(first_layers(url), PATIENCE_S)) == layers
+        assert received(url, is_overlay)["overlay"] == layers
     assert watch.returncode == 0

@@ -56,22 +56,6 @@ def test_the_packages_picture_names_every_package_of_the_import_rules(drawing: M
     assert {"serd_core", "serd_ros", "serd_app"} <= packages
 
 
-def test_the_packages_picture_shows_the_subpackages_of_serd_app_in_the_order_of_the_data(
-    drawing: ModuleType,
-) -> None:
-    parts = drawing.package_parts(ROOT / "pyproject.toml", "serd_app")
-    assert parts[:-1] == ["places", "drives", "demonstrations", "learning", "navigation"]
-    assert parts[-1] == "report, teleop"
-    assert " → ".join(parts) in (drawing.PICTURES / "packages.svg").read_text()
-
-
-def test_the_modules_of_the_journey_exist_and_describe_themselves(drawing: ModuleType) -> None:
-    for name, _ in drawing.JOURNEY:
-        module = drawing.file_of(name).with_suffix(".py")
-        assert module.is_file(), name
-        assert module.read_text().startswith('"""'), name
-
-
 def test_topics_with_the_same_ends_share_one_ellipse_and_topics_of_all_nodes_have_no_arrows(
     drawing: ModuleType, tmp_path: Path
 ) -> None:

@@ -47,7 +47,3 @@ def test_each_notebook_was_executed_and_names_no_folder_of_a_machine(path):
     assert "/home/" not in printed
     assert str(ROOT) not in printed
     assert path.name in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-
-
-def test_there_are_notebooks():
-    assert len(NOTEBOOKS) >= 2

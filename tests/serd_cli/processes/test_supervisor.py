@@ -79,35 +79,24 @@ def test_a_stopped_process_is_named_until_it_is_continued():
     ]
 
 
-def interrupt_myself():
-    os.kill(os.getpid(), signal.SIGINT)
-
-
-def test_an_interrupt_ends_all_and_gives_the_handler_back():
-    before = signal.getsignal(signal.SIGINT)
-    talker = python("talker", "import time; print('ready', flush=True); time.sleep(3600)")
-    with pytest.raises(KeyboardInterrupt):
-        run_together([Process("sleeper", SLEEP), talker], os.environ, lambda *_: interrupt_myself())
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_a_window_that_is_closed_ends_all_too():
-    before = signal.getsignal(signal.SIGHUP)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_an_interrupt_and_a_closed_window_end_all_and_give_the_handler_back(number):
+    before = signal.getsignal(number)
     talker = python("talker", "import time; print('ready', flush=True); time.sleep(3600)")
     with pytest.raises(KeyboardInterrupt):
         run_together(
             [Process("sleeper", SLEEP), talker],
             os.environ,
-            lambda *_: os.kill(os.getpid(), signal.SIGHUP),
+            lambda *_: os.kill(os.getpid(), number),
         )
-    assert signal.getsignal(signal.SIGHUP) is before
+    assert signal.getsignal(number) is before
 
 
 def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
     start = supervisor.Manager._start
 
     def start_late(manager):
-        interrupt_myself()
+        os.kill(os.getpid(), signal.SIGINT)
         start(manager)
 
     monkeypatch.setattr(supervisor.Manager, "_start", start_late)
@@ -174,32 +163,21 @@ def has_ended(descriptor, limit_s=PATIENCE_S):
     return bool(select.select([descriptor], [], [], limit_s)[0])
 
 
-def test_after_sigkill_of_the_command_a_node_ends_by_its_handler(tmp_path):
+@pytest.mark.parametrize("end", [os.kill, os.killpg])
+def test_after_sigkill_of_the_command_or_its_group_a_node_ends_by_its_handler(tmp_path, end):
     given = ENDING, str(tmp_path / "end")
     with command_that_runs(*given, grace_s=PATIENCE_S) as (command, _, node):
-        command.kill()
+        end(command.pid, signal.SIGKILL)
         assert has_ended(node)
     assert (tmp_path / "end").read_text() == "ended well\n"
 
 
-def test_a_signal_to_the_group_of_the_command_leaves_nodes_their_time(tmp_path):
-    given = ENDING, str(tmp_path / "end")
-    with command_that_runs(*given, grace_s=PATIENCE_S) as (command, _, node):
-        os.killpg(command.pid, signal.SIGKILL)
-        assert has_ended(node)
-    assert (tmp_path / "end").read_text() == "ended well\n"
-
-
-def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed():
-    with command_that_runs(STUBBORN) as (command, _, node):
-        assert not has_ended(node, 0.0)
-        command.kill()
-        assert has_ended(node)
-
-
-def test_after_sigkill_of_the_command_a_stopped_node_is_killed():
+@pytest.mark.parametrize("stopped", [False, True])
+def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed(stopped):
     with command_that_runs(STUBBORN) as (command, pid, node):
-        os.kill(pid, signal.SIGSTOP)
+        assert not has_ended(node, 0.0)
+        if stopped:
+            os.kill(pid, signal.SIGSTOP)
         command.kill()
         assert has_ended(node)
 

@@ -80,10 +80,10 @@ def test_of_a_message_with_a_bad_transform_the_others_are_taken():
         deliver(
             received,
             transforms_message(
-                ("map", "odom", math.nan, 1.0),
-                ("wheel", "tyre", 0.0, 3.0),
-                ("odom", "moon", 3.8e8, 1.0),
-                ("odom", "base_link", 2.0, 1.0),
+                ("map", "odom", (math.nan, 0.0), (0.0, 1.0), 1.0),
+                ("wheel", "tyre", (0.0, 0.0), (0.0, 3.0), 1.0),
+                ("odom", "moon", (3.8e8, 0.0), (0.0, 1.0), 1.0),
+                ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
             ),
         )
         assert changes == [("base_link", "odom")]

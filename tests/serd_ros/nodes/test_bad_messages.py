@@ -104,12 +104,6 @@ CASES = [
         in_odom,
         "frame_id must be 'map' or joined with it by /tf, got 'odom'",
     ),
-    (
-        "local_planner",
-        "robot_pose",
-        in_odom,
-        "frame_id must be 'map' or joined with it by /tf, got 'odom'",
-    ),
     ("scripted_expert", "pedestrians", of_25_bytes, "data must be one row of width * point_step"),
     ("scripted_expert", "pedestrians", plain_xyz, "must have the fields x, y, z, vx, vy, id"),
     ("scripted_expert", "pedestrians", with_nan_person, "x must be finite"),

@@ -102,3 +102,16 @@ def test_frames_with_the_prefix_of_the_robot_are_received_and_published():
         odometry.header.frame_id = "robot2/odom"
         running.receive("odom", odometry)
         assert "got 'robot2/odom'" in str(running.rejected)
+
+
+def test_people_are_those_of_the_topic_that_is_named_for_them(monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        local_planner.LocalPlannerNode, "_on_observation", lambda _, each: seen.append(each)
+    )
+    with node_in_process("local_planner", people_topic="tracks", lockstep=False) as running:
+        running.receive("tracks", valid_message("pedestrians", 10.0))
+        observe(running, 10.0, "odom", "robot_pose")
+        (observation,) = seen
+        assert observation.people_position_m.tolist() == [[4.5, 12.0], [2.5, 9.0]]
+        assert "/pedestrians" not in {each.topic_name for each in running.node.subscriptions}

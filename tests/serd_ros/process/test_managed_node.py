@@ -2,9 +2,12 @@
 
 import pytest
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
+from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.graph.configs import CONFIGS, ManagedConfig
 from support.nodes_in_process import deliver, node_in_process
 
@@ -176,3 +179,42 @@ def test_what_was_due_when_its_endpoint_was_destroyed_does_nothing(given):
         stop.send_response(response, None)
         assert node.callbacks.n_rejected == 0
         running.assert_alive()
+
+
+def test_a_model_that_is_missing_refuses_to_configure_until_another_one_is_set(given, tmp_path):
+    absent = str(tmp_path / "absent.yaml")
+    with node_in_process("strategy", managed=True, model=absent) as running:
+        node = running.node
+        for _ in range(2):
+            node.trigger_configure()
+            assert node.state == "unconfigured"
+            message = running.sent["diagnostics"].status[0].message
+            assert message.startswith("configure refused: ")
+            assert "absent.yaml" in message
+        wrong = node.set_parameters_atomically([Parameter("timeout_s", value=-1.0)])
+        assert "timeout_s" in wrong.reason
+        model = Parameter("model", value=given["strategy"]["model"])
+        assert node.set_parameters_atomically([model]).successful
+        node.trigger_configure()
+        node.trigger_activate()
+        assert node.state == "active"
+        goal = Parameter("goal", value="3.5, 3.5")
+        assert node.set_parameters_atomically([goal]).successful
+        running.assert_alive()
+
+
+def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_active(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["robot_pose"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", managed=True, **given) as running:
+        running.node.trigger_configure()
+        for number, bag in enumerate(("bag", "bag-2")):
+            running.node.trigger_activate()
+            pose = to_pose_stamped((float(number), 0.0, 0.0), 1.0)
+            running.receive("robot_pose", serialize_message(pose))
+            running.node.trigger_deactivate()
+            (message,) = BagReader(tmp_path / bag).messages()
+            assert message.data == serialize_message(pose)
+        running.node.trigger_cleanup()
+        running.node.trigger_configure()
+        running.node.trigger_activate()
+        assert (tmp_path / "bag-3").is_dir()

@@ -1,13 +1,11 @@
 """`serd bag`: contents and faults of recordings, and new ones made of them."""
 
-import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from serd_app.drives.mapped.mapping import BagMapping
@@ -16,7 +14,6 @@ from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_files.yaml_config import load_yaml_model
 from support.bag_messages import POSE
-from support.foreign_bags import ForeignBag, Robot, key_presses
 
 
 def damage(bag):
@@ -40,9 +37,7 @@ def test_info_shows_every_topic_with_its_type_and_count(serd, drive_bag):
 
 
 def test_info_as_json_is_one_entry_per_bag(serd, drive_bag):
-    ended = serd("bag", "info", drive_bag("one"), drive_bag("two"), "--json")
-    values = json.loads(ended.out)
-    assert ended.code == 0
+    values = serd("bag", "info", drive_bag("one"), drive_bag("two"), "--json").values
     assert [each["n_messages"] for each in values] == [108, 108]
     assert {topic["name"]: topic["n_messages"] for topic in values[0]["topics"]} == {
         "/robot_pose": 101,
@@ -84,9 +79,9 @@ def test_a_broken_bag_is_recovered_beside_it_and_left_as_it_is(serd, drive_bag):
 def test_convert_keeps_every_message_and_reports_it_as_json(serd, drive_bag, tmp_path):
     bag = drive_bag()
     target = tmp_path / "new"
-    ended = serd("bag", "convert", bag, "--output", target, "--compression", "zstd", "--json")
-    (values,) = json.loads(ended.out)
-    assert ended.code == 0
+    (values,) = serd(
+        "bag", "convert", bag, "--output", target, "--compression", "zstd", "--json"
+    ).values
     assert (values["n_messages"], values["n_left_out"], values["n_lost"]) == (108, 0, 0)
     assert values["target"] == str(target)
     assert contents(target) == contents(bag)
@@ -154,18 +149,14 @@ def test_bad_input_prints_an_error_and_exits_with_2(serd, words, message, tmp_pa
     assert ended.out == ""
 
 
-def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, messages, tmp_path):
-    commands = key_presses(np.random.default_rng(1))
-    foreign = ForeignBag(messages)
-    foreign.add_odometry("/odom", Robot().drive(commands, commands[-1][0] + 3.0))
-    foreign.add_commands("/cmd_vel", commands)
-    bag, mapping = foreign.write(tmp_path / "foreign"), tmp_path / "mapping.yaml"
+def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, key_driven_bag, tmp_path):
+    bag, mapping = key_driven_bag, tmp_path / "mapping.yaml"
     ended = serd("bag", "suggest", bag, "--output", mapping)
     assert ended.code == 0
     assert mapping.read_text().rstrip() in ended.out
     command = next(line for line in ended.out.splitlines() if line.startswith("next: serd demos"))
     assert serd(*command.removeprefix("next: serd ").split()).code == 0
-    values = json.loads(serd("bag", "suggest", bag, "--json").out)
+    values = serd("bag", "suggest", bag, "--json").values
     assert values["mapping"] == load_yaml_model(mapping, BagMapping).model_dump(mode="json")
     assert values["reports"]["1.0"]["n_moving_waits"] == 0
 

@@ -1,6 +1,5 @@
 """How usual trajectories are for a model: its own kind of episodes is, another kind is not."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -12,8 +11,6 @@ from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
-from serd_files.yaml_config import model_yaml
-from serd_sim.scenario.scenario import load_scenario
 
 
 def walks(path, y_m, seed, n=30):
@@ -60,9 +57,7 @@ def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, mod
     assert f"decisions in {usual['n_episodes']} episodes" in usual["discretised"]
     assert usual["mean_rank"] > unusual["mean_rank"]
     assert usual["log_likelihood"] > unusual["log_likelihood"]
-    ended = serd("report", model, "--demonstrations", other, "--json")
-    assert ended.code == 0, ended.err
-    shown = json.loads(ended.out)
+    shown = serd("report", model, "--demonstrations", other, "--json").values
     assert shown["familiarity"] == unusual
     rows = Path("report/compared.csv").read_text().splitlines()
     assert rows[0] == "episode,decisions,log_likelihood,simulated,rank,surprising"
@@ -108,17 +103,3 @@ def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
     model.with_suffix(".grid.yaml").unlink()
     with pytest.raises(FileError, match=r"model\.grid\.yaml, which is written with it, must be be"):
         familiarity_of(model, [people])
-
-
-def test_a_scenario_of_a_file_is_found_beside_the_model_and_the_table(serd, root, tmp_path):
-    scenario, table = tmp_path / "place.yaml", tmp_path / "decisions.csv"
-    model = tmp_path / "model.yaml"
-    scenario.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
-    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
-    place = ("--scenario", scenario)
-    assert serd("demos", bag, *place, "--output", table).code == 0
-    learned = serd("learn", table, *place, "--method", "mdce_irl", "--output", model)
-    assert learned.code == 0, learned.err
-    for trajectories in (table, bag):
-        assert len(familiarity_of(model, [trajectories]).decisions) > 0
-        assert len(familiarity_of(model, [trajectories], scenario=str(scenario)).decisions) > 0

@@ -1,6 +1,5 @@
 """`serd batch`: many episodes, one row each."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -16,9 +15,7 @@ SMALL = ("batch", "--scenario", "crossing", "--people", "4", "--jobs", "1")
 
 def test_a_batch_writes_a_table_and_tells_what_came_of_it(serd, tmp_path):
     output = tmp_path / "episodes.csv"
-    ended = serd(*SMALL, "--seeds", "2", "--output", output, "--json")
-    summary = json.loads(ended.out)
-    assert ended.code == 0
+    summary = serd(*SMALL, "--seeds", "2", "--output", output, "--json").values
     assert summary["table"] == str(output)
     (condition,) = summary["conditions"]
     assert (condition["n_episodes"], condition["n_people"]) == (2, 4)

@@ -1,7 +1,5 @@
 """`serd episode render`: one episode as a picture or a movie."""
 
-import json
-
 import imageio_ffmpeg
 import pytest
 from PIL import Image
@@ -11,7 +9,7 @@ SMALL = ("episode", "render", "crossing", "--people", "4", "--pixels-per-m", "8"
 
 def test_a_movie_shows_the_whole_episode_at_the_speed_asked_for(serd, tmp_path):
     path = tmp_path / "episode.mp4"
-    summary = json.loads(serd(*SMALL, "--output", path, "--speed", "20", "--json").out)
+    summary = serd(*SMALL, "--output", path, "--speed", "20", "--json").values
     assert summary["outcome"] == "arrived"
     assert summary["picture"] == str(path)
     _, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
@@ -49,14 +47,11 @@ def test_a_picture_shows_the_moment_asked_for(serd, tmp_path):
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):
-    ended = serd("episode", "render", "hallway", *words)
-    assert ended.code == 2
-    assert sentence in ended.err
+    assert sentence in serd("episode", "render", "hallway", *words).refusal
     assert not list((tmp_path / "here").iterdir())
 
 
 def test_a_picture_below_a_file_is_refused_before_anything_drives(serd, tmp_path):
     (tmp_path / "here" / "afile").touch()
-    ended = serd("episode", "render", "hallway", "--output", "afile/x.png")
-    assert ended.code == 2
-    assert "cannot write afile: a file of this name is in the way" in ended.err
+    refusal = serd("episode", "render", "hallway", "--output", "afile/x.png").refusal
+    assert "cannot write afile: a file of this name is in the way" in refusal

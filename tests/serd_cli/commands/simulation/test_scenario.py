@@ -16,7 +16,7 @@ def test_every_built_in_scenario_is_listed(serd):
     for name in builtin_scenarios():
         assert name in ended.out
         assert load_scenario(name).description[:30] in ended.out
-    values = {each["scenario"]: each for each in json.loads(serd("scenario", "list", "--json").out)}
+    values = {each["scenario"]: each for each in serd("scenario", "list", "--json").values}
     assert tuple(values) == builtin_scenarios()
     assert values["hallway"]["size_m"] == [14.0, 24.0]
     assert values["hallway"]["cells"] == grid_of(load_scenario("hallway")).n_states
@@ -39,7 +39,7 @@ def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
     mine = load_scenario("corridor").model_copy(update={"description": "My own corridor."})
     file.write_text(model_yaml(mine))
     picture = tmp_path / "new" / "plan.png"
-    values = json.loads(serd("scenario", "show", file, "--output", picture, "--json").out)
+    values = serd("scenario", "show", file, "--output", picture, "--json").values
     assert values["description"] == "My own corridor."
     assert values["picture"] == str(picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -51,11 +51,11 @@ def test_a_period_too_short_for_the_next_cell_is_remarked(serd, tmp_path):
     file.write_text(model_yaml(mine))
     words = "scenario", "show", file, "--output", tmp_path / "plan.png"
     assert "drives 0.8 m in a decision period of 2 s, less than a cell of 1 m" in serd(*words).out
-    assert json.loads(serd(*words, "--json").out)["remark"] == mine.period_remark
+    assert serd(*words, "--json").values["remark"] == mine.period_remark
 
 
 def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
-    printed = json.loads(serd("scenario", "schema").out)
+    printed = serd("scenario", "schema").values
     assert set(printed["properties"]) == set(Scenario.model_fields)
     assert "walkable_area_m" in printed["required"]
     assert printed["additionalProperties"] is False

@@ -1,7 +1,5 @@
 """`serd scenario from-map`: a scenario file with comments, and a plan."""
 
-import json
-
 import pytest
 
 from serd_sim.scenario.scenario import load_scenario
@@ -20,8 +18,7 @@ def test_a_map_becomes_a_scenario_file_and_a_picture(serd, tmp_path):
     scenario = load_scenario(here / "depot-scenario.yaml")
     assert (scenario.name, scenario.cell_size_m, scenario.decision_period_s) == ("depot", 0.41, 1.5)
     assert scenario.robot.radius_m == 0.18
-    shown = serd("scenario", "show", "depot-scenario.yaml", "--json")
-    assert json.loads(shown.out)["people"] == 0
+    assert serd("scenario", "show", "depot-scenario.yaml", "--json").values["people"] == 0
 
 
 def test_the_numbers_as_json_name_the_files(serd, tmp_path):
@@ -36,7 +33,7 @@ def test_the_numbers_as_json_name_the_files(serd, tmp_path):
         "--output",
         "m.yaml",
     )
-    values = json.loads(serd("scenario", "from-map", path, *words, "--json").out)
+    values = serd("scenario", "from-map", path, *words, "--json").values
     assert values["file"] == str(tmp_path / "here" / "m.yaml")
     assert (values["cell_size_m"], values["decision_period_s"]) == (0.4, 1.5)
     assert values["cells_area_m2"] < values["free_area_m2"]
@@ -60,9 +57,7 @@ def test_an_edited_scenario_is_replaced_only_where_output_names_it(serd, tmp_pat
     generated = file.read_text()
     edited = generated.replace("count: 0", "count: 0  # nights only")
     file.write_text(edited)
-    refused = serd(*words)
-    assert refused.code == 2
-    assert "give --output maze-scenario.yaml to replace it" in refused.err
+    assert "give --output maze-scenario.yaml to replace it" in serd(*words).refusal
     assert file.read_text() == edited
     assert serd(*words, "--output", "maze-scenario.yaml").code == 0
     assert file.read_text() == generated
@@ -84,7 +79,8 @@ def test_an_edited_scenario_is_replaced_only_where_output_names_it(serd, tmp_pat
 )
 def test_bad_input_gets_a_sentence(serd, tmp_path, words, sentence):
     path = write_map(tmp_path, "maze", maze(cells=6))
-    ended = serd("scenario", "from-map", *(path if word == "MAP" else word for word in words))
-    assert ended.code == 2
-    assert sentence in ended.err
+    refusal = serd(
+        "scenario", "from-map", *(path if word == "MAP" else word for word in words)
+    ).refusal
+    assert sentence in refusal
     assert not list((tmp_path / "here").iterdir())

@@ -48,6 +48,4 @@ def test_options_become_parameters_of_the_page_whose_address_is_printed(
 def test_what_cannot_be_watched_is_refused(serd, arguments, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bag").mkdir()
-    ended = serd("watch", *arguments)
-    assert ended.code == 2
-    assert sentence in ended.err
+    assert sentence in serd("watch", *arguments).refusal

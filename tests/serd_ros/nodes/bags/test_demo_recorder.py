@@ -1,12 +1,16 @@
 """What the recorder reports of a recording."""
 
+import pytest
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from serd_bag.reader import BagReader
+from serd_files.errors import USER_ERRORS
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from support.nodes_in_process import node_in_process
@@ -54,3 +58,41 @@ def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_
         assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
     (kept,) = BagReader(tmp_path / "bag").messages()
     assert kept.topic == "/odom"
+
+
+def test_a_stop_request_keeps_the_messages_that_wait(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["odom"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
+        wait_until(odometry.get_subscription_count)
+        for _ in range(100):
+            odometry.publish(Odometry())
+        assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+        response = running.call("stop_recording", Trigger.Request())
+        assert (response.success, response.message) == (True, f"100 messages in {given['output']}")
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 100
+
+
+def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(tmp_path):
+    topics = ["odom", "/odom:nav_msgs/msg/Odometry"]
+    with (
+        pytest.raises(USER_ERRORS, match="each topic once, got /odom twice"),
+        node_in_process("demo_recorder", output=str(tmp_path / "bag"), topics=topics),
+    ):
+        pass
+    assert not (tmp_path / "bag").exists()
+
+
+def test_a_topic_of_the_stack_is_followed_also_from_a_publisher_that_offers_less(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["odom"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        running.node.create_publisher(Odometry, "odom", qos.SENSOR)
+
+        def follows():
+            running.call_timers()
+            found = [each for each in running.node.subscriptions if each.topic_name == "/odom"]
+            asked = [each.qos_profile.reliability for each in found]
+            return asked == [ReliabilityPolicy.BEST_EFFORT]
+
+        wait_until(follows)
+        running.assert_alive()

@@ -1,0 +1,78 @@
+"""teleop_mux: its topics and its service are the inputs of the mux."""
+
+import math
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from serd_ros.convert.command import to_twist, to_twist_stamped
+from serd_sim.world.command import Command
+from support.nodes_in_process import node_in_process
+
+
+@pytest.fixture
+def running():
+    with node_in_process("teleop_mux") as found:
+        yield found
+
+
+def driven(running, **speeds_mps):
+    """The speed of the output after these inputs were published for a second."""
+    for _ in range(50):
+        running.wait(0.02)
+        for name, speed_mps in speeds_mps.items():
+            running.receive(f"cmd_vel_{name}", to_twist(Command(speed_mps, 0.0)))
+        running.call_timers()
+    return running.sent["cmd_vel_raw"].linear.x
+
+
+def test_the_highest_priority_drives_within_the_limits_and_silence_stops(running):
+    assert driven(running) == 0.0
+    running.receive("driver_gone", Bool(data=True))
+    assert driven(running, planner=0.3) == 0.0
+    assert driven(running, planner=0.2, teleop=0.4) == pytest.approx(0.4)
+    assert driven(running, planner=0.2, teleop=0.4, joy=0.7) == pytest.approx(0.7)
+    assert driven(running, joy=50.0) == pytest.approx(1.2)
+    assert driven(running, joy=math.nan) == 0.0
+    assert driven(running) == 0.0
+
+
+def test_the_planner_drives_while_a_driver_is_present(running):
+    for gone, speed_mps in ((False, 0.3), (True, 0.0)):
+        running.receive("driver_gone", Bool(data=gone))
+        running.receive("cmd_vel_planner", to_twist(Command(0.3, 0.0)))
+        for _ in range(10):
+            running.wait(0.02)
+            running.call_timers()
+        assert running.sent["cmd_vel_raw"].linear.x == pytest.approx(speed_mps)
+
+
+def test_the_e_stop_holds_until_it_is_released_and_each_input_has_stopped(running):
+    assert driven(running, teleop=0.5) == pytest.approx(0.5)
+    running.receive("e_stop", Bool(data=True))
+    assert running.sent["e_stop_engaged"].data
+    assert driven(running, teleop=0.5) == 0.0
+    response = running.call("set_e_stop", SetBool.Request(data=False))
+    assert (response.success, response.message) == (True, "released")
+    assert not running.sent["e_stop_engaged"].data
+    assert driven(running, teleop=0.5) == 0.0
+    assert driven(running, teleop=0.0) == 0.0
+    assert driven(running, teleop=0.5) == pytest.approx(0.5)
+    running.call("set_e_stop", SetBool.Request(data=True))
+    assert driven(running, teleop=0.5) == 0.0
+
+
+def test_commands_have_stamps_where_the_file_sets_it(tmp_path):
+    file = tmp_path / "mux.yaml"
+    file.write_text("topics: {nav: {topic: nav_vel, timeout: 0.5, priority: 1, stamped: true}}\n")
+    with node_in_process("teleop_mux", mux=str(file), stamped_cmd_vel=True) as running:
+        for _ in range(10):
+            running.wait(0.02)
+            running.receive("nav_vel", to_twist_stamped(Command(0.25, 0.0), 0.0))
+            running.call_timers()
+        assert running.sent["cmd_vel_raw"].twist.linear.x == pytest.approx(0.25)
+        (nav,) = [each for each in running.node.subscriptions if "nav_vel" in each.topic_name]
+        assert (nav.msg_type, type(running.sent["cmd_vel_raw"])) == (TwistStamped, TwistStamped)
+        assert Twist not in {each.msg_type for each in running.node.subscriptions}
