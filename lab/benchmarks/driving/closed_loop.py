@@ -13,15 +13,12 @@ from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from lab.benchmarks.driving.closed_loop_figure import closed_loop_figure
 from lab.benchmarks.report import Row, save
-from serd_app.report.style import save_figure
 from serd_cli.output.terminal import WorkProgress
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.batch_summary import ConditionSummary, summarise
 
 ROOT = Path(__file__).resolve().parents[3]
-FIGURE = ROOT / "docs" / "pictures" / "closed_loop.png"
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class ClosedLoopPlan:
 
 
 def run() -> None:
-    """Drive all episodes that are missing, then write table and figure."""
+    """Drive all episodes that are missing, then write the table."""
     plan = ClosedLoopPlan()
     table = ROOT / ".cache" / "benchmarks" / f"closed_loop_{code_digest()}.csv"
     progress = WorkProgress(
@@ -66,12 +63,10 @@ def run() -> None:
             table,
             on_progress=lambda done, total: progress.update(line, completed=done, total=total),
         )
-    summaries = summarise(rows)
-    save_figure(FIGURE, closed_loop_figure(summaries))
     save(
         "closed_loop",
         f"Closed loop, {plan.n_seeds} episodes each; contacts are those of all of them",
-        [_row(each) for each in summaries],
+        [_row(each) for each in summarise(rows)],
     )
 
 
