@@ -17,7 +17,7 @@ import scipy.special
 from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
-from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
+from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
@@ -141,9 +141,7 @@ def compare_beliefs(
         start = evidence_start(posterior, decisions, relation, None, dynamics)
         found = fit_by_evidence(posterior, relation, prior, start, on_step, staged=True)
         try:
-            if not found.ascended.converged:
-                raise SerdError(found.ascended.message)
-            evidences.append(found.log_evidence())
+            evidences.append(_log_evidence(found))
             fits.append(found)
         except SerdError as error:
             left_out.append(f"{NAMES[type(relation)]} ({error})")
@@ -167,3 +165,10 @@ def compare_beliefs(
         probabilities=np.asarray(scipy.special.softmax(log_evidences)),
         left_out=tuple(left_out),
     )
+
+
+def _log_evidence(found: EvidenceFit) -> float:
+    """log P(D); SerdError where there is no maximum."""
+    if not found.ascended.converged:
+        raise SerdError(found.ascended.message)
+    return found.log_evidence()
