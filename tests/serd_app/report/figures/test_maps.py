@@ -1,5 +1,6 @@
 """Map figures carry the data they were given: positions, counts, arrows, traps, loops."""
 
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -19,7 +20,6 @@ from serd_app.report.figures.maps import (
     draw_surprises,
     draw_visitation,
 )
-from serd_app.report.inputs import CrowdSnapshot
 from serd_app.report.style import png_bytes, svg_bytes
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
@@ -60,14 +60,14 @@ def test_walls_and_areas_are_those_of_the_scenario(hallway, scenario):
         assert len(artists(hallway, Polygon, f"area {name}")) == 1
 
 
-def test_an_empty_hallway_can_be_drawn(scenario):
-    no_people = CrowdSnapshot(
-        time_s=0.0,
-        robot_pose=np.zeros(3),
-        people_position_m=np.zeros((0, 2)),
-        people_velocity_mps=np.zeros((0, 2)),
+def test_an_empty_hallway_can_be_drawn(scenario, snapshot):
+    none = np.zeros((0, 2))
+    no_people = replace(
+        snapshot,
+        people_position_m=none,
+        people_velocity_mps=none,
         people_trail_m=np.zeros((0, 0, 2)),
-        robot_trail_m=np.zeros((0, 2)),
+        robot_trail_m=none,
     )
     assert png_bytes(draw_hallway(scenario, no_people))
 
