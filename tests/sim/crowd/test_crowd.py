@@ -5,7 +5,7 @@ import pytest
 
 from serd_sim.crowd.crowd import people_per_loop, start_crowd
 from serd_sim.crowd.robots import RobotBody
-from serd_sim.crowd.routes import offset_loop
+from serd_sim.crowd.routes import Routes
 from serd_sim.crowd.social_force import model_names
 from serd_sim.scenario.polygon import contains, distance_to_segments_m
 from serd_sim.scenario.scenario import load_scenario
@@ -72,13 +72,6 @@ def test_people_are_shared_out_to_loops_by_largest_remainder():
     assert sum(people_per_loop(loops, 17)) == 17
 
 
-def test_a_loop_moved_to_the_left_is_a_smaller_loop():
-    square = np.array([[0, 0], [4, 0], [4, 4], [0, 4.0]])
-    np.testing.assert_allclose(
-        offset_loop(square, 0.5), [[0.5, 0.5], [3.5, 0.5], [3.5, 3.5], [0.5, 3.5]]
-    )
-
-
 def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
     speed = hallway_crowd(400, 8).desired_speed_mps
     settings = HALLWAY.pedestrians
@@ -111,7 +104,32 @@ def test_people_who_stand_are_pushed_aside_and_return():
     assert away_m() < 0.3
 
 
-def test_an_empty_crowd_walks_nowhere():
-    crowd = hallway_crowd(0, 1)
-    crowd.step(0.05, RobotBody(1.0, 1.0, 0.0, 0.0, 0.25))
-    assert len(crowd) == 0
+SQUARE = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
+
+
+def heading(x_m, y_m, share=0.01):
+    routes = Routes([SQUARE])
+    routes.place(np.array([share]))
+    along, across = routes.headings(np.array([x_m]), np.array([y_m]))
+    return along[0], across[0]
+
+
+def test_who_is_beside_the_line_heads_for_a_point_five_metres_ahead_on_it():
+    assert heading(4.0, 1.0) == pytest.approx(np.array([5.0, -1.0]) / np.sqrt(26.0))
+
+
+def test_near_the_end_of_a_leg_its_corner_is_headed_for():
+    assert heading(17.0, 1.0) == pytest.approx(np.array([3.0, -1.0]) / np.sqrt(10.0))
+
+
+def test_at_the_end_of_a_leg_the_next_one_is_taken():
+    east, north = heading(19.7, 0.0)
+    assert north > 0.99
+    assert east > 0.0
+
+
+def test_people_are_placed_along_the_whole_loop_by_its_length():
+    routes = Routes([SQUARE] * 4)
+    x_m, y_m = routes.place(np.array([0.0, 0.125, 0.5, 0.9]))
+    assert x_m == pytest.approx([0.0, 10.0, 20.0, 0.0])
+    assert y_m == pytest.approx([0.0, 0.0, 20.0, 8.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_sim.crowd.distances import WallGeometry
-from serd_sim.crowd.robots import RobotBody, _have_room, headings_around
+from serd_sim.crowd.robots import RobotBody, headings_around
 from tests.sim.crowd.test_social_force import FAR_WALL, crowd_at, walk
 
 CLEARANCE_M, BODY_M, ROBOT_M = 0.2, 0.25, 0.25
@@ -88,22 +88,3 @@ def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
     crowd = crowd_at("collision_prediction", [[9.5, 0.0]], [[50.0, 0.0]], period_m=10.0)
     crowd.step(0.05, robot_at(1.0, 0.1))
     assert crowd.velocity_y_mps[0] < -0.05
-
-
-@pytest.mark.parametrize(
-    ("start_m", "end_m", "room"),
-    [
-        ((0.4, 0.0), (0.6, 0.0), False),  # on the way
-        ((-1.0, 0.0), (0.1, 0.0), False),  # from behind the robot's centre onto it
-        ((-1.0, 0.0), (-0.1, 0.0), True),  # behind
-        ((1.3, 0.0), (2.0, 0.0), True),  # beyond
-        ((1.2, 0.0), (2.0, 0.0), False),  # beyond, within the person
-        ((0.5, -1.0), (0.5, 1.0), False),  # across
-        ((0.5, 0.1), (0.5, 1.0), True),  # across, beside the way
-    ],
-)
-def test_there_is_room_where_no_wall_is_on_the_way_or_within_the_body(start_m, end_m, room):
-    """The way from the robot's centre to a place 1 m to the east of it."""
-    walls = WallGeometry(1, np.array([[start_m, end_m]]))
-    there = np.array([1.0]), np.array([0.0])
-    assert _have_room(*there, robot_at(0.0, 0.0), walls, BODY_M).tolist() == [room]

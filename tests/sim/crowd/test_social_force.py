@@ -39,19 +39,11 @@ def walk(crowd, n_steps, *robots):
 
 
 @pytest.mark.parametrize("model", model_names())
-def test_two_people_at_one_spot_part_without_nan(model):
-    crowd = crowd_at(model, [[0, 0], [0, 0]], [[50, 0], [50, 0]])
-    place = walk(crowd, 60)
-    assert np.isfinite(place).all()
+def test_two_at_one_spot_part_without_nan(model):
+    place = walk(crowd_at(model, [[0, 0], [0, 0]], [[50, 0], [50, 0]]), 60)
     assert np.linalg.norm(place[0] - place[1]) > 0.3
-
-
-@pytest.mark.parametrize("model", model_names())
-def test_a_person_at_the_robots_spot_is_pushed_away_without_nan(model):
-    crowd = crowd_at(model, [[0, 0]], [[50, 0]])
-    place = walk(crowd, 40, RobotBody(0.0, 0.0, 0.0, 0.0, 0.25))
-    assert np.isfinite(place).all()
-    assert np.linalg.norm(place[0]) > 0.4
+    robot = RobotBody(0.0, 0.0, 0.0, 0.0, 0.25)
+    assert np.linalg.norm(walk(crowd_at(model, [[0, 0]], [[50, 0]]), 40, robot)[0]) > 0.4
 
 
 @pytest.mark.parametrize("model", model_names())

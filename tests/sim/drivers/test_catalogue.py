@@ -73,17 +73,6 @@ def test_probabilities_that_do_not_sum_to_one_are_refused():
         PolicyDriver(GRID, np.ones((GRID.n_states, 5)))
 
 
-def test_the_flow_of_the_hallway_is_what_the_expert_pays_for():
-    cost = move_costs(
-        GRID, flow_of(HALLWAY, GRID), RouteCosts(lane_dislike=0.0), np.random.default_rng(1)
-    )
-    right = GRID.state_at(4.5, 8.5)
-    assert cost[right, Action.NORTH] == 1.0
-    assert cost[right, Action.WEST] == 1.5
-    assert cost[right, Action.SOUTH] == 5.0
-    assert np.isinf(cost[GRID.state_at(5.5, 8.5), Action.EAST])
-
-
 def test_a_model_that_was_learned_under_another_flow_drives_by_that_flow(save_model_of):
     hallway = load_scenario("hallway")
     grid = grid_of(hallway)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.drivers.catalogue import driver_names, make_driver
 from serd_sim.drivers.expert import (
     STYLES,
     ExpertSettings,
@@ -28,15 +27,12 @@ def walking_towards(x_m):
 
 
 def test_what_was_seen_earlier_lies_behind_the_robot_and_behind_the_people():
-    earlier = seen_earlier(walking_towards(5.0), 0.4)
+    now = walking_towards(5.0)
+    assert seen_earlier(now, 0.0) is now
+    earlier = seen_earlier(now, 0.4)
     assert earlier.x_m == pytest.approx(4.5)
     assert earlier.y_m == pytest.approx(9.1)
     np.testing.assert_allclose(earlier.people_position_m, [(5.4, 10.5)], atol=1e-6)
-
-
-def test_without_delay_the_observation_itself_is_used():
-    now = walking_towards(5.0)
-    assert seen_earlier(now, 0.0) is now
 
 
 def test_a_slow_expert_walks_on_where_a_quick_one_waits():
@@ -61,8 +57,3 @@ def test_the_varied_expert_takes_every_style_in_turn_of_chance_and_repeats_itsel
     assert set(chosen) == set(STYLES)
     expert.begin(7)
     assert expert.style == chosen[7]
-
-
-def test_every_style_is_a_driver_by_name():
-    assert {f"{style}_expert" for style in STYLES} | {"varied_expert"} <= set(driver_names())
-    assert make_driver("cautious_expert", HALLWAY, 1).name == "scripted_expert"

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.robot.quaternion import rotated
+from serd_sim.robot.quaternion import matrix_of, of_roll_pitch_yaw, rotated
 from serd_sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
 from serd_sim.world.command import Command
 from serd_sim.world.world import HallwayWorld
@@ -64,17 +65,12 @@ def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
     [
         ('"left_wheel_joint"', '"left_weel_joint"', "must have the wheel joint 'left_wheel_joint'"),
         ('<mass value="16"/>', '<mass value="0"/>', "mass of link 'base_link' must be above 0"),
-        ('<mass value="16"/>', '<mass value="heavy"/>', "must be above 0, got nan"),
         ('ixx="0.29" ixy="0"', 'ixx="0.29" ixy="0.3"', "'base_link' must be positive definite"),
-        ('izz="0.5"', 'izz="0"', "must be positive definite, got ixx 0.29"),
         ('xyz="0 0.16 0.08"', 'xyz="0.02 0.16 0.08"', "their centres are 0.02"),
         (LEFT, LEFT.replace("0 1 0", "0.1 1 0"), "an axis differs by 0.1"),
-        (LEFT, LEFT.replace("0 1 0", "0 2 0"), "by joint axes of length 1"),
-        (LEFT, LEFT.replace("0 1 0", "0 up 0"), "an axis differs by nan"),
         (LEFT, LEFT.replace("0.16", "-0.17"), "the left wheel must be at the larger y"),
         ('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"',
          "must be continuous, got fixed"),
-        ('<sphere radius="0.08"/>', '<sphere radius="0"/>', "must be a number above 0, got '0'"),
         ('<sphere radius="0.08"/>', '<sphere radius="${r}"/>', r"number above 0, got '\$\{r\}'"),
         ('<link name="left_wheel">',
          '<link name="left_wheel"><contact><lateral_friction value="-1"/></contact>',
@@ -105,11 +101,6 @@ def test_a_wheel_without_inertia_is_refused(tmp_path):
         read_differential_drive(path)
 
 
-def test_a_urdf_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(USER_ERRORS, match="name an existing file"):
-        read_differential_drive(tmp_path / "none.urdf")
-
-
 def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
     box = '<box size="0.16 0.04 0.16"/>'
     path = urdf_with(
@@ -122,17 +113,19 @@ def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
     assert physical(urdf=str(path), wheel_radius_m=0.08).robot.wheel_radius_m == 0.08
 
 
-def test_a_robot_that_is_wider_than_its_radius_is_refused(tmp_path):
-    path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
-                                '<cylinder radius="0.31" length="0.17"/>'))  # fmt: skip
-    with pytest.raises(USER_ERRORS, match=r"radius_m must cover the robot .* extends 0\.31"):
-        HallwayWorld(physical(urdf=str(path)), seed=1)
+CYLINDER = '<cylinder radius="0.25" length="0.17"/>'
 
 
-def test_a_mesh_that_is_missing_is_refused(tmp_path):
-    path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
-                                '<mesh filename="none.stl"/>'))  # fmt: skip
-    with pytest.raises(USER_ERRORS, match=r"must load in PyBullet, .* no none\.stl; add it"):
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        (CYLINDER.replace("0.25", "0.31"), r"radius_m must cover the robot .* extends 0\.31"),
+        ('<mesh filename="none.stl"/>', r"must load in PyBullet, .* no none\.stl; add it"),
+    ],
+)
+def test_a_shape_that_no_world_can_hold_is_refused(tmp_path, shape, message):
+    path = urdf_with(tmp_path, (CYLINDER, shape))
+    with pytest.raises(USER_ERRORS, match=message):
         HallwayWorld(physical(urdf=str(path)), seed=1)
 
 
@@ -196,3 +189,12 @@ def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, 
     path = urdf_with(tmp_path, (old, new))
     with pytest.raises(USER_ERRORS, match=message):
         link_transforms(path, "base_link")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_turns_are_those_of_scipy(seed):
+    angles = np.random.default_rng(seed).uniform(-7.0, 7.0, 3)
+    turn = of_roll_pitch_yaw(*angles.tolist())
+    np.testing.assert_allclose(
+        matrix_of(turn), Rotation.from_euler("xyz", angles).as_matrix(), atol=1e-15
+    )

@@ -8,9 +8,8 @@ from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.episodes.episode import EpisodeProgress, run_episode
 from serd_sim.errors import SimError
 from serd_sim.planning.catalogue import make_planner
-from serd_sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
+from serd_sim.scenario.goal import goal_at, goal_cell, point_of, with_goal
 from serd_sim.scenario.grid import goal_states_of, grid_of
-from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.waypoint import Waypoint
 from serd_sim.world.world import HallwayWorld
@@ -25,14 +24,6 @@ def test_every_cell_can_be_the_goal_and_is_then_the_only_goal_state():
         moved = goal_at(HALLWAY, x_m, y_m)
         assert goal_states_of(moved, GRID).tolist() == [state]
         assert HALLWAY.goal_area_m != moved.goal_area_m
-
-
-def test_a_cells_area_is_where_the_grid_says_it_is():
-    area = cell_area_m(GRID, GRID.state_at(3.2, 8.7))
-    rng = np.random.default_rng(3)
-    for x_m, y_m in rng.uniform([2.0, 7.0], [5.0, 10.0], (200, 2)):
-        inside = GRID.state_at(x_m, y_m) == GRID.state_at(3.2, 8.7)
-        assert contains_point(area, float(x_m), float(y_m)) == inside
 
 
 @pytest.mark.parametrize(

@@ -33,11 +33,6 @@ def test_polygons_that_only_touch_do_not_overlap():
     assert not overlap(L_SHAPE, [[5, 0], [6, 0], [6, 1]])
 
 
-def test_the_notch_of_an_l_shape_is_outside():
-    inside = contains(L_SHAPE, [[0.5, 2.0], [3.0, 0.5], [2.0, 2.0], [-0.1, 0.5]])
-    assert inside.tolist() == [True, True, False, False]
-
-
 @given(x=st.floats(-3, 6), y=st.floats(-3, 6))
 def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
     segment = np.array([[[0.0, 0.0], [3.0, 1.0]]])
@@ -62,12 +57,6 @@ def test_a_wall_without_thickness_may_stand_in_an_outline():
 @given(x=st.floats(-1, 5), y=st.floats(-1, 4))
 def test_one_point_is_inside_exactly_when_it_is_inside_among_many(x, y):
     assert contains_point(L_SHAPE, x, y) == contains(L_SHAPE, [[x, y]])[0]
-
-
-def test_edges_close_the_polygon():
-    edges = edges_of(L_SHAPE)
-    assert edges.shape == (6, 2, 2)
-    np.testing.assert_array_equal(edges[-1], [[0, 3], [0, 0]])
 
 
 @given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))

@@ -39,9 +39,7 @@ def test_a_waypoint_that_is_not_repeated_is_followed_for_a_moment(followed, time
     assert followed.is_overdue == (waypoint is None)
 
 
-@pytest.mark.parametrize(
-    ("period_s", "patience_s"), [(0.05, 0.8), (0.6, 0.9), (1.0, 1.5), (2.0, 3.0), (9.0, 3.0)]
-)
+@pytest.mark.parametrize(("period_s", "patience_s"), [(0.05, 0.8), (1.0, 1.5), (9.0, 3.0)])
 def test_a_source_of_actions_is_missed_after_one_and_a_half_of_its_own_periods(
     followed, period_s, patience_s
 ):
@@ -61,25 +59,20 @@ def test_the_longest_of_the_last_pauses_counts(followed):
     assert followed.patience_s == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("stamp_s", [0.0, 1.7e9])
-@pytest.mark.parametrize("directive", [Action.NORTH, FAR])
+@pytest.mark.parametrize(("stamp_s", "directive"), [(0.0, FAR), (1.7e9, FAR), (0.0, Action.NORTH)])
 def test_a_directive_that_is_old_or_of_another_clock_is_not_followed(followed, stamp_s, directive):
     followed.take(stamp_s, directive)
-    assert followed.waypoint(observation_at(2.2, 3.9, time_s=50.0)) is None
+    now = observation_at(2.2, 3.9, time_s=50.0)
+    assert followed.waypoint(now) is None
     assert followed.is_overdue
+    followed.take(50.0, FAR)
+    assert followed.waypoint(now) == FAR
+    assert not followed.is_overdue
 
 
 def test_a_robot_that_is_to_wait_is_never_overdue(followed):
     followed.take(0.0, Action.WAIT)
     assert followed.waypoint(observation_at(2.2, 3.9, time_s=50.0)) is None
-    assert not followed.is_overdue
-
-
-def test_a_new_directive_ends_the_delay(followed):
-    followed.take(0.0, FAR)
-    followed.waypoint(observation_at(2.5, 3.6, time_s=50.0))
-    followed.take(50.0, FAR)
-    assert followed.waypoint(observation_at(2.5, 3.6, time_s=50.0)) == FAR
     assert not followed.is_overdue
 
 

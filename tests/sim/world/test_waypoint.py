@@ -38,8 +38,7 @@ def test_decisions_are_taken_every_40_ticks():
     assert ticks == [0, 40, 80]
 
 
-@pytest.mark.parametrize("first_tick", range(12))
-@pytest.mark.parametrize("step", [1, 2, 3])
+@pytest.mark.parametrize(("first_tick", "step"), [(0, 1), (1, 2), (5, 3), (11, 2)])
 def test_every_period_of_a_drive_has_one_decision_at_any_rate_and_phase(first_tick, step):
     clock = DecisionClock(HALLWAY)
     ticks = range(first_tick, first_tick + 400, step)

@@ -118,19 +118,17 @@ def test_stepping_before_a_reset_is_refused_with_the_fix():
         world.step(STOP)
 
 
-def test_a_snapshot_of_another_seed_is_refused_with_the_fix():
-    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(EMPTY, seed=2) as other:
+@pytest.mark.parametrize(
+    ("scenario", "seed", "sentence"),
+    [
+        (EMPTY, 2, "make the world with seed=1"),
+        (HALLWAY, 1, "must be of this world's scenario 'hallway' as it is"),
+    ],
+)
+def test_a_snapshot_of_another_world_is_refused_with_the_fix(scenario, seed, sentence):
+    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(scenario, seed=seed) as other:
         world.reset(0)
-        with pytest.raises(USER_ERRORS, match="make the world with seed=1"):
-            other.restore(world.snapshot())
-
-
-def test_a_snapshot_of_another_scenario_is_refused_with_the_fix():
-    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(HALLWAY, seed=1) as other:
-        world.reset(0)
-        with pytest.raises(
-            USER_ERRORS, match="must be of this world's scenario 'hallway' as it is"
-        ):
+        with pytest.raises(USER_ERRORS, match=sentence):
             other.restore(world.snapshot())
 
 
