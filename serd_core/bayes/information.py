@@ -129,11 +129,6 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
         raise SerdError(
             "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
         )
-    if models.coefficient_models is not models:
-        raise SerdError(
-            "information is counted per outcome model, got models that share coefficients;"
-            " describe these by credible_intervals"
-        )
     return models
 
 

@@ -199,11 +199,9 @@ class _DirichletBlock:
 def _dirichlet_blocks(
     posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray
 ) -> Iterator[_DirichletBlock]:
-    """Those without covariates."""
+    """Those of outcome models."""
     model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
-    if not isinstance(model, OutcomeModels) or model.coefficient_models is not model:
-        return
-    if model.n_outcomes == 1:
+    if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
         return
     for group, place in space.belief.places(parameters):
         if group == (Block.REWARD,):

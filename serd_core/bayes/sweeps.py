@@ -65,10 +65,10 @@ def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
     """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide.
 
     So it is where some outcomes of a pair (s, a), but not all, lead to one state, and where actions
-    are hidden. Outcome models with covariates keep Laplace's draws, which are normal.
+    are hidden.
     """
     model = posterior.problem.mdp.transitions
-    if not isinstance(model, OutcomeModels) or model.coefficient_models is not model:
+    if not isinstance(model, OutcomeModels):
         return False
     if not space.belief.learns_dynamics:
         return False

@@ -180,11 +180,6 @@ class OutcomeModels(TransitionModel):
         table[each, :, each, :] = blocks
         return table.reshape(self.n_parameters, self.n_parameters)
 
-    @property
-    def coefficient_models(self) -> "OutcomeModels":
-        """The models whose energies the parameters are, over which priors are defined: these."""
-        return self
-
     def energies(self, parameters: FloatArray) -> FloatArray:
         """(M, K) energies theta_mk."""
         return np.reshape(parameters, (self.n_models, self.n_outcomes))

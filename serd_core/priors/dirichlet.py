@@ -104,4 +104,4 @@ def require_outcome_models(model: TransitionModel, name: str) -> OutcomeModels:
             f"{name} is a prior of OutcomeModels, got {type(model).__name__}; pass another prior,"
             " or belief=FixedBelief() where dynamics are not learned"
         )
-    return model.coefficient_models
+    return model
