@@ -123,11 +123,15 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert factor == row.duration_s / summary["wall_s"]["navigate"]
 
 
-def executable_of(pid):
-    """Command line of a node that a supervisor started, which may have ended."""
-    with suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
-    return ""
+def nodes_of(demo):
+    """Process ids of the nodes that a demo has started, by their names."""
+    found = {}
+    for pid in descendants_of(demo.process.pid):
+        with suppress(OSError):
+            words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+            if "--ros-args" in words:
+                found[Path(words[words.index("--ros-args") - 1]).name] = pid
+    return found
 
 
 @pytest.mark.parametrize("name", ["hallway_sim", "scripted_expert"])
@@ -135,12 +139,7 @@ def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
     demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    (node,) = (
-        pid
-        for pid in descendants_of(demo.process.pid)
-        if f"lib/serd_ros/{name} " in executable_of(pid) and not descendants_of(pid)
-    )
-    os.kill(node, signal.SIGKILL)
+    os.kill(nodes_of(demo)[name], signal.SIGKILL)
     code, log = demo.wait()
     assert code == 1
     assert f"{name} was killed by signal 9" in log
