@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_bag.errors import BagError
-from serd_bag.playback import Excerpt, Playback
+from serd_bag.playback import Excerpt, Playback, UntilDamage
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, selected_topics
 
@@ -105,3 +105,43 @@ def test_an_excerpt_starts_and_ends_at_the_given_seconds(reader):
 def test_wrong_seconds_raise(given, message):
     with pytest.raises(BagError, match=message):
         Excerpt(frozenset(), **given)
+
+
+def test_topics_are_found_without_their_slash_and_none_means_all():
+    topics = ["/robot_pose", "/intent", "/episode"]
+    assert selected_topics(topics, ["intent"]) == {"/intent"}
+    assert selected_topics(topics, []) == set(topics)
+    with pytest.raises(BagError, match=r"must hold the topic 'intnt', .*did you mean '/intent'\?"):
+        selected_topics(topics, ["intnt"])
+
+
+MESSAGES = recorded(1e-9, 2e-9, 3e-9, 4e-9, 5e-9)
+
+
+def damaged_after_five():
+    yield from MESSAGES
+    raise BagError("a chunk is damaged; repair it")
+
+
+def test_every_message_before_the_damage_comes_out_in_one_go():
+    sound = UntilDamage(damaged_after_five())
+    playback = Playback(sound)
+    playback.due(0.0)
+    assert playback.due(1.0) == MESSAGES[1:]
+    assert playback.finished
+    assert sound.damage == "a chunk is damaged; repair it"
+
+
+def test_a_sound_bag_ends_without_a_word():
+    sound = UntilDamage(MESSAGES)
+    assert list(sound) == MESSAGES
+    assert sound.damage == ""
+
+
+def test_a_mistake_of_ours_is_not_taken_for_damage():
+    def mistaken():
+        yield MESSAGES[0]
+        raise ValueError("ours")
+
+    with pytest.raises(ValueError, match="ours"):
+        list(UntilDamage(mistaken()))

@@ -49,14 +49,6 @@ def test_messages_and_episodes_are_counted(tmp_path, clock, messages):
     assert len(list(BagReader(tmp_path / "bag").messages())) == 5
 
 
-def test_poll_flushes_without_new_messages(tmp_path, clock, messages):
-    recorder = make(tmp_path / "bag", clock)
-    recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
-    clock.now_s = 0.3
-    recorder.poll()
-    assert len(list(BagReader(tmp_path / "bag", tolerant=True).messages())) == 1
-
-
 def test_recording_ends_with_a_sound_bag_before_the_disk_is_full(tmp_path, clock, messages):
     free = [10**9]
     recorder = make(tmp_path / "bag", clock, lambda _: free[0], min_free_bytes=1000)
@@ -73,7 +65,7 @@ def test_recording_ends_with_a_sound_bag_before_the_disk_is_full(tmp_path, clock
     assert len(list(BagReader(tmp_path / "bag").messages())) == 1
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
 def test_a_failed_write_is_reported_and_what_was_written_stays(
     tmp_path, clock, messages, monkeypatch, code
 ):

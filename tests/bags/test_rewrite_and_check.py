@@ -48,19 +48,6 @@ def test_a_killed_recording_is_recovered_whole_and_rosbags_opens_it(small_bag, t
         assert reader.message_count == len(after)
 
 
-def test_messages_missing_from_the_count_of_the_summary_are_lost(small_bag, tmp_path):
-    folder = small_bag()
-    file = folder / "small_0.mcap"
-    content = bytearray(file.read_bytes())
-    content[len(content) // 3] ^= 4
-    file.write_bytes(content)
-    report = recover(folder, tmp_path / "recovered")
-    assert report.n_lost == 69 - report.n_messages
-    with pytest.raises(BagError, match="repair it with"):
-        convert(folder, tmp_path / "converted")
-    assert {path.name for path in tmp_path.iterdir()} == {"small", "recovered"}
-
-
 def test_a_folder_that_holds_something_is_refused_and_kept(small_bag, tmp_path):
     occupied = tmp_path / "mine"
     occupied.mkdir()
@@ -225,17 +212,17 @@ def test_check_reports_gaps_jumps_and_missing_topics(tmp_path, messages):
 
 
 @pytest.mark.parametrize(
-    ("times_s", "rate_hz", "n_gaps"),
+    ("times_s", "rate_hz", "mean_hz", "n_gaps"),
     [
-        ([0.05 * (step // 3) for step in range(300)], 60.0, 0),  # three at a time
-        ([0.0, 0.1, 0.2, 5.2, 5.3, 5.4], 10.0, 1),
-        ([0.00025 * step for step in range(100)], 4000.0, 0),
-        ([1.0, 1.00002], None, 0),
-        ([1.0], None, 0),
+        ([0.05 * (step // 3) for step in range(300)], 60.0, 299 / 4.95, 0),  # three at a time
+        ([0.0, 0.1, 0.2, 9.8, 9.9, 10.0], 10.0, 0.5, 1),
+        ([0.00025 * step for step in range(100)], 4000.0, 4000.0, 0),
+        ([1.0, 1.00002], None, None, 0),
+        ([1.0], None, None, 0),
     ],
 )
-def test_the_usual_rate_is_that_of_bursts_times_their_size(
-    tmp_path, messages, times_s, rate_hz, n_gaps
+def test_the_usual_rate_is_that_of_bursts_times_their_size_and_the_mean_counts_pauses_too(
+    tmp_path, messages, times_s, rate_hz, mean_hz, n_gaps
 ):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/robot_pose", POSE)
@@ -243,30 +230,16 @@ def test_the_usual_rate_is_that_of_bursts_times_their_size(
             writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), round(time_s * 1e9))
     (topic,) = check_bag(tmp_path / "bag").topics
     assert topic.rate_hz == (rate_hz and pytest.approx(rate_hz, rel=0.02))
+    assert topic.mean_hz == (mean_hz and pytest.approx(mean_hz))
     assert topic.n_gaps == n_gaps
-
-
-def test_the_mean_rate_counts_the_pauses_too(tmp_path, messages):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/cmd_vel", POSE)
-        writer.add_topic("/map", POSE)
-        writer.write("/map", messages.pose(0.0, 0.0, 0.0), 0)
-        for time_s in [0.0, 0.1, 0.2, 9.8, 9.9, 10.0]:
-            writer.write("/cmd_vel", messages.pose(1.0, 0.0, 0.0), round(time_s * 1e9))
-    commands, once = check_bag(tmp_path / "bag").topics
-    assert (commands.mean_hz, commands.rate_hz) == (pytest.approx(0.5), pytest.approx(10.0))
-    assert (once.mean_hz, once.rate_hz) == (None, None)
 
 
 @pytest.mark.parametrize(
     ("required", "faults"),
     [
         ("pose", ()),
-        ("front/pose", ()),
         ("/front/pose", ()),
-        ("/pose", ("topic /pose has no message; did you mean '/front/pose'?",)),
         ("/rear/pose", ("topic /rear/pose has no message; did you mean '/front/pose'?",)),
-        ("rear/pose", ("topic rear/pose has no message; did you mean '/front/pose'?",)),
         ("ose", ("topic ose has no message; did you mean '/front/pose'?",)),
         ("empty", ("topic empty has no message",)),
         ("x", ("topic x has no message",)),

@@ -164,6 +164,20 @@ def _valid_yaml(name: str, folder: Path, save_model_of: Callable[..., Path]) -> 
     return _TEXTS[name].read_text() if name in _TEXTS else model_yaml(_MODELS[name])
 
 
+def assert_each_loads_or_one_line(
+    cases: st.SearchStrategy[bytes], path: Path, load: Callable[[Path], object]
+) -> None:
+    """Every content of the file loads, or is refused in one line."""
+
+    @FUZZ
+    @given(cases)
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        assert_loads_or_one_line(lambda: load(path))
+
+    check()
+
+
 @pytest.mark.parametrize("name", _YAML_LOADERS)
 def test_a_mutated_yaml_file_loads_or_is_refused_in_one_line(name, tmp_path, save_model_of):
     valid = _valid_yaml(name, tmp_path, save_model_of)
@@ -171,17 +185,10 @@ def test_a_mutated_yaml_file_loads_or_is_refused_in_one_line(name, tmp_path, sav
     path.write_text(valid)
     _YAML_LOADERS[name](path)
 
-    @FUZZ
-    @given(
-        mutated_yaml(valid).map(_encoded)
-        | mutated_text(valid, YAML_PIECES).map(_encoded)
-        | mutated_bytes(valid.encode())
+    cases = mutated_yaml(valid) | mutated_text(valid, YAML_PIECES)
+    assert_each_loads_or_one_line(
+        cases.map(_encoded) | mutated_bytes(valid.encode()), path, _YAML_LOADERS[name]
     )
-    def check(content: bytes) -> None:
-        path.write_bytes(content)
-        assert_loads_or_one_line(lambda: _YAML_LOADERS[name](path))
-
-    check()
 
 
 @pytest.mark.parametrize("name", [*_TABLES, "tracks.parquet"])
@@ -195,14 +202,7 @@ def test_a_mutated_table_loads_or_is_refused_in_one_line(name, tmp_path):
     cases = mutated_bytes(valid)
     if not suffix:
         cases |= mutated_text(valid.decode(), CSV_PIECES).map(_encoded)
-
-    @FUZZ
-    @given(cases)
-    def check(content: bytes) -> None:
-        path.write_bytes(content)
-        assert_loads_or_one_line(lambda: load(path))
-
-    check()
+    assert_each_loads_or_one_line(cases, path, load)
 
 
 @pytest.mark.parametrize("name", _AREAS)
@@ -210,14 +210,8 @@ def test_a_mutated_area_is_read_or_refused_in_one_line(name, tmp_path):
     path, valid = tmp_path / name, _AREAS[name]
     path.write_text(valid)
     read_area_m(path)
-
-    @FUZZ
-    @given(mutated_text(valid, _AREA_PIECES).map(_encoded) | mutated_bytes(valid.encode()))
-    def check(content: bytes) -> None:
-        path.write_bytes(content)
-        assert_loads_or_one_line(lambda: read_area_m(path))
-
-    check()
+    cases = mutated_text(valid, _AREA_PIECES).map(_encoded) | mutated_bytes(valid.encode())
+    assert_each_loads_or_one_line(cases, path, read_area_m)
 
 
 @FUZZ

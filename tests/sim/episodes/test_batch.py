@@ -48,15 +48,6 @@ def test_a_batch_that_is_started_again_with_tasks_listed_twice_runs_nothing(tabl
     assert path.read_bytes() == before
 
 
-def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
-    path, rows, _ = table
-    torn = tmp_path / "torn.csv"
-    torn.write_bytes(path.read_bytes()[:-20])
-    again = run_batch(TASKS, torn, execution=ONE)
-    assert again == rows
-    assert torn.read_bytes() == path.read_bytes()
-
-
 def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
     _, rows, _ = table
     assert run_batch(TASKS, tmp_path / "two.csv", execution=Execution(2)) == rows
@@ -130,7 +121,6 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
     [
         (EpisodeTask("crosing", 1), "did you mean 'crossing'"),
         (EpisodeTask("crossing", 1, planner="dwb"), "did you mean 'dwa'"),
-        (EpisodeTask("crossing", 1, driver="expart"), "did you mean 'expert'"),
         (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
         (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
         (EpisodeTask("crossing", 1, people_from="scans"), "did you mean 'scan'"),
@@ -153,11 +143,6 @@ def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
 def test_a_bad_execution_is_refused(settings, sentence):
     with pytest.raises(USER_ERRORS, match=sentence):
         Execution(**settings)
-
-
-def test_an_address_without_a_scheduler_is_named():
-    with pytest.raises(USER_ERRORS, match=r"running Dask scheduler, got 'nonsense://nowhere'"):
-        list(Execution(2, "dask", "nonsense://nowhere").results(abs, [1, -2]))
 
 
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):

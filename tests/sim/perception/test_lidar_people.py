@@ -67,15 +67,6 @@ def test_a_turned_lidar_off_the_centre_that_sees_half_a_circle_shows_people_in_t
     assert found.position_m == pytest.approx(np.array(places[:1]), abs=0.06)
 
 
-def test_ranges_beyond_those_of_the_lidar_are_no_people(people):
-    """Lidars report 0 or more than their largest range for a ray without a return."""
-    seen_at(people, 1.0)
-    ranges_m = ranges_of(STANDING)
-    ranges_m[10:60], ranges_m[60:100] = 0.0, 10.5
-    people.take_scan(Scan(1.0, ranges_m, GEOMETRY, CENTRE))
-    assert len(seen_at(people, 1.05).identity) == 0
-
-
 def test_people_are_predicted_to_the_time_of_the_pose(people):
     for tick in range(40):
         time_s = 0.1 * tick

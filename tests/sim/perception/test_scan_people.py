@@ -84,19 +84,6 @@ def test_a_tracked_walker_gets_the_right_velocity_and_keeps_the_number():
     assert tracker.velocity_mps[0] == pytest.approx([1.3, 0.0], abs=0.1)
 
 
-@pytest.mark.parametrize("later_s", [0.05, 0.13])
-def test_predictions_between_scans_and_beyond_the_next_change_no_velocity(later_s):
-    plain, predicted = PeopleTracker(), PeopleTracker()
-    for step in range(20):
-        place = np.array([[0.1 * step + 0.02 * (step % 2), 2.0]])
-        for tracker in (plain, predicted):
-            tracker.update(place, 0.1 * step)
-        predicted.predict(0.1 * step + later_s)
-    plain.predict(1.9 + later_s)
-    assert predicted.velocity_mps == pytest.approx(plain.velocity_mps)
-    assert predicted.position_m == pytest.approx(plain.position_m)
-
-
 def test_nobody_is_believed_to_walk_faster_than_people_do():
     """Detections that leap by 0.4 m a scan are one track, but not one of 4 m/s."""
     tracker = PeopleTracker()
@@ -155,11 +142,3 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
 def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():
     with pytest.raises(USER_ERRORS, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
         ScanPerception(HALLWAY).take(HALLWAY_SEEN, np.ones(180, dtype=np.float32))
-
-
-def test_a_source_of_people_that_is_none_is_refused():
-    with (
-        HallwayWorld(HALLWAY, seed=1) as world,
-        pytest.raises(USER_ERRORS, match="one of given, scan, got 'scans'; did you mean 'scan'"),
-    ):
-        planner_in_world("dwa", world, "scans")

@@ -4,8 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from serd_core.grid.grid import Action
+from serd_sim.episodes.batch import EpisodeTask, run_task
 from serd_sim.planning.catalogue import make_planner, planner_names
 from serd_sim.robot.unicycle import chord_velocity, limited_velocity
 from serd_sim.scenario.grid import grid_of
@@ -39,8 +42,8 @@ def drive(planner, pose, waypoint, n_ticks, people=()):
     return np.array(poses), np.array(speeds)
 
 
-@pytest.mark.parametrize("yaw_rad", np.linspace(-math.pi, math.pi, 9))
-@pytest.mark.parametrize("start", [(2.5, 8.5), (2.1, 8.1), (2.9, 8.1), (0.4, 8.6)])
+@pytest.mark.parametrize("yaw_rad", np.linspace(-math.pi, math.pi, 5))
+@pytest.mark.parametrize("start", [(2.1, 8.1), (2.9, 8.1), (0.4, 8.6)])
 def test_an_unhindered_robot_is_in_the_next_cell_after_a_decision_period(planner, start, yaw_rad):
     observation = observation_at(*start, yaw_rad)
     waypoint = waypoint_of_intent(GRID, observation, Action.NORTH)
@@ -114,11 +117,78 @@ def test_a_person_without_a_finite_velocity_is_driven_round_as_one_who_stands(pl
     assert commands[0] == commands[1] == commands[2]
 
 
-def test_a_planner_repeats_itself_after_a_reset(planner):
-    def commands():
-        planner.reset()
-        people, velocity = [(3.0, 8.2), (3.5, 7.0)], [(0.0, -1.0), (0.5, 0.5)]
-        observation = observation_at(2.0, 8.0, 0.2, people=people, velocity=velocity)
-        return [planner.step(observation, Waypoint(4.0, 8.0)) for _ in range(5)]
+def both_kinds(seen):
+    """Commands of the dynamic window planner and of its smooth kind."""
+    planners = (make_planner(name, HALLWAY) for name in ("dwa", "dwa_smooth"))
+    return [planner.step(seen, Waypoint(3.0, 9.0)) for planner in planners]
 
-    assert commands() == commands()
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.8])
+@pytest.mark.parametrize("y_m", [2.0, 6.0, 8.4])
+def test_the_smooth_planner_drives_a_sixth_of_the_way_to_the_chosen_speed(speed_mps, y_m):
+    """Its time constant of 0.3 s is six control periods; it brakes at the waypoint as the other."""
+    seen = observation_at(3.0, y_m, yaw_rad=math.pi / 2, speed_mps=speed_mps)
+    direct, smooth = both_kinds(seen)
+    expected = speed_mps + (direct.linear_mps - speed_mps) / 6.0
+    if y_m < 8.0:
+        assert smooth.linear_mps == pytest.approx(expected)
+    assert smooth.linear_mps <= max(expected, direct.linear_mps) + 1e-12
+    assert smooth.angular_radps == direct.angular_radps
+
+
+def test_the_smooth_planner_brakes_at_once_where_a_slower_approach_would_hit_a_person():
+    seen = observation_at(
+        3.0, 6.0, yaw_rad=math.pi / 2, speed_mps=1.2, people=((2.7, 7.0), (3.3, 7.0))
+    )
+    direct, smooth = both_kinds(seen)
+    assert direct.linear_mps < 0.5
+    assert smooth == direct
+
+
+PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}
+
+finite = st.floats(-2.0, 2.0)
+
+
+@pytest.mark.parametrize("name", planner_names())
+@settings(max_examples=60, deadline=None)
+@given(
+    x_m=st.floats(0.3, 5.7),
+    y_m=st.floats(0.3, 23.7),
+    yaw_rad=st.floats(-math.pi, math.pi),
+    speed=st.floats(-0.3, 1.2),
+    turn=st.floats(-3.5, 3.5),
+    people=st.lists(st.tuples(finite, finite, finite, finite), max_size=12),
+    to=st.tuples(finite, finite),
+)
+def test_whatever_is_seen_the_command_is_finite_and_within_the_robots_limits(
+    name, x_m, y_m, yaw_rad, speed, turn, people, to
+):
+    rows = np.array(people, dtype=float).reshape(-1, 4)
+    observation = observation_at(
+        x_m,
+        y_m,
+        yaw_rad,
+        speed_mps=speed,
+        yaw_rate_radps=turn,
+        people=rows[:, :2] + (x_m, y_m),
+        velocity=rows[:, 2:],
+    )
+    command = PLANNERS[name].step(observation, Waypoint(x_m + to[0], y_m + to[1]))
+    robot = HALLWAY.robot
+    assert command.is_finite
+    assert robot.min_vel_x_mps <= command.linear_mps <= robot.max_vel_x_mps + 1e-9
+    assert abs(command.angular_radps) <= robot.max_vel_theta_radps + 1e-9
+
+
+@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("n_people", [30, 60])
+@pytest.mark.parametrize("driver", ["expert_with_flow", "expert_against_flow"])
+def test_the_robot_arrives_among_many_people_and_drives_into_nobody_with_the_flow(
+    name, n_people, driver
+):
+    row = run_task(EpisodeTask("crossing", 3, n_people=n_people, planner=name, driver=driver))
+    assert row["outcome"] == "arrived"
+    assert row["robot_on_wall"] == 0
+    if driver == "expert_with_flow":
+        assert row["robot_on_person"] == 0

@@ -24,14 +24,6 @@ def now(people):
     return np.hstack([people.now_x_m, people.now_y_m]).tolist()
 
 
-def test_people_go_on_at_their_velocity():
-    people = predicted([(2.0, 2.0), (1.0, 4.0)], [(0.5, -1.0), (0.0, 0.25)])
-    assert len(people) == 2
-    assert now(people) == [[2.0, 2.0], [1.0, 4.0]]
-    np.testing.assert_array_equal(people.x_m, [[2.25, 2.5, 3.0], [1.0, 1.0, 1.0]])
-    np.testing.assert_array_equal(people.y_m, [[1.5, 1.0, 0.0], [4.125, 4.25, 4.5]])
-
-
 def test_people_within_the_range_count_and_those_at_it_do_not():
     """(4, 6) is 5 m from (1, 2); both coordinates of the others alone are within the range."""
     people = predicted([(4.0, 6.0), (3.75, 6.0), (4.0, 5.75), (-3.0, -2.0), (1.0, -2.75)])
@@ -63,16 +55,6 @@ def test_people_are_near_a_box_where_both_coordinates_are_strictly_within_the_ra
     now_m = np.array(people, dtype=float)
     near = near_box(*now_m.T, (-1.0, 2.0, 0.0, 1.0), 2.0)
     assert near.tolist() == [-3 < x < 4 and -2 < y < 3 for x, y in people]
-
-
-def test_the_gap_is_the_distance_to_the_nearest_person_less_both_radii():
-    x_m, y_m = np.array([0.0, 3.0]), np.array([0.0, 4.0])
-    people_x_m, people_y_m = np.array([[3.0, 3.0], [0.0, 3.0]]), np.array([[4.0, 4.0], [2.0, 6.0]])
-    for shape in ((2,), (1, 2), (1, 1, 2)):
-        rollout = x_m.reshape(shape), y_m.reshape(shape)
-        gap_m = gap_to_people_m(*rollout, people_x_m, people_y_m, 0.5)
-        assert gap_m.shape == shape
-        assert gap_m.ravel().tolist() == [1.5, -0.5]
 
 
 @pytest.mark.parametrize("n_times", [1, 4])  # people who stand, people who walk

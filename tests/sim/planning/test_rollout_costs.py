@@ -27,18 +27,12 @@ def test_progress_is_the_mean_smallest_distance_so_far_plus_a_share_of_the_last_
     assert cost[0] == pytest.approx(0.2 + SETTINGS.staying_weight * 0.8)
 
 
-def test_facing_away_costs_most_and_nothing_at_the_waypoint():
-    error = np.array([0.0, math.pi, -math.pi / 2, 2.0 * math.pi])
-    expected = SETTINGS.heading_weight * np.array([0.0, math.pi, math.pi / 2, 0.0])
-    np.testing.assert_allclose(COSTS.heading(error, 3.0), expected, atol=1e-12)
-    assert (COSTS.heading(error, 0.0) == 0.0).all()
-
-
-@pytest.mark.parametrize("distance_m", [0.1, 0.25, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("distance_m", [0.0, 0.25, 0.5, 3.0])
 def test_facing_away_costs_in_proportion_to_the_distance_up_to_half_a_metre(distance_m):
-    expected = SETTINGS.heading_weight * 0.5 * min(1.0, distance_m / 0.5)
-    costs = COSTS.heading(np.array([0.5, -0.5]), distance_m)
-    np.testing.assert_allclose(costs, [expected, expected], rtol=1e-12)
+    error = np.array([0.0, math.pi, -math.pi / 2, 2.0 * math.pi])
+    costs = COSTS.heading(error, distance_m)
+    expected = np.array([0.0, math.pi, math.pi / 2, 0.0]) * min(1.0, distance_m / 0.5)
+    np.testing.assert_allclose(costs, SETTINGS.heading_weight * expected, atol=1e-12)
 
 
 def test_a_wall_within_the_margin_does_not_keep_the_robot_from_leaving():
@@ -85,43 +79,6 @@ def test_a_person_at_the_margin_is_not_too_close(share, is_too_close, velocity):
     assert too_close.tolist() == [[is_too_close, False]]
 
 
-def test_a_person_within_the_margin_for_those_who_stop_is_too_close_on_each_side():
-    """One who leaves at 3 m/s is nearer than 0.52 m now and nowhere near at the first time."""
-    for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
-        for away_m, is_too_close in ((0.515, True), (0.525, False)):
-            person = (3.0 + away_m * x, 10.0 + away_m * y)
-            around = COSTS.look(seen([person], [(3.0 * x, 3.0 * y)]))
-            _, too_close = COSTS.people(np.full((1, 2), 3.0), np.full((1, 2), 10.0), around, 2)
-            assert too_close.tolist() == [[is_too_close] * 2]
-
-
-def test_a_person_who_will_be_there_costs_and_is_too_close_then():
-    x_m, y_m = np.array([[2.5, 3.0]]), np.full((1, 2), 8.0)
-    _, elsewhere = COSTS.people(x_m, y_m, COSTS.look(seen([(3.0, 10.0)], [(0.0, 0.0)])), 2)
-    cost, too_close = COSTS.people(x_m, y_m, COSTS.look(seen([(3.0, 10.0)], [(0.0, -2.0)])), 2)
-    assert not elsewhere.any()
-    assert too_close.tolist() == [[False, True]]
-    nearest = math.e * math.exp(-1.0 / SETTINGS.foresight_s)
-    assert cost[0] == pytest.approx(SETTINGS.people_weight * nearest, rel=1e-6)
-
-
-@pytest.mark.parametrize("foresight_s", [0.4, 2.0])
-def test_a_person_costs_the_less_the_later_the_robot_is_there(foresight_s):
-    """Within a person, whose nearness is e, after 0.5 s or after 1 s; 4 m away else."""
-    settings = CostSettings(foresight_s=foresight_s)
-    costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
-    x_m, y_m = np.full((2, 2), 3.0), np.array([[10.0, 14.0], [14.0, 10.0]])
-    cost, _ = costs.people(x_m, y_m, costs.look(seen([(3.0, 10.0)])), 0)
-    expected = settings.people_weight * math.e * np.exp(-TIME_S / foresight_s)
-    np.testing.assert_allclose(cost, expected, rtol=1e-6)
-
-
-def test_alone_there_is_nobody_to_be_near():
-    cost, too_close = COSTS.people(np.ones((3, 2)), np.ones((3, 2)), COSTS.look(seen()), 2)
-    assert cost.tolist() == [0.0, 0.0, 0.0]
-    assert not too_close.any()
-
-
 @settings(max_examples=80, deadline=None)
 @given(seed=st.integers(0, 10_000), n_people=st.integers(0, 10), n_soon=st.integers(0, 2))
 def test_what_is_left_out_for_speed_changes_nothing(seed, n_people, n_soon):
@@ -160,7 +117,7 @@ def plainly(x_m, y_m, observation):
     return SETTINGS.people_weight * nearness.max(axis=-1), too_close
 
 
-@pytest.mark.parametrize("cell_size_m", [2.0, 1.0, 0.5, 0.24, 0.01, 0.001])
+@pytest.mark.parametrize("cell_size_m", [2.0, 0.5, 0.001])
 def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_million_cells(
     cell_size_m,
 ):
@@ -168,7 +125,7 @@ def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_milli
     costs = RolloutCosts(scenario, CostSettings(), np.array([0.1, 0.2]))
     assert costs._walls.distance_m.size < 1.1e6
     margin_m = costs._least_wall_m - scenario.robot.radius_m
-    share = {2.0: 1.0, 1.0: 1.0, 0.5: 0.5}.get(cell_size_m, 0.387)
+    share = {2.0: 1.0, 0.5: 0.5, 0.001: 0.387}[cell_size_m]
     assert margin_m == pytest.approx(0.05 * share, rel=1e-3)
     assert costs._wall_decay_m == pytest.approx(0.12 * share, rel=1e-3)
     assert margin_m > 0.5 * math.sqrt(2.0) * costs._walls.resolution_m

@@ -5,10 +5,21 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.planning.rollouts import ramp, reachable_window, roll_out
+from serd_core.errors import SerdError
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.rollouts import (
+    before_stop,
+    reachable_window,
+    require_foresight,
+    roll_out,
+    speed_to_stop_within,
+)
 from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import Command
+from serd_sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 ROBOT = RobotSettings()
 SLOW = RobotSettings(acc_lim_x_mps2=2.0, acc_lim_theta_radps2=4.0)
@@ -16,26 +27,14 @@ POSE = (1.0, 2.0, 0.3)
 TIME_S = 0.05 * np.arange(1, 21)
 
 
-def test_the_window_holds_what_the_accelerations_allow():
-    speeds, turns = reachable_window(ROBOT, 0.5, 1.0, 0.1)
-    assert speeds == pytest.approx((0.25, 0.75))
-    assert turns == pytest.approx((-0.2, 2.2))
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_window_ends_at_the_limits_of_the_robot(sign):
+def test_the_window_holds_what_the_accelerations_allow_up_to_the_limits_of_the_robot(sign):
+    speeds, turns = reachable_window(ROBOT, 0.5, sign * 1.0, 0.1)
+    assert speeds == pytest.approx((0.25, 0.75))
+    assert turns == pytest.approx((sign - 1.2, sign + 1.2))
     speeds, turns = reachable_window(ROBOT, sign * 0.5, sign * 3.0, 10.0)
     assert speeds == (ROBOT.min_vel_x_mps, ROBOT.max_vel_x_mps)
     assert turns == (-ROBOT.max_vel_theta_radps, ROBOT.max_vel_theta_radps)
-
-
-def test_a_ramp_changes_at_the_limit_until_it_is_there():
-    values = ramp(1.0, np.array([2.0, 1.0, -1.0]), 2.0, np.array([0.0, 0.25, 0.5, 1.0, 2.0]))
-    assert values.tolist() == [
-        [1.0, 1.5, 2.0, 2.0, 2.0],
-        [1.0, 1.0, 1.0, 1.0, 1.0],
-        [1.0, 0.5, 0.0, -1.0, -1.0],
-    ]
 
 
 def test_rollouts_end_where_the_limited_unicycle_ends():
@@ -110,3 +109,45 @@ def test_each_speed_is_combined_with_each_turn():
         alone = roll_out(POSE, *one, ROBOT, TIME_S, 0.4, 0.1)
         np.testing.assert_array_equal(together.x_m[i, j], alone.x_m[0, 0])
         np.testing.assert_array_equal(together.y_m[i, j], alone.y_m[0, 0])
+
+
+STOPPING = RobotSettings(acc_lim_x_mps2=2.0, max_vel_x_mps=1.0)
+TENTHS_S = np.arange(1, 11) / 10.0
+
+
+@pytest.mark.parametrize("distance_m", [0.01, 4.0])
+def test_a_robot_that_brakes_with_seven_tenths_of_its_deceleration_stops_at_the_distance(
+    distance_m,
+):
+    """v^2 = 2 * 0.7 a d."""
+    speed = speed_to_stop_within(distance_m, STOPPING)
+    assert speed**2 / (2 * 0.7 * STOPPING.acc_lim_x_mps2) == pytest.approx(distance_m)
+
+
+def test_planners_are_no_faster_than_they_can_stop_at_the_waypoint():
+    """dwa samples even shares of that speed; mppi clips the speeds of its plans at it."""
+    hallway = load_scenario("hallway").with_pedestrian_count(0)
+    limit_mps = speed_to_stop_within(0.12, hallway.robot)
+    ahead = Waypoint(3.12, 8.0)
+    sampled = make_planner("dwa", hallway).step(observation_at(3.0, 8.0), ahead).linear_mps
+    assert sampled == pytest.approx(limit_mps / (hallway.local_planner.vx_samples - 2))
+    fast = observation_at(3.0, 8.0, speed_mps=1.1)
+    assert make_planner("mppi", hallway).step(fast, ahead).linear_mps == pytest.approx(limit_mps)
+
+
+def test_only_the_times_before_the_robot_has_stopped_are_given():
+    """From 1 m/s at 2 m/s2 it stops in 0.5 s, after 0.3 s of reaction; slow robots stand."""
+    before = before_stop(np.array([1.0, 0.4, -0.4, 0.01]), STOPPING, TENTHS_S, slowest_mps=0.02)
+    assert before.shape == (4, 8)
+    assert before.sum(axis=1).tolist() == [8, 5, 5, 0]
+    at_once = before_stop(np.array([1.0]), STOPPING, TENTHS_S, slowest_mps=0.0, reaction_s=0.0)
+    assert at_once.shape[1] == 5
+    assert before_stop(np.array([0.0]), STOPPING, TENTHS_S, slowest_mps=0.0).shape == (1, 0)
+
+
+def test_a_horizon_of_exactly_the_stopping_time_is_enough():
+    require_foresight("horizon", 0.8, STOPPING)
+    with pytest.raises(
+        SerdError, match=r"horizon must be at least 0\.8 s, .* got 0\.79 s; raise it"
+    ):
+        require_foresight("horizon", 0.79, STOPPING)

@@ -18,7 +18,6 @@ from serd_sim.world.command import Command
 
 ROBOT, STEP_S = RobotSettings(), 0.05
 SETTINGS = GuardSettings(decel_lim_x=ROBOT.decel_lim_x_mps2)
-NOTHING = np.zeros((0, 2))
 FORWARD = Command(1.2, 0.0)
 
 

@@ -23,6 +23,7 @@ from serd_bag.formats.mcap.records import RECORD_HEAD
 from serd_bag.health.check import check_bag
 from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader
+from support.damaged_files import write_wrong
 
 N_MESSAGES = 12
 COUNTS = {"/text": 8, "/other": 4}
@@ -203,9 +204,7 @@ def test_no_wrong_size_of_a_chunk_hides_a_message(tmp_path, name, at, compressio
         name
     ]
     for value in wrong_values(content, Field(name, place, 8)):
-        wrong = bytearray(content)
-        wrong[place : place + 8] = value.to_bytes(8, "little")
-        path.write_bytes(wrong)
+        write_wrong(path, content, place, value.to_bytes(8, "little"))
         assert len(list(BagReader(path, tolerant=True).messages())) == N_MESSAGES
         assert not check_bag(path).sound
 
@@ -216,9 +215,7 @@ def test_a_wrong_length_of_a_record_in_a_file_without_chunks_hides_no_message(tm
     content = path.read_bytes()
     _, start = next(each for each in records(content) if each[0] == record)
     for value in wrong_values(content, Field("length", start - 8, 8)):
-        wrong = bytearray(content)
-        wrong[start - 8 : start] = value.to_bytes(8, "little")
-        path.write_bytes(wrong)
+        write_wrong(path, content, start - 8, value.to_bytes(8, "little"))
         check = check_bag(path)
         assert {topic.name: topic.n_messages for topic in check.topics} == COUNTS
         assert not check.sound
@@ -230,9 +227,7 @@ def test_a_wrong_length_of_a_message_outside_of_chunks_costs_at_most_itself(tmp_
     whole = {message.data for message in BagReader(path).messages()}
     for _, start in [each for each in records(content) if each[0] == Opcode.MESSAGE]:
         for value in wrong_values(content, Field("length", start - 8, 8)):
-            wrong = bytearray(content)
-            wrong[start - 8 : start] = value.to_bytes(8, "little")
-            path.write_bytes(wrong)
+            write_wrong(path, content, start - 8, value.to_bytes(8, "little"))
             reader = BagReader(path, tolerant=True)
             assert len(whole - {message.data for message in reader.messages()}) <= 1
             assert reader.damage
@@ -251,10 +246,9 @@ def test_contents_are_those_of_the_messages_where_the_statistics_are_wrong_alike
 
 def test_of_a_channel_that_is_defined_in_two_ways_the_one_of_the_summary_counts(tmp_path):
     path = file_with(tmp_path / "file.mcap", use_chunking=False, enable_crcs=False)
-    content = bytearray(path.read_bytes())
+    content = path.read_bytes()
     _, start = next(each for each in records(content) if each[0] == Opcode.CHANNEL)
-    content[start : start + 2] = b"\2\0"
-    path.write_bytes(content)
+    write_wrong(path, content, start, b"\2\0")
     check = check_bag(path)
     assert {topic.name: topic.n_messages for topic in check.topics} == COUNTS
     assert any("channel 2 is defined twice, in different ways" in each for each in check.faults)

@@ -18,6 +18,7 @@ from serd_bag.messages.fields import POSES, field_reader
 from serd_bag.messages.plain import decode
 from serd_bag.reader import BagReader
 from serd_core.grid.grid import Action
+from support.damaged_files import write_wrong
 
 ODOM, TWIST, OWN = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "own_msgs/msg/State"
 TF = "tf/msg/tfMessage"
@@ -158,9 +159,7 @@ def test_a_damaged_chunk_costs_its_own_messages(ros1_bag, part, number):
         "content": content + (index - content) // 2,
         "index": index + 55,
     }[part]
-    data = bytearray(ros1_bag.read_bytes())
-    data[place : place + 4] = b"\xff" * 4
-    ros1_bag.write_bytes(data)
+    write_wrong(ros1_bag, ros1_bag.read_bytes(), place, b"\xff" * 4)
     reader = BagReader(ros1_bag, tolerant=True)
     found = [each.data for each in reader.messages()]
     assert (Counter(whole) - Counter(found)).total() <= n_messages

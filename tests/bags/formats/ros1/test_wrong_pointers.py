@@ -12,11 +12,12 @@ from serd_bag.errors import BagError
 from serd_bag.health.check import check_bag
 from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader
+from support.damaged_files import write_wrong
 
 TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Int32"
 COUNTS = {"/text": 16, "/number": 8}
 MAGIC = b"#ROSBAG V2.0\n"
-BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 3, 4, 5, 6, 7
+INDEX, CHUNK, CHUNK_INFO, CONNECTION = 4, 5, 6, 7
 FORMATS = [None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4]
 
 
@@ -89,9 +90,7 @@ def test_no_wrong_number_hides_a_message(tmp_path, compression):
     for name, place, size in fields_of(content):
         names.add(name)
         for value in wrong_values(content, place, size):
-            wrong = bytearray(content)
-            wrong[place : place + size] = value.to_bytes(size, "little")
-            path.write_bytes(wrong)
+            write_wrong(path, content, place, value.to_bytes(size, "little"))
             check = check_bag(path)
             assert {topic.name: topic.n_messages for topic in check.topics} == COUNTS, name
             assert not check.sound, name
@@ -100,10 +99,9 @@ def test_no_wrong_number_hides_a_message(tmp_path, compression):
 
 def test_a_wrong_place_of_the_index_is_reported_and_repaired(tmp_path):
     path = file_with(tmp_path / "file.bag")
-    content = bytearray(path.read_bytes())
+    content = path.read_bytes()
     _, place, _ = next(each for each in fields_of(content) if each[0] == "3 index_pos")
-    content[place : place + 8] = (8).to_bytes(8, "little")
-    path.write_bytes(content)
+    write_wrong(path, content, place, (8).to_bytes(8, "little"))
     contents = contents_of_bag(path)
     assert {topic.name: topic.n_messages for topic in contents.topics} == COUNTS
     with pytest.raises(BagError, match=r"points to byte 8 as the index, .* repair it with 'serd b"):
@@ -148,11 +146,10 @@ def test_the_chunk_that_a_killed_recorder_had_begun_is_read(tmp_path):
 
 def test_behind_a_broken_record_of_a_chunk_reading_goes_on_by_its_index(tmp_path):
     path = file_with(tmp_path / "file.bag")
-    content = bytearray(path.read_bytes())
+    content = path.read_bytes()
     whole = list(BagReader(path).messages())
     _, _, _, start, _ = [each for each in records(content) if each[2] == CHUNK][1]
-    content[start : start + 4] = b"\xff" * 4
-    path.write_bytes(content)
+    write_wrong(path, content, start, b"\xff" * 4)
     reader = BagReader(path, tolerant=True)
     found = list(reader.messages())
     assert len(found) == len(whole) - 1
