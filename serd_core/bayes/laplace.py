@@ -94,9 +94,9 @@ class Laplace:
             P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k quantiles of Gamma(r_k)
 
         Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
-        draw of the posterior itself. Weights stay normal, and depend on outcomes as before; so do
-        energies with covariates. Normal draws are in pairs that mirror each other, so that the mean
-        of the weights is their mode.
+        draw of the posterior itself. Weights stay normal, and depend on outcomes as before.
+        Normal draws are in pairs that mirror each other, so that the mean of the weights is their
+        mode.
         """
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
         table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T
@@ -163,7 +163,7 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
 
 
 def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
-    """What the approximation lacks of the integrals over outcome models, without covariates.
+    """What the approximation lacks of the integrals over outcome models.
 
     The prior of a belief around the truth is normal.
     """
