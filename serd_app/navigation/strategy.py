@@ -35,7 +35,8 @@ from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from serd_files.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
-from serd_sim.scenario.grid import grid_of, problem_of_model, start_states_of
+from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.model_problem import problem_of_model
 from serd_sim.scenario.scenario import Scenario
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}

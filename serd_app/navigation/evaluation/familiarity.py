@@ -36,7 +36,7 @@ from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_pro
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile, load_model
-from serd_sim.scenario.grid import model_in_flow
+from serd_sim.scenario.model_problem import model_in_flow
 from serd_sim.scenario.scenario import load_scenario
 
 _MOST_ASSUMED = 5

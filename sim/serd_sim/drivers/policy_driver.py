@@ -11,7 +11,8 @@ from serd_core.grid.grid import Action, Grid
 from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_files.model_file import load_model
 from serd_sim.errors import SimError
-from serd_sim.scenario.grid import grid_of, problem_of_model
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.model_problem import problem_of_model
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.seeds import POLICY, episode_rng
