@@ -19,9 +19,9 @@ class DemoSettings(EpisodeSettings):
     """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
 
     seed: int = setting_of(EpisodeSettings, "seed", default=3)
-    demonstrations: int = setting(10, "number of demonstrations by the scripted expert", ge=1)
+    demonstrations: int = setting(8, "number of demonstrations by the scripted expert", ge=1)
     episodes: int = setting_of(
-        EpisodeSettings, "episodes", default=15, description="episodes the learned policy drives"
+        EpisodeSettings, "episodes", default=10, description="episodes the learned policy drives"
     )
     policy: PolicyKind = setting_of(NavigationSettings, "policy")
 
