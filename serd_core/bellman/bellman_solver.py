@@ -40,6 +40,9 @@ from serd_core.mdp.mdp import Mdp
 #: Values beyond overflow in sums and differences.
 LARGEST_VALUE = 1e300
 EPSILON = float(np.finfo(np.float64).eps)
+#: Multiple of the rounding unit below which a residual cannot be expected to fall.
+ROUNDING_STEPS = 16.0
+SMALLEST_SHARE = ROUNDING_STEPS * EPSILON
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +77,6 @@ class BellmanProblem:
         """gamma."""
         return self.mdp.discount
 
-    def q(self, value: FloatArray) -> FloatArray:
-        """(S, A) R + gamma P V, -inf where an action is unavailable."""
-        return self.engine.q(self.transitions, self.rewards, self.discount, value)
-
-    def settled(self, value: FloatArray, smallest: float) -> FloatArray:
-        """(S,) the value after sweeps of the soft equation, until states move by less."""
-        return self.engine.settled(self.transitions, self.rewards, self.discount, value, smallest)
-
     @property
     def engine(self) -> Engine:
         """Who applies T."""
@@ -104,7 +99,9 @@ class Backup:
     @property
     def q(self) -> FloatArray:
         """(S, A) Q-function of V."""
-        return self.problem.q(self.value) if self.kept_q is None else self.kept_q
+        if self.kept_q is None:
+            return self.problem.engine.q(self.problem, self.value)
+        return self.kept_q
 
     @cached_property
     def gap(self) -> FloatArray:
@@ -119,9 +116,7 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    target, q = problem.engine.backup(
-        problem.equation, problem.transitions, problem.rewards, problem.discount, value
-    )
+    target, q = problem.engine.backup(problem, value)
     gap = target - value
     residual = max(float(gap.max()), -float(gap.min()))
     return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)
@@ -165,11 +160,6 @@ class BellmanSolution:
         policy = self.equation.policy(self.q)
         policy.flags.writeable = False
         return policy
-
-
-#: Multiple of the rounding unit below which a residual cannot be expected to fall.
-ROUNDING_STEPS = 16.0
-SMALLEST_SHARE = ROUNDING_STEPS * float(np.finfo(np.float64).eps)
 
 
 class BellmanSolver(ABC):

@@ -6,19 +6,23 @@ entries of P, which takes a fifth of the time and of the memory at a million sta
 it saves less than it takes to load. The results of both are equal up to rounding.
 """
 
+from __future__ import annotations
+
 import warnings
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.util import find_spec
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.equations import BellmanEquation
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.bellman.linear.policy_pattern import EntryPattern, PolicyPattern, policy_pattern
 from serd_core.dynamics.transition_model import TransitionModel, Transitions
+
+if TYPE_CHECKING:
+    from serd_core.bellman.bellman_solver import BellmanProblem
 
 #: States from which compiled code saves more than loading it costs.
 COMPILED_FROM = 200_000
@@ -41,42 +45,28 @@ class Engine:
         model = self.model
         return policy_pattern(model.row, model.successor, model.n_states, model.n_actions)
 
-    def q(
-        self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
-    ) -> FloatArray:
-        """(S, A) R + discount * P V."""
-        q = transitions.expected(value)
-        q *= discount
-        q += rewards
+    def q(self, problem: BellmanProblem, value: FloatArray) -> FloatArray:
+        """(S, A) R + gamma P V, -inf where an action is unavailable."""
+        q = problem.transitions.expected(value)
+        q *= problem.discount
+        q += problem.rewards
         return q
 
     def backup(
-        self,
-        equation: BellmanEquation,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
+        self, problem: BellmanProblem, value: FloatArray
     ) -> tuple[FloatArray, FloatArray | None]:
         """(S,) T V, and its (S, A) Q where it was computed as a table."""
-        q = self.q(transitions, rewards, discount, value)
-        return equation.maximum(q), q
+        q = self.q(problem, value)
+        return problem.equation.maximum(q), q
 
-    def settled(
-        self,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
-        smallest: float,
-    ) -> FloatArray:
+    def settled(self, problem: BellmanProblem, value: FloatArray, smallest: float) -> FloatArray:
         """(S,) value after Gauss-Seidel sweeps of the soft equation, by turns in and against the
         states' order; here the value itself.
 
         smallest: after the first sweep, states are visited only where their value or that of a
         state that leads to them moved by more.
         """
-        del transitions, rewards, discount, smallest
+        del problem, smallest
         return value
 
     def flow(self, transitions: Transitions, weights: FloatArray) -> FloatArray:

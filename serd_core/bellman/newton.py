@@ -89,7 +89,7 @@ class Newton(BellmanSolver):
             value = latest.value + system.solve(latest.gap, relative_residual=forcing)
             solver = system.solver_of_next(solver)
             if unsettled:
-                value = problem.settled(value, SETTLED * latest.residual)
+                value = problem.engine.settled(problem, value, SETTLED * latest.residual)
             proposed = backup(problem, value)
             good = proposed.residual <= WELL * latest.residual
             kept = proposed.residual <= keep * latest.residual and not unsettled

@@ -13,9 +13,10 @@ import numba
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, once_per_state
+from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.compiled.swept_bicgstab import Swept
 from serd_core.bellman.engine import Engine
-from serd_core.bellman.equations import BellmanEquation, SoftBellman, boltzmann
+from serd_core.bellman.equations import SoftBellman, boltzmann
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
@@ -23,6 +24,7 @@ from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import TransitionModel, Transitions
 from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
 
 #: exp() of less adds nothing to a sum of at least 1.
 LEAST_EXPONENT = -50.0
@@ -60,43 +62,26 @@ class CompiledEngine(Engine):
         """Places of the non-zeros of I - gamma P_pi."""
         return self._structure[0]
 
-    def q(
-        self, transitions: Transitions, rewards: FloatArray, discount: float, value: FloatArray
-    ) -> FloatArray:
-        """(S, A) R + discount * P V."""
+    def q(self, problem: BellmanProblem, value: FloatArray) -> FloatArray:
+        """(S, A) R + gamma P V."""
         q = np.empty(self.model.available.shape)
-        given = self._probabilities(transitions), _plain(rewards), float(discount)
-        _back_up(*self._rows, *given, _plain(value), self._near, q)
+        _back_up(*self._rows, *self._numbers(problem), _plain(value), self._near, q)
         return q
 
     def backup(
-        self,
-        equation: BellmanEquation,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
+        self, problem: BellmanProblem, value: FloatArray
     ) -> tuple[FloatArray, FloatArray | None]:
         """(S,) T V; of the soft equation without a table of Q."""
-        if not equation.curved:
-            q = self.q(transitions, rewards, discount, value)
-            return equation.maximum(q), q
+        if not problem.equation.curved:
+            return super().backup(problem, value)
         target = np.empty(self.model.n_states)
-        given = self._probabilities(transitions), _plain(rewards), float(discount)
+        given = self._numbers(problem)
         _back_up_softly(*self._rows, *given, _plain(value), self._near, target)
         return target, None
 
-    def settled(
-        self,
-        transitions: Transitions,
-        rewards: FloatArray,
-        discount: float,
-        value: FloatArray,
-        smallest: float,
-    ) -> FloatArray:
+    def settled(self, problem: BellmanProblem, value: FloatArray, smallest: float) -> FloatArray:
         """(S,) value after sweeps, of which all but the first skip states that are settled."""
-        settled = np.array(value)
-        given = self._probabilities(transitions), _plain(rewards), float(discount)
+        settled, given = np.array(value), self._numbers(problem)
         _settle(*self._rows, *given, settled, self._near, MOST_SWEEPS, float(smallest))
         return settled
 
@@ -134,6 +119,11 @@ class CompiledEngine(Engine):
             return Swept(chosen, solver).prepare(pattern, data)
         return chosen.prepare(pattern, data)
 
+    def _numbers(self, problem: BellmanProblem) -> tuple[FloatArray, FloatArray, float]:
+        """Probabilities, rewards and discount, as compiled functions take them."""
+        probabilities = self._probabilities(problem.transitions)
+        return probabilities, _plain(problem.rewards), float(problem.discount)
+
     def _probabilities(self, transitions: Transitions) -> FloatArray:
         """The list of probabilities that `place` refers to."""
         local = transitions.local_probabilities
@@ -167,11 +157,12 @@ def rehearse() -> None:
     model = OutcomeModels(ring % 4, np.tile([0, 1], (4, 1)), np.ones((4, 2), np.bool_), 2)
     transitions = Transitions(model, np.array([[0.25, 0.75], [0.5, 0.5]]))
     table, value = np.arange(8.0).reshape(4, 2) / 8.0, np.ones(4)
+    problem = BellmanProblem(SoftBellman(), table, transitions, Mdp(model, 0.5))
     results = []
     for engine in (Engine(model), CompiledEngine(model)):
-        target, _ = engine.backup(SoftBellman(), transitions, table, 0.5, value)
+        target, _ = engine.backup(problem, value)
         gradient = engine.local_gradient(transitions, table, value)
-        parts = [engine.q(transitions, table, 0.5, value).ravel(), target, gradient.ravel()]
+        parts = [engine.q(problem, value).ravel(), target, gradient.ravel()]
         parts.append(engine.flow(transitions, table))
         for quick_from in (0, 5):
             swept = Swept(Krylov(), Krylov(), quick_from)
@@ -179,8 +170,7 @@ def rehearse() -> None:
             system = engine.system(transitions, boltzmann(table, 1.0), 0.5, solver)
             parts += [system.solve(value), system.solve(value, transposed=True)]
         for _ in range(60):
-            target = engine.settled(transitions, table, 0.5, target, 0.0)
-            target, _ = engine.backup(SoftBellman(), transitions, table, 0.5, target)
+            target, _ = engine.backup(problem, engine.settled(problem, target, 0.0))
         results.append(np.concatenate([*parts, target]))
     if not np.allclose(results[0], results[1], rtol=1e-9, atol=1e-9):
         raise SerdError(

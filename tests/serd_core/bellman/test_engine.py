@@ -85,12 +85,14 @@ def test_compiled_sums_are_those_of_scipy(random_problem, seed):
             10.0 * rng.normal(size=model.n_states),
             rng.normal(size=model.available.shape),
         )
-        rewards = np.where(model.available, rng.normal(size=weights.shape), -np.inf)
-        given_ = transitions, rewards, 0.95, value
-        np.testing.assert_allclose(fast.q(*given_), plain.q(*given_), rtol=1e-10, atol=1e-10)
+        rewards = rng.normal(size=weights.shape)
         for equation in (SoftBellman(), HardBellman()):
+            problem = BellmanProblem(equation, rewards, transitions, Mdp(model, 0.95))
             np.testing.assert_allclose(
-                fast.backup(equation, *given_)[0], plain.backup(equation, *given_)[0], rtol=1e-12
+                fast.q(problem, value), plain.q(problem, value), rtol=1e-10, atol=1e-10
+            )
+            np.testing.assert_allclose(
+                fast.backup(problem, value)[0], plain.backup(problem, value)[0], rtol=1e-12
             )
         np.testing.assert_allclose(
             fast.flow(transitions, weights), plain.flow(transitions, weights), atol=1e-12
@@ -214,14 +216,14 @@ def test_sweeps_shrink_the_largest_error_and_values_that_rise_stay_below_the_sol
     exact = ValueIteration().solve(posed).value
     far = exact + 10.0 * rng.normal(size=mdp.n_states)
     for smallest in (np.inf, 0.0):
-        error = np.max(np.abs(posed.settled(far, smallest) - exact))
+        error = np.max(np.abs(posed.engine.settled(posed, far, smallest) - exact))
         assert error <= 0.95 * np.max(np.abs(far - exact)) + 1e-8
     low = np.full(mdp.n_states, exact.min() - 5.0 / (1.0 - 0.95))
     assert np.all(backup(posed, low).gap > 0)
-    swept = posed.settled(low, 1e-3)
+    swept = posed.engine.settled(posed, low, 1e-3)
     assert np.all(swept >= backup(posed, low).target - 1e-9)
     assert np.all(swept <= exact + 1e-8)
-    np.testing.assert_allclose(posed.settled(exact, 1e-6), exact, atol=1e-8)
+    np.testing.assert_allclose(posed.engine.settled(posed, exact, 1e-6), exact, atol=1e-8)
 
 
 @NEEDS_NUMBA
