@@ -93,8 +93,7 @@ class LivePage:
     def __init__(self) -> None:
         self._shown = ""
 
-    @staticmethod
-    def parameters() -> dict[str, int]:
+    def parameters(self) -> dict[str, int]:
         """Its port: the usual one, or any free one."""
         usual = WatchPageConfig()
         return {f"{PAGE}.port": 0 if port_fault(usual.address, usual.port) else usual.port}
@@ -126,14 +125,14 @@ def run_phases(
         if phase.is_done():
             continue
         began_s = time.monotonic()
-        is_shown = page is not None and phase.drives is not None
+        shown = page if phase.drives is not None else None
         run_stack(
             phase.name,
-            {**phase.parameters, **(LivePage.parameters() if is_shown else {})},
+            {**phase.parameters, **(shown.parameters() if shown is not None else {})},
             environment,
             total=phase.n_parts,
             logs=folder.logs,
-            on_address=page.show if page is not None and is_shown else None,
+            on_address=shown.show if shown is not None else None,
         )
         if not phase.is_done():  # a node ended early, even without an error of its own
             raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")

@@ -6,6 +6,7 @@ then put on the grid of the model.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -84,12 +85,12 @@ class Familiarity:
         """(N,) on the cells of the grid."""
         return self.files.demonstrations.decisions
 
-    @property
+    @cached_property
     def surprising(self) -> BoolArray:
         """(N,) decisions with a low tail probability."""
         return np.asarray(self.tails < SURPRISING)
 
-    @property
+    @cached_property
     def episodes(self) -> tuple[ScoredEpisode, ...]:
         """Every episode, the least likely one among simulated ones first."""
         scores, of_decision = self.scores, self.decisions.episode

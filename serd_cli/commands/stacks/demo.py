@@ -29,7 +29,7 @@ def demo(
 ) -> None:
     """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes.
 
-    It takes two minutes; 'serd navigate MODEL --episodes 200' drives more.
+    It takes two to three minutes; 'serd navigate MODEL --episodes 200' drives more.
     """
     if resume is not None:
         folder, settings = open_folder(resume)

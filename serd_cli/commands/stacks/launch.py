@@ -38,8 +38,9 @@ def launch(
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
     namespace = full_namespace(str(given.pop("namespace", "")))
-    processes = stack_processes(find_stack(stack), given, environment, namespace)
-    require_free_domain(find_stack(stack), environment, namespace)
+    found = find_stack(stack)
+    processes = stack_processes(found, given, environment, namespace)
+    require_free_domain(found, environment, namespace)
     run_together(processes, environment, _print_line)
 
 
