@@ -45,6 +45,10 @@ ROUNDING = 1e-14
 #: Radius below which steps are lost in rounding.
 SHORTEST_RADIUS = 1e-13
 NO_ROOM = "not converged: steps became too short, at a kink or by rounding"
+#: Longest step, in standard errors and in the numbers' own scale, of a point that is a maximum.
+SHORT, STILL = 1e-7, 1e-3
+#: Share to which a step shrinks the Newton step, and its quality, where its Hessian is kept.
+KEEP, GOOD = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -136,12 +140,6 @@ def step_quality(
     if abs(predicted) <= ROUNDING * max(1.0, abs(here.value)):
         return 1.0 if there.gradient_norm < here.gradient_norm else -np.inf
     return gain / predicted
-
-
-#: Longest step, in standard errors and in the numbers' own scale, of a point that is a maximum.
-SHORT, STILL = 1e-7, 1e-3
-#: Share to which a step shrinks the Newton step, and its quality, where its Hessian is kept.
-KEEP, GOOD = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,8 @@ from serd_core.posterior.coordinates import Coordinates, LogPosterior
 
 #: Draws that a summary takes unless another number is asked for.
 N_DRAWS = 40
+#: Maxima closer than this, in standard errors of one of them, are the same.
+SAME = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +103,6 @@ def averaged_policy(
         solution = solution_at(problem, weights, transitions, initial_value=value)
         total, value = total + solution.policy, solution.value
     return np.asarray(total / len(reward_weights))
-
-
-#: Maxima closer than this, in standard errors of one of them, are the same.
-SAME = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,6 +59,8 @@ LEAST_NATS = 0.05
 PRIOR_ONLY = "prior only"
 #: Draws of the posterior from which intervals are taken.
 N_DRAWS = 400
+#: Visits of later decisions count as none below this share of the demonstrations.
+LEFT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +199,6 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
     parts = (np.linalg.slogdet(correlation[np.ix_(part, part)])[1] for part in (one, other, both))
     own, others, together = parts
     return float(max(0.0, 0.5 * (own + others - together)))
-
-
-#: Visits of later decisions count as none below this share of the demonstrations.
-LEFT = 1e-6
 
 
 def expected_information_gain(

@@ -61,6 +61,8 @@ EPSILON = float(np.finfo(np.float64).eps)
 ENOUGH, SHORTEST_STEP = 0.25, 1e-12
 #: Share of a probability that rounding may decide before an estimate is none.
 LARGEST_ROUNDING = 0.5
+#: Cheap steps that bring all models to where Newton's method is at its best.
+SHARING_STEPS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +148,6 @@ def _moved(
                 return np.asarray(there / there.sum())
         length *= 0.5
     return probabilities
-
-
-#: Cheap steps that bring all models to where Newton's method is at its best.
-SHARING_STEPS = 20
 
 
 def estimate_dynamics(

@@ -55,6 +55,8 @@ TOUCHED = 1e-6
 
 #: Longest Newton step, in standard errors, of a point that counts as an optimum.
 LONGEST_STEP = 0.1
+#: Eigenvalue of the correlation form of the information below which weights are not determined.
+SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,10 +200,6 @@ def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray
     known = moves[:, ~found.null]
     variance = np.maximum(np.sum((known @ spread) * known, axis=1), 0.0)
     return np.where(touched, np.inf, np.sqrt(variance))
-
-
-#: Eigenvalue of the correlation form of the information below which weights are not determined.
-SINGULAR = 1e-12
 
 
 def covariance_of(information: FloatArray) -> FloatArray:

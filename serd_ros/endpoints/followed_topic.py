@@ -27,6 +27,8 @@ from serd_ros.errors import MessageError
 
 #: Messages of a latched publisher that are compared, which two subscriptions receive.
 _COMPARED = 100
+#: Clocks of machines may differ by this much.
+_CLOCKS_AGREE_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -167,10 +169,6 @@ def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[
 
 def _is_latched(profile: QoSProfile) -> bool:
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-#: Clocks of machines may differ by this much.
-_CLOCKS_AGREE_S = 0.2
 
 
 def follow_commands(

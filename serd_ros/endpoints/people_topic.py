@@ -30,6 +30,9 @@ from serd_ros.process.serd_node import SerdNode
 from serd_sim.perception.people_tracker import PeopleTracker
 from serd_sim.world.observation import People
 
+_LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
+_HASH = "RIHS01_"
+
 
 class PeopleInMap:
     """Converts the people of one topic, message by message.
@@ -80,10 +83,6 @@ def _in_map(seen: SeenPeople, frames: Frames) -> SeenPeople:
         position_m=seen.position_m @ turn + matrix[:3, 3],
         velocity_mps=seen.velocity_mps @ turn,
     )
-
-
-_LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
-_HASH = "RIHS01_"
 
 
 class PeopleTopic:

@@ -37,6 +37,7 @@ from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 _SHOWN = ("teleop_mux", "guard", "demo_recorder")
 _STALE_S = 1.0
+_NAME = "model of the learner"
 
 
 class PageView:
@@ -214,9 +215,6 @@ def episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
 
 def _counts(tally: EpisodeTally) -> dict[str, int]:
     return {"kept": tally.kept, "arrived": tally.arrived, "discarded": tally.discarded}
-
-
-_NAME = "model of the learner"
 
 
 class LearnedOverlay:

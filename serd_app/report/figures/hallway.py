@@ -26,6 +26,11 @@ from serd_sim.scenario.scenario import Scenario
 
 _PERSON_RADIUS_M = 0.22
 _ARROW_PER_SPEED_S = 0.7
+_LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), (style.INK, ":"))
+#: Loops that share a leg are drawn side by side.
+_BESIDE_M = 0.13
+_ARROW_EVERY_M = 4.0
+_LARGEST_GRID = 4000
 
 
 def draw_hallway(scenario: Scenario, snapshot: CrowdSnapshot) -> Figure:
@@ -84,13 +89,6 @@ def _legend() -> list[Line2D]:
         ),
         Line2D([], [], color=person, alpha=0.5, linewidth=1.6, label="the last seconds"),
     ]
-
-
-_LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), (style.INK, ":"))
-#: Loops that share a leg are drawn side by side.
-_BESIDE_M = 0.13
-_ARROW_EVERY_M = 4.0
-_LARGEST_GRID = 4000
 
 
 def draw_scenario_plan(scenario: Scenario) -> Figure:

@@ -22,11 +22,10 @@ alone; under simulation.launch.py it starts the stack `live`:
 
     ros2 launch serd_ros navigate.launch.py model:=model.yaml
 
-Every
-parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of
-one node. Empty means the stack's own value. Values of `params_file` override those of the stack,
-and arguments override both. Any other argument is refused, unless another file includes this one,
-whose arguments are visible here.
+Every parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that
+of one node. Empty means the stack's own value. Values of `params_file` override those of the
+stack, and arguments override both. Any other argument is refused, unless another file includes
+this one, whose arguments are visible here.
 """
 
 from functools import partial
