@@ -21,6 +21,7 @@ from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
 from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
 from serd_ros.process.executable import starting
+from serd_sim.scenario.names import scenario_file, suite_names
 
 FILE = Path(__file__).parent / "data" / "signatures.json"
 #: Modules with a command of their name or a group, in the order of the help, and their folders in
@@ -120,15 +121,11 @@ def _class(signature: Signature) -> type[TyperCommand]:
 def _function(module: str, command: str, signature: Signature) -> Callable[..., None]:
     """A function with the parameters of a command; it imports the module and calls the command."""
 
-    inputs = [
-        name
-        for name, each in signature["parameters"].items()
-        if each["type"] == "Path" and "argument" in each
-    ]
-
     def call(**values: Any) -> None:
-        for name in inputs:
-            _require_there(values[name])
+        for name, described in signature["parameters"].items():
+            for path in _read_files(name, described, values[name]):
+                with disk_errors("read", path):
+                    path.stat()
         with starting():
             _, defined = _definitions(module)
         defined[command].callback(**values)  # type: ignore[misc]
@@ -140,11 +137,16 @@ def _function(module: str, command: str, signature: Signature) -> Callable[..., 
     return call
 
 
-def _require_there(given: Path | Sequence[Path] | None) -> None:
-    """FileError for inputs that are missing, before the command is imported, which takes longer."""
-    for path in (given,) if isinstance(given, Path) else given or ():
-        with disk_errors("read", path):
-            path.stat()
+def _read_files(name: str, described: dict[str, Any], given: Any) -> list[Path]:
+    """Files that a command reads, to be looked for before its import, which takes longer.
+
+    Paths that are arguments or options with `exists`, and scenarios; SimError for one that is none.
+    """
+    named = given if isinstance(given, list | tuple) else [given] if given else []
+    if name == "scenario":
+        return [scenario_file(each) for each in named if each not in suite_names()]
+    is_read = "argument" in described or described.get("option", {}).get("exists", False)
+    return [*named] if is_read and described["type"] == "Path" else []
 
 
 def _parameter(name: str, described: dict[str, Any]) -> inspect.Parameter:
@@ -162,7 +164,8 @@ def _parameter(name: str, described: dict[str, Any]) -> inspect.Parameter:
         kind = Annotated[kind, typer.Argument(**described["argument"])]
     if "option" in described:
         flags = described.get("flags", ())
-        kind = Annotated[kind, typer.Option(*flags, **described["option"])]
+        about = {key: each for key, each in described["option"].items() if key != "exists"}
+        kind = Annotated[kind, typer.Option(*flags, **about)]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=given, annotation=kind)
 
 

@@ -11,7 +11,8 @@ from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_bag.files import atomic_write_text, delete_file, read_text
 from serd_files.yaml_config import model_yaml, yaml_model
-from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 
 def kept_scenario_file(beside: Path) -> Path:

@@ -58,6 +58,23 @@ def test_help_version_and_errors_of_usage_import_no_library():
     assert [line for line in lines if not found[line]] == []
 
 
+def test_inputs_that_are_not_there_are_refused_before_a_library_is_imported():
+    lines = (
+        "learn nowhere.csv",
+        f"learn {__file__} --times nowhere.csv",
+        f"demos {__file__} --mapping nowhere.yaml",
+        f"report {__file__} --demonstrations nowhere.csv",
+        f"report {__file__} --episodes nowhere.csv",
+        f"navigate {__file__} --scenario hallwy",
+        "scenario show nowhere.yaml",
+        "episode render hallwy --output picture.png",
+        "batch --scenario hallwy --output runs.csv",
+        "demo --scenario hallwy",
+    )
+    found = imported(lines)
+    assert [line for line in lines if not found[line]] == []
+
+
 def test_completion_of_options_imports_no_library():
     environment = {"COMP_WORDS": "serd demos --", "COMP_CWORD": "2"}
     assert imported(["x"], _SERD_COMPLETE="complete_bash", **environment) == {"x": True}

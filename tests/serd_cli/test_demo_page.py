@@ -33,7 +33,7 @@ def test_an_address_is_printed_once_and_opened_where_there_is_a_display_and_a_te
 @pytest.mark.parametrize(("fault", "port"), [("", 8766), ("Address already in use", 0)])
 def test_a_port_that_is_in_use_is_replaced_by_a_free_one(monkeypatch, fault, port):
     monkeypatch.setattr(phases, "port_fault", lambda *_: fault)
-    assert LivePage.parameters() == {"watch_page.port": port}
+    assert LivePage().parameters() == {"watch_page.port": port}
 
 
 def test_the_fault_of_a_port_is_named_while_another_program_has_it():

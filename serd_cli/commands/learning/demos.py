@@ -86,7 +86,9 @@ def demos(
     ),
     mapping: Annotated[
         Path | None,
-        typer.Option(help="YAML file that maps the topics of a bag or the columns of a table"),
+        typer.Option(
+            help="YAML file that maps the topics of a bag or the columns of a table", exists=True
+        ),
     ] = None,
     actions: Annotated[
         Literal["auto", "hidden"],

@@ -55,7 +55,9 @@ def learn(
     ] = None,
     times: Annotated[
         list[Path] | None,
-        typer.Option(help="crossings.csv of drives, repeat; times of arrival follow from them"),
+        typer.Option(
+            help="crossings.csv of drives, repeat; times of arrival follow from them", exists=True
+        ),
     ] = None,
     report: Annotated[
         Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")

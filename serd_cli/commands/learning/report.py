@@ -19,13 +19,17 @@ def report(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     demonstrations: Annotated[
         list[Path] | None,
-        typer.Option(help="table of decisions, or bag or table of trajectories to score, repeat"),
+        typer.Option(
+            help="table of decisions, or bag or table of trajectories to score, repeat", exists=True
+        ),
     ] = None,
     mapping: Annotated[
-        Path | None, typer.Option(help="YAML file as for 'serd demos', not for decisions")
+        Path | None,
+        typer.Option(help="YAML file as for 'serd demos', not for decisions", exists=True),
     ] = None,
     episodes: Annotated[
-        Path | None, typer.Option(help="episodes.csv that 'serd navigate --output' wrote")
+        Path | None,
+        typer.Option(help="episodes.csv that 'serd navigate --output' wrote", exists=True),
     ] = None,
     scenario: Annotated[
         str, typer.Option(help="scenario or YAML file, in place of the one the model keeps")

@@ -16,7 +16,7 @@ from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.batch_summary import ConditionSummary, summarise
 from serd_sim.episodes.execution import Execution
 from serd_sim.planning.catalogue import planner_names
-from serd_sim.scenario.scenario import scenario_suite, suite_names
+from serd_sim.scenario.names import scenario_suite, suite_names
 
 #: All episodes of a table are listed in memory before the first is run.
 MOST_SEEDS = 100_000

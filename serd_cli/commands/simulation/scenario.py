@@ -19,8 +19,9 @@ from serd_cli.output.terminal import console, print_json
 from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.goal import point_of
 from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.occupancy import OccupancyRaster
-from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 group = typer.Typer(
     no_args_is_help=True, suggest_commands=True, help="List and draw scenarios, and write your own."

@@ -9,8 +9,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-import joblib
-
 from serd_bag.nearest import choice_rule
 from serd_sim.errors import SimError
 
@@ -51,6 +49,8 @@ class Execution:
         if self.backend == "loky" and (self.n_jobs == 1 or len(tasks) <= 1):
             yield from map(function, tasks)
             return
+        import joblib  # here, for each command has this module's options
+
         settings: dict[str, Any] = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
         with ExitStack() as stack:
             if self.backend == "dask":

@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import ValidationError, model_validator
 
 from serd_bag.files import read_text
-from serd_bag.nearest import nearest_name
 from serd_core.arrays import FloatArray
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel, load_yaml_model, sentence_of
@@ -21,6 +20,7 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
+from serd_sim.scenario.names import scenario_file
 from serd_sim.scenario.polygon import (
     WalkableCells,
     counter_clockwise,
@@ -37,8 +37,6 @@ from serd_sim.scenario.settings import (
     PedestrianSettings,
     RobotSettings,
 )
-
-_BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
 
 
 class Scenario(StrictModel):
@@ -240,21 +238,6 @@ class Scenario(StrictModel):
         return self.model_copy(update={"local_planner": parameters})
 
 
-def builtin_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
-    return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
-
-
-def scenario_suite(name: str) -> tuple[str, ...]:
-    """Names of the scenarios of a suite that comes with the package; empty where there is none."""
-    return tuple(f"{name}/{path.stem}" for path in sorted((_BUILTIN_FOLDER / name).glob("*.yaml")))
-
-
-def suite_names() -> tuple[str, ...]:
-    """Names of the suites: folders of scenarios that stay as they are, for comparisons."""
-    return tuple(sorted(path.name for path in _BUILTIN_FOLDER.iterdir() if path.is_dir()))
-
-
 def scenario_content(scenario: Scenario) -> str:
     """All values of a scenario, and the URDF that it drives."""
     text = scenario.model_dump_json()
@@ -270,16 +253,4 @@ def scenario_digest(scenario: Scenario) -> str:
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """Scenario by the name of a built-in one or by the path of a YAML file."""
-    path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml"}:
-        return load_yaml_model(path, Scenario)
-    name = str(name_or_path)
-    if name in (*builtin_scenarios(), *scenario_suite(name.partition("/")[0])):
-        return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
-    of_suites = (each for suite in suite_names() for each in scenario_suite(suite))
-    meant = nearest_name(name, (*builtin_scenarios(), *of_suites))
-    known = ", ".join(builtin_scenarios())
-    hint = (
-        f"did you mean {meant!r}?" if meant else f"built in are {known}; name the file of another"
-    )
-    raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")
+    return load_yaml_model(scenario_file(name_or_path), Scenario)

@@ -10,7 +10,8 @@ from serd_bag.errors import FileError
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import soft_policy
 from serd_files.model_file import GridSummary, ModelDraws, OutcomeModel, load_model
-from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

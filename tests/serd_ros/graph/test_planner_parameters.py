@@ -8,7 +8,8 @@ from serd_ros.graph.configs import GuardConfig, LocalPlannerConfig
 from serd_ros.graph.parameters import validated
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
 
 
 def config(scenario, **given):

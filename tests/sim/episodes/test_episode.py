@@ -11,7 +11,8 @@ from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.episodes.episode import run_episode
 from serd_sim.errors import SimError
 from serd_sim.planning.catalogue import make_planner
-from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")

@@ -13,7 +13,8 @@ from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
 from serd_sim.planning.recovery import RecoveringPlanner
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP
 from serd_sim.world.waypoint import Waypoint
 from serd_sim.world.world import HallwayWorld

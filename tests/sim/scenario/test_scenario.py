@@ -12,13 +12,8 @@ import serd_sim.scenario.scenario
 from serd_app.navigation.strategy import start_distribution
 from serd_files.errors import USER_ERRORS
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
-from serd_sim.scenario.scenario import (
-    Scenario,
-    builtin_scenarios,
-    load_scenario,
-    scenario_suite,
-    suite_names,
-)
+from serd_sim.scenario.names import builtin_scenarios, scenario_suite, suite_names
+from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.world import HallwayWorld
 
 HALLWAY = Path(serd_sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"

@@ -23,7 +23,8 @@ from serd_app.report.figures.maps import (
 from serd_app.report.style import png_bytes, svg_bytes
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
-from serd_sim.scenario.scenario import builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
 
 
 def artists(figure, kind, gid):

@@ -7,7 +7,8 @@ from PIL import Image
 
 from serd_files.yaml_config import model_yaml
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 
 def test_every_built_in_scenario_is_listed(serd):
