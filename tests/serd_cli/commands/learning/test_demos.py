@@ -215,15 +215,16 @@ def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
         (
-            ("a", "--scenario", "hallway", "--mapping", "m.yaml", "--output", "m.csv"),
-            "--output must not overwrite what is read, m.csv would overwrite m.yaml",
+            ("a", "--scenario", "hallway", "--mapping", "c.yaml", "--output", "c.csv"),
+            "--output must not overwrite what is read, c.csv would overwrite c.yaml",
         ),
         (("a", "--scenario", "b.yaml", "--output", "b.csv"), "b.csv would overwrite b.yaml"),
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("a").touch()
+    for name in ("a", "b.yaml", "c.yaml"):
+        Path(name).touch()
     assert sentence in serd("demos", *words).refusal
 
 
