@@ -54,6 +54,7 @@ EXPERIMENTS = {
             "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
         ),
         ("routes", "routes", "route choice with many destinations (recursive logit)"),
+        ("durations", "durations", "what choices reveal of how long an avoided move takes"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
     )
 }

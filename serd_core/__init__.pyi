@@ -52,6 +52,7 @@ from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_pe
 from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
+from serd_core.mdp.problem import with_choice_cost as with_choice_cost
 from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
 from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types
@@ -77,6 +78,15 @@ from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
+from serd_core.semi_markov.dwell_prior import DwellPrior as DwellPrior
+from serd_core.semi_markov.models import semi_markov_problem as semi_markov_problem
+from serd_core.semi_markov.place import compare_places as compare_places
+from serd_core.semi_markov.place import fit_places as fit_places
+from serd_core.semi_markov.simulation import sample_timed_decisions as sample_timed_decisions
+from serd_core.semi_markov.summary import dwell_summary as dwell_summary
+from serd_core.semi_markov.summary import dynamics_draws as dynamics_draws
+from serd_core.semi_markov.summary import mean_discounted_outcomes as mean_discounted_outcomes
+from serd_core.semi_markov.timed_decisions import TimedDecisions as TimedDecisions
 from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information

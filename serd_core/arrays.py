@@ -198,6 +198,15 @@ def weighted_counts(index: IntArray, weights: FloatArray, size: int) -> FloatArr
     return np.asarray(np.bincount(index, weights=weights, minlength=size), dtype=np.float64)
 
 
+def padded(table: FloatArray | NDArray[np.floating[Any]], shape: tuple[int, ...]) -> FloatArray:
+    """The table in the first places of one of a larger shape, which is 0 elsewhere."""
+    if table.shape == shape:
+        return np.asarray(table, dtype=np.float64)
+    whole = np.zeros(shape)
+    whole[tuple(slice(size) for size in table.shape)] = table
+    return whole
+
+
 def largest_per_row(table: FloatArray) -> FloatArray:
     """(S,) maximum over the actions of an (S, A) table.
 

@@ -24,6 +24,7 @@ from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import require_outcome_models
 from serd_core.priors.prior import Prior
+from serd_core.semi_markov.models import has_laws
 
 TIED = TiedBelief()
 #: Width of differences by logs of strengths; slope of the log evidence at its maximum.
@@ -249,11 +250,12 @@ def fit_by_evidence(
         )
     record = SearchRecord(on_step)
     search = EvidenceSearch(posterior, belief, start, record)
-    strengths = by_evidence.strengths(belief)
+    timed = has_laws(posterior.problem.mdp.transitions)
+    strengths = by_evidence.strengths(belief, timed=timed)
     logs = strengths.start
     for stage in _stages(belief) if staged else ():
         earlier = EvidenceSearch(posterior, stage, search.parameters, record)
-        prepared = by_evidence.strengths(stage)
+        prepared = by_evidence.strengths(stage, timed=timed)
         if stage.learns_dynamics:
             found = best_strengths(earlier, prepared, prepared.start)[0]
             logs = strengths.logs(prepared.values(found))
@@ -296,7 +298,7 @@ def evidence_start(
     n_features = len(problem.feature_names)
     weights = np.zeros(n_features) if initial_weights is None else initial_weights
     start = starting_parameters(problem, posterior.policy_model, weights, given, belief)
-    table = problem.mdp.transitions.local_probabilities(start.truth)
+    table = problem.mdp.transitions.moves.local_probabilities(start.truth)
     require_possible(posterior.observations, problem.mdp, table)
     return start
 

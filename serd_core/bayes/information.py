@@ -53,6 +53,7 @@ from serd_core.posterior.derivatives.posterior_hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import pseudo_count_of
+from serd_core.semi_markov.models import has_laws
 
 #: Information below this is called none.
 LEAST_NATS = 0.05
@@ -130,6 +131,11 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
     if not isinstance(models, OutcomeModels) or not any(Block.TRUTH in each for each in groups):
         raise SerdError(
             "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
+        )
+    if has_laws(models):
+        raise SerdError(
+            "what informed outcomes is known where moves take no time, got laws of dwell times; use"
+            " dwell_summary"
         )
     return models
 
@@ -237,7 +243,8 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     space, model = found.coordinates, problem.mdp.transitions
     at = space.parameters(found.mode)
     table = space.belief.jacobian(at) @ space.table
-    believed, true = (transitions_at(model, each) for each in (at.belief, at.truth))
+    believed = transitions_at(model, at.belief)
+    true = transitions_at(model.moves, at.truth)
     solution = solution_at(problem, at.reward, believed)
     policy = solution.policy
     one = _of_choices(problem, at, believed, solution, table)
@@ -289,7 +296,7 @@ def _of_transitions(
     """(S, d, d) expected squares of the derivatives of log P(s' | s, a)."""
     model, groups = true.model, true.model.groups
     every = np.ones(len(groups), dtype=np.bool_)
-    slopes = transition_jacobian(model, model.local_jacobian(at.truth), every)
+    slopes = transition_jacobian(model, at.truth, every)
     by_u = slopes @ table[at.place(Block.TRUTH)]
     weights = policy.ravel()[groups.row] / floored(groups.probabilities(true.entries))
     root = np.sqrt(weights)[:, None] * by_u

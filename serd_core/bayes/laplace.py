@@ -39,7 +39,9 @@ from serd_core.posterior.beliefs import BeliefAroundTruth
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import Prior, terms_of
+from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.models import has_laws
 
 #: Longest Newton step, in standard errors, of a point around which the approximation holds.
 LONGEST_STEP = 0.1
@@ -156,7 +158,7 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     assumed = fit.assumed
     prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)
-    require_densities(prior, space)
+    require_densities(prior, space, timed=has_laws(problem.mdp.transitions))
     observations = observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, prior)
     return LogPosterior(posterior, space)
@@ -200,12 +202,13 @@ def _dirichlet_blocks(
     posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray
 ) -> Iterator[_DirichletBlock]:
     """Those of outcome models."""
-    model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
+    model, parameters = posterior.problem.mdp.transitions.moves, space.parameters(mode)
     if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
         return
     for group, place in space.belief.places(parameters):
         if group == (Block.REWARD,):
             continue
+        place = slice(place.start, place.start + model.n_energies)
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
         table = model.local_probabilities(parameters.block(group[0]))
@@ -223,9 +226,15 @@ def _stirling(x: FloatArray) -> FloatArray:
     return np.asarray(gammaln(x) - (x - 0.5) * np.log(x) + x - 0.5 * np.log(2.0 * np.pi))
 
 
-def require_densities(prior: Prior, space: Coordinates) -> None:
-    """SerdError unless the prior is one density over each block that is free."""
+def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) -> None:
+    """SerdError unless the prior is one density over each block that is free.
+
+    timed: whether blocks of dynamics have laws of dwell times, too.
+    """
     given = prior.blocks
+    with_laws = [term.block for term in terms_of(prior) if isinstance(term, DwellPrior)]
+    if isinstance(space.belief, BeliefAroundTruth):
+        with_laws.append(Block.BELIEF)
     for group in space.belief.groups:
         found = [block.value for block in given if block in group]
         names = " or ".join(block.value for block in group)
@@ -238,6 +247,11 @@ def require_densities(prior: Prior, space: Coordinates) -> None:
             raise SerdError(
                 f"the block {names} must have one prior, got {len(found)}, which contradict each"
                 " other: their product is not normalised; keep one of them"
+            )
+        if timed and Block.REWARD not in group and not set(group) & set(with_laws):
+            raise SerdError(
+                f"the prior must be a density over dwell times of the block {names} too, got none;"
+                " add a DwellPrior"
             )
     free = {block for group in space.belief.groups for block in group}
     idle = [block.value for block in given if block not in free]

@@ -21,13 +21,15 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
 from serd_core.priors.prior import Prior, terms_of
+from serd_core.semi_markov.dwell_prior import DwellPrior
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
-#: the range of a feature, c in observations, tau in nats.
+#: the range of a feature, c in observations, tau and that of log mean dwell times in nats.
 HYPERPRIORS = {
     "deviation": (3.0, 0.7),
     "pseudo_count": (1.0, 0.5),
     "belief_deviation": (1.0, 0.7),
+    "dwell_deviation": (1.0, 0.5),
 }
 
 
@@ -35,22 +37,28 @@ HYPERPRIORS = {
 class PriorByEvidence:
     """A normal prior on rewards and a Dirichlet prior on dynamics, both proper.
 
-    deviation: sigma; pseudo_count: c; None for the one of highest evidence.
+    deviation: sigma; pseudo_count: c; dwell_deviation: sd of log mean dwell times around a common
+    one, where moves take time (`DwellPrior`). None for the one of highest evidence; few laws hold
+    hardly any evidence of their deviation, and a small one makes moves that nobody makes as fast as
+    the others.
     """
 
     deviation: float | None = None
     pseudo_count: float | None = None
+    dwell_deviation: float | None = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("deviation", "pseudo_count"):
+        for name in ("deviation", "pseudo_count", "dwell_deviation"):
             if (value := getattr(self, name)) is not None:
                 require_positive(f"{name} of PriorByEvidence", value, "use None to find it")
 
-    def strengths(self, belief: Belief) -> "Strengths":
-        """Those that a fit under the belief has."""
+    def strengths(self, belief: Belief, *, timed: bool = False) -> "Strengths":
+        """Those that a fit under the belief has; timed: whether moves take time."""
         given: dict[str, float | None] = {"deviation": self.deviation}
         if belief.learns_dynamics:
             given["pseudo_count"] = self.pseudo_count
+            if timed:
+                given["dwell_deviation"] = self.dwell_deviation
         if isinstance(belief, CoupledBelief):
             raise SerdError(
                 "CoupledBelief has a prior that is no density, so it has no evidence; use"
@@ -110,10 +118,13 @@ class Strengths:
         values = self.values(logs)
         deviations = values["deviation"] / feature_ranges(problem)
         prior: Prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
-        if "pseudo_count" in values:
-            prior = prior + DirichletPrior(values["pseudo_count"], Block.TRUTH)
+        blocks = [Block.TRUTH] if "pseudo_count" in values else []
         if (Block.BELIEF,) in self.belief.groups and "belief_deviation" not in values:
-            prior = prior + DirichletPrior(values["pseudo_count"], Block.BELIEF)
+            blocks.append(Block.BELIEF)
+        for block in blocks:
+            prior = prior + DirichletPrior(values["pseudo_count"], block)
+            if "dwell_deviation" in values:
+                prior = prior + DwellPrior(values["dwell_deviation"], block)
         return prior
 
     def whole_prior(self, problem: Problem, logs: FloatArray) -> Prior:
@@ -132,4 +143,6 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
             found["pseudo_count"] = term.pseudo_count
         elif isinstance(term, GaussianAroundTruth):
             found["belief_deviation"] = term.standard_deviation
+        elif isinstance(term, DwellPrior):
+            found["dwell_deviation"] = term.deviation
     return found

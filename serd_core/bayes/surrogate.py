@@ -19,15 +19,15 @@ from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.transition_model import transitions_of
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.derivatives.posterior_hessian import sensitivities
-from serd_core.posterior.parameters import Block
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of
-from serd_core.priors.prior import SumOfPriors, terms_of
+from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models
+from serd_core.priors.prior import LogPrior, SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
 SOLVER = Newton(accuracy=1e-8)
@@ -37,13 +37,15 @@ STACKED = 10_000
 
 @dataclass(frozen=True, eq=False)
 class OutcomeGroup:
-    """Outcome models that are learned as one: rows of the free numbers, and the prior's c.
+    """Outcome models that are learned as one.
 
-    pseudo_count: 0 where their prior is no Dirichlet density.
+    place: of their parameters among the free numbers; laws: part of it for dwell times.
+    pseudo_count: c of their prior, 0 where that is no Dirichlet density.
     """
 
     blocks: tuple[Block, ...]
-    rows: slice
+    place: slice
+    laws: slice
     pseudo_count: float
 
 
@@ -96,9 +98,7 @@ class Surrogate:
     @property
     def model(self) -> OutcomeModels:
         """The outcome models of the problem."""
-        model = self.posterior.problem.mdp.transitions
-        assert isinstance(model, OutcomeModels)
-        return model
+        return require_outcome_models(self.posterior.problem.mdp.transitions, "this density")
 
     def group_of(self, block: Block) -> OutcomeGroup:
         """The group that has a block."""
@@ -107,17 +107,16 @@ class Surrogate:
     def rows_of(self, group: OutcomeGroup, model: int) -> IntArray:
         """(K,) places of the energies of one outcome model in the free numbers."""
         size = self.model.n_outcomes
-        return np.asarray(np.arange(size) + group.rows.start + model * size)
+        return np.asarray(np.arange(size) + group.place.start + model * size)
 
     def log_outcomes(self, points: FloatArray, group: OutcomeGroup) -> FloatArray:
         """(n, M, K) log probabilities of the outcomes of a group."""
-        shape = len(points), self.model.n_models, self.model.n_outcomes
-        energies = self.model.beta * points[:, group.rows].reshape(shape)
+        energies = self.model.beta * self.model.energies(points[:, group.place])
         return np.asarray(energies - np.logaddexp.reduce(energies, axis=2, keepdims=True))
 
     def log_policy(self, points: FloatArray) -> FloatArray:
         """(n, p) of the observed pairs by Q^."""
-        believed = np.exp(self.log_outcomes(points, self.group_of(Block.BELIEF)))
+        believed = self._believed(points)
         n_features = len(self.space.like.reward)
         numbers = np.hstack([points[:, :n_features], believed.reshape(len(points), -1)])
         q = self.q + np.tensordot(numbers - self.centre, self.slopes, axes=(1, 2))
@@ -125,6 +124,11 @@ class Surrogate:
         value = largest + np.log(np.sum(np.exp(q - largest[..., None]), axis=2))
         action = self.pairs % q.shape[2]
         return np.asarray(q[:, self.state, action] - value[:, self.state])
+
+    def _believed(self, points: FloatArray) -> FloatArray:
+        """(n, M, K) local probabilities that the expert believes."""
+        model = self.posterior.problem.mdp.transitions
+        return model.local_probabilities(points[:, self.group_of(Block.BELIEF).place])
 
     def log_others(self, points: FloatArray) -> FloatArray:
         """(n,) log N by its second derivatives, less its value at the mode."""
@@ -140,20 +144,18 @@ class Surrogate:
             for rows in np.arange(-(-n // n_copies) * n_copies).reshape(-1, n_copies) % n
         ]
         log_policy, solved = (np.concatenate(each)[:n] for each in zip(*parts, strict=True))
-        prior, belief = self.posterior.prior, self.space.belief
-        log_others = [
-            prior.evaluate(self.model, belief.unpack(point, self.space.like)).value
-            for point in points
-        ]
+        belief = self.space.belief
+        at = [belief.unpack(point, self.space.like) for point in points]
+        log_others = [others_at(self.posterior, parameters).value for parameters in at]
         return ExactPart(log_policy, solved, np.array(log_others))
 
     def _solved(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
-        believed = np.exp(self.log_outcomes(points, self.group_of(Block.BELIEF)))
+        believed = self._believed(points)
         weights = points[:, : len(self.space.like.reward)]
         rewards = np.concatenate([rewards_of(self.posterior.features, each) for each in weights])
         table = believed.reshape(-1, self.model.n_outcomes)
-        transitions = transitions_of(self.copies.transitions, table)
+        transitions = Transitions(self.copies.transitions, table)
         policy_model = self.posterior.policy_model
         problem = BellmanProblem(policy_model.equation, rewards, transitions, self.copies)
         solution = SOLVER.solve(problem, values.ravel())
@@ -180,6 +182,17 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     return Mdp(copies, mdp.discount)
 
 
+def others_at(posterior: Posterior, at: Parameters) -> LogPrior:
+    """log N, of the given prior and of dwell times."""
+    found = posterior.prior.evaluate(posterior.problem.mdp.transitions, at)
+    dwells = posterior.observations.dwells
+    if dwells is None:
+        return found
+    value, slope = dwells.evaluate(at.truth)
+    by_truth = at.zeros().with_block(Block.TRUTH, slope)
+    return LogPrior(found.value + value, found.gradient + by_truth)
+
+
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
     """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
 
@@ -191,13 +204,22 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
     derivatives = sensitivities(mdp, without.features, believed, solution, by_local, Automatic())
-    pairs = np.unique(posterior.observations.key // mdp.n_states)
+    seen = posterior.observations
+    pairs = np.union1d(seen.key // mdp.n_states, np.flatnonzero(seen.state_action))
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)
     jacobian = belief.jacobian(at)
-    gradient = without.prior.evaluate(mdp.transitions, at).gradient
+    hessian = without.prior.hessian(mdp.transitions, at)
+    if seen.dwells is not None:
+        hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
+    size = require_outcome_models(mdp.transitions, "this density").n_energies
     groups = [
-        OutcomeGroup(blocks, rows, pseudo_count_of(posterior.prior, blocks))
-        for blocks, rows in belief.places(at)
+        OutcomeGroup(
+            blocks,
+            place,
+            slice(place.start + size, place.stop),
+            pseudo_count_of(posterior.prior, blocks),
+        )
+        for blocks, place in belief.places(at)
         if Block.REWARD not in blocks
     ]
     return Surrogate(
@@ -205,8 +227,8 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         space=space,
         groups=tuple(groups),
         mode=belief.pack(at),
-        gradient=belief.pull_back(gradient, at),
-        hessian=jacobian.T @ without.prior.hessian(mdp.transitions, at) @ jacobian,
+        gradient=belief.pull_back(others_at(without, at).gradient, at),
+        hessian=jacobian.T @ hessian @ jacobian,
         value=solution.value,
         copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),
         pairs=pairs,

@@ -14,11 +14,15 @@ min(1, ratio), and leaves p^ as it is:
                           with probability 7/10 w' = w + A (P' - P);    ratio (N L^)' / (N L^)
     weights               w' = w + a normal step;                       ratio (N L^)' / (N L^)
     log odds of a model   energies and a normal step;                   ratio p^' / p^
+    law of dwell times    its mean or shape ~ N given all others;       ratio L^' / L^
 
 - The counts x complete the transitions (Tanner and Wong, J. Am. Stat. Assoc. 82, 1987). Given x,
   p^ is Dirichlet(P; c + sum x) N L^. P' is proposed from that Dirichlet density there and back, so
   it cancels. The shift keeps volumes, and that of the way back, A (P - P'), undoes it. A is the
   slope of w by P_m in Laplace's approximation.
+- Log means and shapes of dwell times go with the weights, too; their prior and likelihood belong to
+  N, which is normal in p^. Of moves that nobody makes choices show little more than that they are
+  not fast: N is their prior there, and their posterior has a long tail.
 - Normal steps are as likely there as back. p^ is the density over the coordinates u.
 
 Each step is reversible, so in random order they are together: from x to y a sweep leads as often
@@ -65,13 +69,15 @@ def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
     """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide.
 
     So it is where some outcomes of a pair (s, a), but not all, lead to one state, and where actions
-    are hidden.
+    are hidden; and where moves that nobody makes take time.
     """
-    model = posterior.problem.mdp.transitions
+    model = posterior.problem.mdp.transitions.moves
     if not isinstance(model, OutcomeModels):
         return False
     if not space.belief.learns_dynamics:
         return False
+    if model.n_others:
+        return True
     following = np.sort(once_per_state(model.successors), axis=2)
     changes = np.count_nonzero(np.diff(following, axis=2), axis=2)
     shared = (changes > 0) & (changes < model.n_outcomes - 1) & model.available
@@ -155,7 +161,10 @@ class _Chains:
         self.set_counts = np.tile(sets.count, (n, 1))
         self.shifted = _without_dirichlet_prior(near)
         self.models = _models(near, root, precision, sets, self.shifted)
-        self.weights = _walk(near.space, precision, np.arange(len(near.space.like.reward)))
+        laws = [np.arange(group.laws.start, group.laws.stop) for group in near.groups]
+        self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
+        others = np.concatenate([np.arange(len(near.space.like.reward)), *laws])
+        self.weights = _walk(near.space, precision, others)
         self.exact = near.exact(self.points, np.tile(near.value, (n, 1)))
         self.log_near = self._log_near(self.points)
         self.n_proposed = self.n_accepted = 0
@@ -169,6 +178,7 @@ class _Chains:
             steps.append(partial(self._walk_outcomes, model))
             if model.group.pseudo_count:
                 steps.append(partial(self._redraw_outcomes, model))
+        steps += [partial(self._redraw_law, row) for row in self.laws]
         points, log_near = self.points, self.log_near
         for number in self.rng.permutation(len(steps)):
             steps[number]()
@@ -228,6 +238,13 @@ class _Chains:
         logs = log_gamma - np.logaddexp.reduce(log_gamma, axis=1, keepdims=True)
         return np.asarray(np.maximum(logs, LEAST_LOG))
 
+    def _redraw_law(self, row: int) -> None:
+        near, moved = self.near, self.points.copy()
+        bend = near.hessian[row, row]
+        slope = near.gradient[row] + (self.points - near.mode) @ near.hessian[row]
+        moved[:, row] += self.rng.standard_normal(len(moved)) / np.sqrt(-bend) - slope / bend
+        self._step(moved, near.log_others(self.points) - near.log_others(moved))
+
     def _walk_weights(self) -> None:
         self._step(self.weights.step(self.points, self.rng))
 
@@ -259,7 +276,7 @@ def _without_dirichlet_prior(near: Surrogate) -> BoolArray:
     """(m,) which free numbers are reward weights, or outcomes that have another prior."""
     found = np.ones(len(near.mode), dtype=np.bool_)
     for group in near.groups:
-        found[group.rows] = group.pseudo_count == 0
+        found[group.place.start : group.laws.start] = group.pseudo_count == 0
     return found
 
 
@@ -270,7 +287,9 @@ def _models(
     sets: OutcomeSets,
     shifted: BoolArray,
 ) -> tuple[_Model, ...]:
-    spread, found = near.space.table @ root, []
+    spread, found = near.space.table @ root, list[_Model]()
+    if near.model.n_outcomes == 1:
+        return ()
     for group in near.groups:
         for number, log_p in enumerate(near.log_outcomes(near.mode[None], group)[0]):
             rows = near.rows_of(group, number)

@@ -6,7 +6,8 @@ the computed T V, which is the returned value, satisfies
     max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma),
 
 which holds for every solver: the bound needs the residual and the size of numbers only. V* solves
-the equation as given: with these rewards and transitions, whose rows sum to 1.
+the equation as given: with these rewards and transitions, whose rows sum to 1. Where moves take
+time, gamma times the largest sum of a row stands for gamma (`BellmanProblem.contraction`).
 
 (Soft) value iteration is V <- T V until the residual certifies the accuracy.
 
@@ -61,7 +62,7 @@ class BellmanProblem:
         else:
             allowed = np.where(available, self.rewards, 0.0)
             rewards = np.where(available, self.rewards, -np.inf)
-        largest = LARGEST_VALUE * (1.0 - self.discount)
+        largest = LARGEST_VALUE * (1.0 - self.contraction)
         once = unrepeated(allowed)
         if not max(float(once.max()), -float(once.min())) <= largest:
             state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
@@ -76,6 +77,12 @@ class BellmanProblem:
     def discount(self) -> float:
         """gamma."""
         return self.mdp.discount
+
+    @cached_property
+    def contraction(self) -> float:
+        """Modulus of T: gamma, less or more where moves take time."""
+        filled = self.transitions
+        return self.discount * filled.model.largest_sum(filled.local_probabilities)
 
     @property
     def engine(self) -> Engine:
@@ -179,7 +186,7 @@ def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
     that is more than the accuracy asks for, and the rounding of the backup comes on top: how near
     V* the solution is certified to be is in its error bound, not in the accuracy.
     """
-    share = max(accuracy * (1.0 - problem.discount), SMALLEST_SHARE)
+    share = max(accuracy * (1.0 - problem.contraction), SMALLEST_SHARE)
     return last.residual <= last.scale * share
 
 
@@ -210,7 +217,7 @@ def solution_from(
         steps=steps,
         linear_solves=linear_solves,
         residual=last.residual,
-        error_bound=certified / (1.0 - problem.discount),
+        error_bound=certified / (1.0 - problem.contraction),
         converged=converged,
     )
 

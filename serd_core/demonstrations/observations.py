@@ -19,6 +19,8 @@ from serd_core.dynamics.transition_model import TransitionModel, places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, require_problem
+from serd_core.semi_markov.dwell_likelihood import DwellObservations, dwell_times
+from serd_core.semi_markov.timed_decisions import reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,8 @@ class Observations:
     that explain a hidden action; group_count: how often each was observed.
     local_index: of the entries of P that belong to one of these, places in the flattened local
     probabilities; entry_group: place of each in `key`.
-    hidden: moves whose action is hidden.
+    hidden: moves whose action is hidden. dwells: how long decisions took, None where that is not a
+    part of the dynamics. Decisions that a command ended count in `state_action` alone.
     """
 
     state_action: FloatArray
@@ -56,6 +59,7 @@ class Observations:
     local_index: IntArray
     entry_group: IntArray
     hidden: HiddenMoves
+    dwells: DwellObservations | None = None
 
     @property
     def n_decisions(self) -> int:
@@ -81,19 +85,19 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
         raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
     _require_distinct_times(decisions, name)
     state_counts(decisions, mdp.n_states)
-    shown = np.flatnonzero(~decisions.hidden)
+    shown, ended = np.flatnonzero(~decisions.hidden), reached(decisions)
     counts = state_action_counts(decisions.select(shown), mdp.n_states, mdp.n_actions)
     _require_available(mdp, decisions, name)
     taken = taken_transitions(mdp, decisions)
     _require_explained(decisions, _explained(mdp, decisions, taken), name)
-    observed = taken[shown]
-    hidden = decisions.select(decisions.hidden)
+    observed = taken[shown[ended[shown]]]
+    hidden = decisions.select(decisions.hidden & ended)
     pairs = np.stack([hidden.state, hidden.next_state], axis=1)
     _, first, moves = np.unique(pairs, axis=0, return_index=True, return_counts=True)
     candidates = explaining_transitions(mdp, hidden.select(first))
     move, column = np.nonzero(candidates >= 0)
     keys = np.unique(np.concatenate([observed, candidates[move, column]]))
-    entries = mdp.transitions.row_entries(np.unique(keys // mdp.n_states))
+    entries = mdp.transitions.moves.row_entries(np.unique(keys // mdp.n_states))
     entry_group = places_of(entries.row * mdp.n_states + entries.successor, keys)
     kept = entry_group >= 0
     place = places_of(candidates[move, column], keys)
@@ -104,6 +108,7 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
         local_index=entries.local_index[kept],
         entry_group=entry_group[kept],
         hidden=HiddenMoves(moves.astype(np.float64), place, move),
+        dwells=dwell_times(mdp, decisions, name),
     )
 
 
@@ -119,7 +124,7 @@ def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
 
 
 def _explained(mdp: Mdp, decisions: Decisions, taken: IntArray) -> BoolArray:
-    found, hidden = taken >= 0, decisions.hidden
+    found, hidden = (taken >= 0) | ~reached(decisions), decisions.hidden & reached(decisions)
     found[hidden] = np.any(explaining_transitions(mdp, decisions.select(hidden)) >= 0, axis=1)
     return np.asarray(found)
 

@@ -55,6 +55,8 @@ from serd_core.dynamics.transition_model import (
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem
+from serd_core.semi_markov.counted import counted_parameters
+from serd_core.semi_markov.models import SemiMarkovModels
 
 EPSILON = float(np.finfo(np.float64).eps)
 #: Share of what its slope promises that a step must gain, and the shortest step tried.
@@ -155,20 +157,24 @@ def estimate_dynamics(
 ) -> FloatArray:
     """(M, K) outcome probabilities; SerdError where the estimate did not converge.
 
-    Of a SparseModel, whose prior adds to each transition of each pair, its parameters.
+    Of a SparseModel, whose prior adds to each transition of each pair, and of moves that take time
+    (`counted_parameters`), their parameters.
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     seen = observe_in(problem, decisions)
     if isinstance(problem.mdp.transitions, SparseModel):
         return most_likely_parameters(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
-    estimate = most_likely_dynamics(model, seen, pseudo_count)
+    outcomes = model.outcomes if isinstance(model, SemiMarkovModels) else model
+    estimate = most_likely_dynamics(outcomes, seen, pseudo_count)
     if not estimate.converged:
         raise SerdError(
             f"the M-estimate of the dynamics must converge, but after {estimate.steps} steps may"
             f" be off by a share of {estimate.error_bound}; pass dynamics, for example"
             f" estimate_dynamics(problem, decisions, pseudo_count={10 * max(pseudo_count, 1.0)})"
         )
+    if isinstance(model, SemiMarkovModels):
+        return counted_parameters(model, estimate.probabilities, seen.dwells)
     return estimate.probabilities
 
 

@@ -19,6 +19,7 @@ from serd_core.arrays import (
     bool_array,
     int_array,
     is_number,
+    padded,
     require_each,
     require_index,
     require_positive,
@@ -48,6 +49,7 @@ class OutcomeModels(TransitionModel):
     intended: (M,) outcome that the actions of each model are named after, None where there is none.
     Where actions are hidden, renaming actions and outcomes alike often changes no likelihood; fits
     then start where the intended outcomes are the most likely ones.
+    n_others: further numbers of the parameter vector, on which no outcome depends.
     """
 
     successors: IntArray
@@ -56,6 +58,7 @@ class OutcomeModels(TransitionModel):
     n_models: int
     beta: float = 1.0
     intended: IntArray | None = None
+    n_others: int = 0
 
     def __post_init__(self) -> None:
         successors = int_array("successors", self.successors, (None, None, None), dtype=None)
@@ -90,9 +93,14 @@ class OutcomeModels(TransitionModel):
         return int(self.successors.shape[2])
 
     @property
-    def n_parameters(self) -> int:
-        """M * K energies."""
+    def n_energies(self) -> int:
+        """M * K."""
         return self.n_models * self.n_outcomes
+
+    @property
+    def n_parameters(self) -> int:
+        """M * K energies and the other numbers."""
+        return self.n_energies + self.n_others
 
     @cached_property
     def row_length(self) -> IntArray:
@@ -152,15 +160,17 @@ class OutcomeModels(TransitionModel):
     def gauge(self) -> FloatArray:
         """(M, M*K) adding a constant to all energies of a model changes nothing."""
         same = np.kron(np.eye(self.n_models), np.ones((1, self.n_outcomes)))
-        return np.asarray(same, dtype=np.float64)
+        return padded(same, (self.n_models, self.n_parameters))
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """(M*K, M*K) derivative of the probabilities by the energies (5.2)."""
-        return self._by_model(self._slope(self.local_probabilities(parameters)))
+        """(M*K, N) derivative of the probabilities by the energies (5.2)."""
+        slope = self._by_model(self._slope(self.local_probabilities(parameters)))
+        return padded(slope, (self.n_energies, self.n_parameters))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(M*K, M*K) second derivatives of local_gradient . probabilities by the energies."""
-        return self._by_model(self._bend(self.local_probabilities(parameters), local_gradient))
+        """(N, N) second derivatives of local_gradient . probabilities by the energies."""
+        bend = self._by_model(self._bend(self.local_probabilities(parameters), local_gradient))
+        return padded(bend, (self.n_parameters, self.n_parameters))
 
     def _slope(self, p: FloatArray) -> FloatArray:
         """(M, K, K) derivative of the probabilities of a model by its energies."""
@@ -178,23 +188,25 @@ class OutcomeModels(TransitionModel):
         table = np.zeros((self.n_models, self.n_outcomes) * 2)
         each = np.arange(self.n_models)
         table[each, :, each, :] = blocks
-        return table.reshape(self.n_parameters, self.n_parameters)
+        return table.reshape(self.n_energies, self.n_energies)
 
     def energies(self, parameters: FloatArray) -> FloatArray:
-        """(M, K) energies theta_mk."""
-        return np.reshape(parameters, (self.n_models, self.n_outcomes))
+        """(..., M, K) energies theta_mk of (..., N) parameters."""
+        given = np.asarray(parameters)[..., : self.n_energies]
+        return given.reshape(*given.shape[:-1], self.n_models, self.n_outcomes)
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
-        """(M, K) outcome probabilities P_m(k) (5.1)."""
+        """(..., M, K) outcome probabilities P_m(k) of (..., N) parameters (5.1)."""
         energies = self.beta * self.energies(parameters)
-        weights = np.exp(energies - energies.max(axis=1, keepdims=True))
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+        weights = np.exp(energies - energies.max(axis=-1, keepdims=True))
+        return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(M*K,) gradient by the energies for an (M, K) gradient by the probabilities (5.2)."""
+        """(N,) gradient by the energies for an (M, K) gradient by the probabilities (5.2)."""
         probabilities = self.local_probabilities(parameters)
         mean = np.sum(probabilities * local_gradient, axis=1, keepdims=True)
-        return np.asarray(self.beta * probabilities * (local_gradient - mean)).ravel()
+        by_energy = self.beta * probabilities * (local_gradient - mean)
+        return padded(by_energy.ravel(), (self.n_parameters,))
 
     def entries(self, local_probabilities: FloatArray) -> FloatArray:
         """(E,) entries for the given (M, K) outcome probabilities."""
@@ -215,7 +227,8 @@ class OutcomeModels(TransitionModel):
         fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
         require_each("probabilities", probabilities, probabilities > 0, rule, fix)
         energies = np.log(probabilities) / self.beta
-        return np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
+        centred = np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
+        return padded(centred, (self.n_parameters,))
 
     def fixed_parameters_of(self, known: FloatArray) -> FloatArray:
         """(M*K,) energies of (M, K) probabilities; outcomes of probability 0 keep exactly that.
@@ -227,7 +240,7 @@ class OutcomeModels(TransitionModel):
         possible = probabilities > 0
         scaled = np.log(probabilities, out=np.full_like(probabilities, -IMPOSSIBLE), where=possible)
         mean = np.mean(scaled, axis=1, keepdims=True, where=possible)
-        return np.asarray((scaled - mean) / self.beta).ravel()
+        return padded(np.asarray((scaled - mean) / self.beta).ravel(), (self.n_parameters,))
 
     def known_probabilities(self, known: FloatArray) -> FloatArray:
         """The (M, K) table itself, checked."""

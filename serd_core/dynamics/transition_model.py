@@ -149,6 +149,20 @@ class TransitionModel(ABC):
         return self.local_probabilities(self.fixed_parameters_of(known))
 
     @property
+    def moves(self) -> TransitionModel:
+        """The model of where moves lead, without how long they take, of the same parameters."""
+        return self
+
+    def largest_sum(self, local_probabilities: FloatArray) -> float:
+        """Largest sum of a row; T contracts by the discount times this."""
+        del local_probabilities
+        return 1.0
+
+    def require_discount(self, discount: float) -> None:
+        """SerdError where the model is one for another discount."""
+        del discount
+
+    @property
     @abstractmethod
     def local_index(self) -> IntArray:
         """(E,) which of the flattened local probabilities each entry is."""
@@ -292,15 +306,16 @@ def transitions_of(model: TransitionModel, local_probabilities: FloatArray | Non
 
 def transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:
     """(G,) probability of each distinct transition, with a positive floor."""
-    return floored(model.groups.probabilities(model.entries(model.local_probabilities(theta))))
+    moves = model.moves
+    return floored(moves.groups.probabilities(moves.entries(moves.local_probabilities(theta))))
 
 
 def dynamics_gradient(
     model: TransitionModel, theta: FloatArray, group_gradient: FloatArray
 ) -> FloatArray:
     """(N,) gradient by the parameters for a (G,) gradient by distinct transitions."""
-    entry_gradient = group_gradient[model.groups.group_of_entry]
-    return model.pull_back(theta, model.gather(entry_gradient))
+    moves, entry_gradient = model.moves, group_gradient[model.groups.group_of_entry]
+    return moves.pull_back(theta, moves.gather(entry_gradient))
 
 
 def log_transition_hessian(
@@ -316,20 +331,19 @@ def transition_hessian(
     model: TransitionModel, theta: FloatArray, first: FloatArray, second: FloatArray
 ) -> FloatArray:
     """(N, N) of sum h_g(P_g) for (G,) first and second derivatives of h."""
-    by_local = model.gather(first[model.groups.group_of_entry])
-    bent = second != 0
-    slopes = transition_jacobian(model, model.local_jacobian(theta), bent)
+    moves, bent = model.moves, second != 0
+    by_local = moves.gather(first[moves.groups.group_of_entry])
+    slopes = transition_jacobian(model, theta, bent)
     bend = (slopes * second[bent][:, None]).T @ slopes
-    return np.asarray(model.local_curvature(theta, by_local) + bend)
+    return np.asarray(moves.local_curvature(theta, by_local) + bend)
 
 
-def transition_jacobian(
-    model: TransitionModel, local_jacobian: FloatArray, wanted: BoolArray
-) -> FloatArray:
+def transition_jacobian(model: TransitionModel, theta: FloatArray, wanted: BoolArray) -> FloatArray:
     """(n_wanted, N) derivative of the wanted transitions (mask over G) by the parameters."""
-    n_groups, n_local = len(model.groups), len(local_jacobian)
-    ones = np.ones(len(model.local_index))
+    moves = model.moves
+    local_jacobian = moves.local_jacobian(theta)
     choose = scipy.sparse.csr_array(
-        (ones, (model.groups.group_of_entry, model.local_index)), shape=(n_groups, n_local)
+        (np.ones(len(moves.local_index)), (moves.groups.group_of_entry, moves.local_index)),
+        shape=(len(moves.groups), len(local_jacobian)),
     )
     return np.asarray(choose[np.flatnonzero(wanted)] @ local_jacobian)

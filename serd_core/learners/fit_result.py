@@ -42,11 +42,13 @@ class FitResult:
     parameters: all blocks at the end; outcomes that fixed dynamics rule out have energies so low
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
-    expert's belief; initial_outcome_probabilities: the start. (For a SparseModel: its entries.)
+    expert's belief; initial_outcome_probabilities: the start. (For a SparseModel: its entries;
+    where moves take time: discounted outcomes, whose parts `SemiMarkovModels.laws` has.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.
-    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action;
+    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action, the second with
+    their dwell times where moves take time;
     hidden_log_likelihood: of those without.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a

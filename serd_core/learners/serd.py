@@ -115,9 +115,10 @@ def fit_serd(
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     start = starting_parameters(problem, policy_model, weights, given, settings.belief)
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
-    require_possible(observations, problem.mdp, initial_probabilities)
+    moves = problem.mdp.transitions.moves.local_probabilities(start.truth)
+    require_possible(observations, problem.mdp, moves)
     assumptions = Assumptions(policy_model, settings.belief, settings.prior, by_likelihood=True)
-    prior = assumptions.whole_prior.anchored(initial_probabilities)
+    prior = assumptions.whole_prior.anchored(moves)
     posterior = Posterior(
         problem, observations, policy_model, prior, settings.solver, settings.linear_solver
     )

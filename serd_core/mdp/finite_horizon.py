@@ -116,7 +116,7 @@ def _last_action(available: BoolArray) -> IntArray:
 
 def _in_periods(model: TransitionModel, n_periods: int) -> TransitionModel:
     """The same transitions, each into the next period; those of the last one stay."""
-    if isinstance(model, OutcomeModels):
+    if isinstance(model, OutcomeModels) and model.moves is model:
         return _outcomes_in_periods(model, n_periods)
     if isinstance(model, SparseModel):
         return _entries_in_periods(model, n_periods)

@@ -43,6 +43,7 @@ class Mdp:
                 f"discount must be in [0, 1), got {shown(self.discount)}; use for example 0.99"
             )
         object.__setattr__(self, "discount", float(self.discount))
+        self.transitions.require_discount(self.discount)
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
             bytes_of_transitions(

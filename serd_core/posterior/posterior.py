@@ -5,6 +5,9 @@
 A decision whose action is hidden has log sum_a pi_theta(a | s) P_T(s' | s, a) in place of the first
 two (`serd_core.posterior.hidden_actions`).
 
+Where moves take time, P_T(s' | s, a) stands for P_T(s', t | s, a) with the dwell time t
+(`serd_core.semi_markov.dwell_likelihood`).
+
 Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
 """
 
@@ -71,7 +74,8 @@ def require_possible(observations: Observations, mdp: Mdp, local_probabilities: 
 class PosteriorValue:
     """J in its parts, its gradient by all blocks, the solved equation and its adjoint.
 
-    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action;
+    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action, the second with
+    their dwell times where moves take time;
     hidden_log_likelihood: of those without. expected: counts at which the gradient was taken.
     """
 
@@ -108,7 +112,12 @@ class Posterior:
 
     @cached_property
     def features(self) -> FloatArray:
-        """(S, A, F) of the problem, less a large constant, which changes no policy."""
+        """(S, A, F) of the problem, less a large constant, which changes no policy.
+
+        Where moves take time it does, as values of constant rewards depend on how long moves take.
+        """
+        if self._model.moves is not self._model:
+            return self.problem.features
         features, given = self.problem.features, usable_features(self.problem)
         middle, spread = given.mean(axis=0), np.ptp(given, axis=0)
         large = (spread > 0) & (np.abs(middle) > LARGEST_OFFSET * spread)
@@ -131,10 +140,14 @@ class Posterior:
         if seen.hidden:
             _, by_truth = dynamics_log_likelihood(expected.observations, true)
         log_prior = self.prior.evaluate(self._model, parameters)
+        truth = self._model.moves.pull_back(parameters.truth, by_truth)
+        if seen.dwells is not None:
+            of_dwells, by_dwells = seen.dwells.evaluate(parameters.truth)
+            dynamics_value, truth = dynamics_value + of_dwells, truth + by_dwells
         gradient = Parameters(
             reward=weights_gradient(self.features, gradients.reward_gradient),
             belief=self._model.pull_back(parameters.belief, gradients.local_gradient),
-            truth=self._model.pull_back(parameters.truth, by_truth),
+            truth=truth,
             policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
         )
         return PosteriorValue(
@@ -151,10 +164,10 @@ class Posterior:
     def solved(
         self, parameters: Parameters, initial_value: FloatArray | None = None
     ) -> tuple[Transitions, Transitions, BellmanSolution, FloatArray]:
-        """Lines 5 and 6: believed and true transitions, the Bellman equation, (S, A) log policy."""
+        """Lines 5 and 6: believed transitions, true moves, Bellman equation, (S, A) log policy."""
         believed = true = transitions_at(self._model, parameters.belief)
-        if parameters.truth is not parameters.belief:
-            true = transitions_at(self._model, parameters.truth)
+        if parameters.truth is not parameters.belief or self._model.moves is not self._model:
+            true = transitions_at(self._model.moves, parameters.truth)
         rewards = rewards_of(self.features, parameters.reward)
         bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
         solution = self.solver.solve(bellman, initial_value)

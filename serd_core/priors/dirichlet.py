@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, floored, require_kind, require_positive
+from serd_core.arrays import FloatArray, floored, padded, require_kind, require_positive
 from serd_core.dynamics.estimation import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
@@ -56,7 +56,9 @@ class DirichletPrior(Prior):
         gradient = models.beta * self.pseudo_count * (1.0 - models.n_outcomes * table)
         return LogPrior(
             self.pseudo_count * float(np.sum(np.log(floored(table)))),
-            parameters.zeros().with_block(self.block, gradient.ravel()),
+            parameters.zeros().with_block(
+                self.block, padded(gradient.ravel(), (model.n_parameters,))
+            ),
         )
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
@@ -66,7 +68,8 @@ class DirichletPrior(Prior):
             return parameters.placed(self.block, self._of_transitions(model).hessian(theta))
         models = require_outcome_models(model, "DirichletPrior")
         scale = -models.beta * self.pseudo_count * models.n_outcomes
-        return parameters.placed(self.block, scale * models.local_jacobian(theta))
+        table = padded(scale * models.local_jacobian(theta), (len(theta), len(theta)))
+        return parameters.placed(self.block, table)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
         """M times the volume of the coordinates over B(c, ..., c)."""
@@ -99,9 +102,10 @@ def log_volume(models: OutcomeModels) -> float:
 
 def require_outcome_models(model: TransitionModel, name: str) -> OutcomeModels:
     """The models over whose energies priors are; SerdError for dynamics of another kind."""
-    if not isinstance(model, OutcomeModels):
+    moves = model.moves if isinstance(model, OutcomeModels) else None
+    if not isinstance(moves, OutcomeModels):
         raise SerdError(
             f"{name} is a prior of OutcomeModels, got {type(model).__name__}; pass another prior,"
             " or belief=FixedBelief() where dynamics are not learned"
         )
-    return model
+    return moves

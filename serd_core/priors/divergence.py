@@ -66,7 +66,7 @@ class DynamicsPrior(Prior):
         """Value and gradient."""
         theta = parameters.block(self.block)
         probability = transition_probabilities(model, theta)
-        value, slope, _ = self.terms(model, self._weights(model), probability)
+        value, slope, _ = self.terms(model.moves, self._weights(model), probability)
         gradient = dynamics_gradient(model, theta, slope)
         return LogPrior(value, parameters.zeros().with_block(self.block, gradient))
 
@@ -74,7 +74,7 @@ class DynamicsPrior(Prior):
         """Second derivatives, in the part of the block."""
         theta = parameters.block(self.block)
         probability = transition_probabilities(model, theta)
-        _, slope, bend = self.terms(model, self._weights(model), probability)
+        _, slope, bend = self.terms(model.moves, self._weights(model), probability)
         return parameters.placed(self.block, transition_hessian(model, theta, slope, bend))
 
     def _weights(self, model: TransitionModel) -> FloatArray:
@@ -196,7 +196,7 @@ class CouplingPrior(Prior):
         )
         everywhere = np.ones(len(weights), dtype=np.bool_)
         by_truth, by_belief = (
-            transition_jacobian(model, model.local_jacobian(theta), everywhere)
+            transition_jacobian(model, theta, everywhere)
             for theta in (parameters.truth, parameters.belief)
         )
         mixed = (by_truth * (weights / belief)[:, None]).T @ by_belief

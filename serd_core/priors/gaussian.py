@@ -4,13 +4,15 @@
     log P(theta_TE | theta_T) = -beta^2 |theta_TE - theta_T|^2 / (2 sd^2) - Z
 
 The second is over energies without gauge, so outcome distributions are logistic-normal (Aitchison
-and Shen, Biometrika 67, 1980). Its Z does not depend on the truth, which a Dirichlet distribution
-around the truth would draw to even probabilities.
+and Shen, Biometrika 67, 1980); log means and shapes of dwell times deviate alike. Its Z does not
+depend on the truth, which a Dirichlet distribution around the truth would draw to even
+probabilities.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from serd_core.arrays import (
     FloatArray,
@@ -125,7 +127,9 @@ class GaussianAroundTruth(Prior):
         models = require_outcome_models(model, "GaussianAroundTruth")
         width = self.standard_deviation / models.beta
         size = models.n_models * (models.n_outcomes - 1)
-        return -size * float(np.log(width) + 0.5 * np.log(2.0 * np.pi))
+        of_laws = models.n_others * np.log(self.standard_deviation)
+        size_of_all = size + models.n_others
+        return -float(size * np.log(width) + of_laws + 0.5 * size_of_all * np.log(2.0 * np.pi))
 
     def _precision(self, model: TransitionModel) -> FloatArray:
         """(N, N) of energies, 0 along the gauge."""
@@ -133,7 +137,9 @@ class GaussianAroundTruth(Prior):
         size = models.n_outcomes
         centred = np.eye(size) - 1.0 / size
         scale = (models.beta / self.standard_deviation) ** 2
-        return np.asarray(scale * np.kron(np.eye(models.n_models), centred))
+        of_energies = scale * np.kron(np.eye(models.n_models), centred)
+        of_laws = np.eye(models.n_others) / self.standard_deviation**2
+        return np.asarray(scipy.linalg.block_diag(of_energies, of_laws))
 
 
 def _require_deviations(name: str, given: float | tuple[float, ...]) -> None:

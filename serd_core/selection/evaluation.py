@@ -32,6 +32,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.mdp import checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.semi_markov.models import SemiMarkovModels
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
@@ -68,7 +69,10 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
     if not decisions.hidden.any():
         return policy_log_likelihood(problem, decisions, policy)
     shown, hidden = decisions.select(~decisions.hidden), decisions.select(decisions.hidden)
-    total = move_log_likelihood(problem, hidden, policy, fit.outcome_probabilities).sum()
+    model, table = problem.mdp.transitions, fit.outcome_probabilities
+    if isinstance(model, SemiMarkovModels):
+        table = model.laws(fit.parameters.truth).probability
+    total = move_log_likelihood(problem, hidden, policy, table).sum()
     if len(shown):
         total += len(shown) * policy_log_likelihood(problem, shown, policy)
     return float(total / len(decisions))

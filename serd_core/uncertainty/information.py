@@ -90,6 +90,11 @@ def fit_information(
     assumed = _assumptions(fit, policy_model, belief, prior)
     _require_fitting(problem, fit, assumed)
     observations = observe(problem.mdp, decisions)
+    if observations.dwells is not None:
+        raise SerdError(
+            "scores are those of moves that take no time, got decisions with dwell times; use"
+            " laplace or dwell_summary"
+        )
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)

@@ -185,6 +185,8 @@ def posterior_hessian(
     if learns_dynamics:
         counts = seen.counts(model)
         table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
+        if seen.dwells is not None:
+            table[truth, truth] += seen.dwells.hessian(parameters.truth)
     if found is None:
         found = sensitivities_at(posterior, parameters, at, learns_dynamics=learns_dynamics)
     _add_policy_part(table, posterior, parameters, at, found)
@@ -287,5 +289,5 @@ def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) ->
     probability = transition_probabilities(model, truth)[group]
     wanted = np.zeros(len(model.groups), dtype=np.bool_)
     wanted[group] = True
-    slopes = transition_jacobian(model, model.local_jacobian(truth), wanted)
+    slopes = transition_jacobian(model, truth, wanted)
     return np.asarray(slopes / probability[:, None])

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from lab.catalogue import EXPERIMENTS, experiment_named
+from lab.experiments.durations import DurationsConfig
 from lab.experiments.gridworld.ascents import AscentsConfig
 from lab.experiments.gridworld.early_stopping import EarlyStoppingConfig
 from lab.experiments.gridworld.experiment import GridworldConfig
@@ -18,6 +19,7 @@ DATA = Path(__file__).parents[4] / "shared" / "data" / "rust1987"
 
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
+    "durations": DurationsConfig(n_repetitions=1, sizes=(3,), draws=4),
     "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
     "ascents": AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
@@ -32,6 +34,7 @@ SMALL = {
 BY_NAME = {name: experiment_named(name) for name in EXPERIMENTS}
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
+    "durations": {"worlds.csv", "summary.csv"},
     "multi-start": {"explanations.csv", "shares.csv"},
     "early-stopping": {"measures.csv", "summary.csv", "measures.png"},
     "ascents": {"costs.csv", "gaps.csv", "gaps.png"},

@@ -1,0 +1,226 @@
+"""What choices reveal of how long a move takes that nobody makes: a ring with a stream of people.
+
+24 places in two lanes. Against the stream a place takes three times as long as with it, so experts
+who start between 10 and 14 places before the goal go round with it. Three learners look on: one of
+durations, rewards and outcomes at once, one that counts durations and then learns rewards, and one
+with a discount per decision, for whom moves take no time. Either each action has one outcome, or it
+may also end aside, and nobody knows how often moves against the stream do.
+
+Robots plan with the posterior mean of discounted outcomes, the last learner's with its estimate.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+import serd_core as sc
+from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
+from lab.experiments.running.tables import Row
+from serd_core.arrays import FloatArray
+from serd_core.demonstrations.observations import observe
+from serd_core.semi_markov.counted import PRIOR
+from serd_core.semi_markov.models import require_timed
+from serd_files.settings import setting
+
+PLACES, GOAL = 24, 0
+WITH, AGAINST, ACROSS, WAIT = range(4)
+#: Probabilities of each action's outcome, of staying, and of the other lane or a drift.
+SIDE_OUTCOMES = np.array(
+    [[0.92, 0.04, 0.04], [0.85, 0.1, 0.05], [0.85, 0.1, 0.05], [0.6, 0.3, 0.1]]
+)
+CASES = {"one outcome": np.ones((4, 1)), "side outcomes": SIDE_OUTCOMES}
+MEAN_S = np.array([1.0, 3.0, 1.2, 1.0])
+STARTS = np.arange(10, 15)
+#: Of an interval that holds 90 % of a posterior.
+MASS_ENDS = (0.05, 0.95)
+TOGETHER, TWO_STEPS, PER_DECISION = "durations learned", "two steps", "discount per decision"
+
+
+class DurationsConfig(SeededConfig):
+    """Experts on the ring."""
+
+    n_repetitions: Count = setting(100, "worlds, with demonstrations of their own")
+    sizes: Sizes = setting((3, 10, 30), "demonstrations of a world")
+    goal_weight: float = setting(4.0, "of the goal in the expert's reward", gt=0)
+    discount: float = setting(0.97, "discount per second", gt=0, lt=1)
+    shape: float = setting(6.0, "shape of the gamma laws of dwell times", gt=0)
+    until_command_s: float = setting(8.0, "mean seconds until another command", gt=0)
+    distances: Sizes = setting((5, 7, 9), "places before the goal where robots start")
+    draws: Count = setting(64, "draws of a posterior")
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A ring, and the truth about it: (N,) parameters, and discounted outcomes."""
+
+    config: DurationsConfig
+    plain: sc.TabularProblem
+    timed: sc.TabularProblem
+    truth: FloatArray
+    table: FloatArray
+
+    def ways(self, problem: sc.TabularProblem, table: FloatArray) -> list[int]:
+        """First move along the ring, or `WAIT`, of the best plan from each distance."""
+        greedy = sc.optimal_policy(problem, np.ones(1), table).greedy
+        found = []
+        for distance in self.config.distances:
+            state = 2 * distance
+            if greedy[state] == ACROSS:
+                state += 1
+            found.append(int(greedy[state]))
+        return found
+
+
+def run_durations(config: DurationsConfig, session: Session) -> Findings:
+    """Bias, deviation and coverage of the duration of a move that nobody makes, and plans."""
+    table = session.repeat(partial(learn_one_world, config), config.n_repetitions, config)
+    summary = summary_of(table)
+    return Findings(summary, {"worlds.csv": table, "summary.csv": summary})
+
+
+def ring(discount: float, n_outcomes: int) -> sc.TabularProblem:
+    """The decision problem, in which moves take no time."""
+    state = np.arange(2 * PLACES)
+    place, lane = np.divmod(state, 2)
+    onward, back, aside = (
+        ((place + step) % PLACES) * 2 + (lane + shift) % 2
+        for step, shift in ((1, 0), (-1, 0), (0, 1))
+    )
+    rows = [(onward, state, aside), (back, state, aside), (aside, state, onward)]
+    rows.append((state, state, onward))
+    successors = np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+    at_goal, available = place == GOAL, np.ones((len(state), len(rows)), dtype=np.bool_)
+    available[at_goal, :WAIT] = False
+    successors[at_goal] = state[at_goal, None, None]
+    model_of = np.tile(np.arange(len(rows)), (len(state), 1))
+    models = sc.OutcomeModels(successors[:, :, :n_outcomes], model_of, available, len(rows))
+    goal = np.repeat(at_goal[:, None, None].astype(np.float64), len(rows), axis=1)
+    return sc.TabularProblem(sc.Mdp(models, discount), goal, ("goal",))
+
+
+def world(config: DurationsConfig, case: str) -> World:
+    """The ring of a case, and the truth about it."""
+    outcomes = CASES[case]
+    plain = ring(config.discount, outcomes.shape[1])
+    timed = sc.semi_markov_problem(plain)
+    models = require_timed(timed.mdp.transitions)
+    truth = models.parameters_from(outcomes, MEAN_S, config.shape)
+    return World(config, plain, timed, truth, models.local_probabilities(truth))
+
+
+def learn_one_world(config: DurationsConfig, number: int) -> list[Row]:
+    """Rows of one repetition: every case, size and learner, each set a part of the next."""
+    rows: list[Row] = []
+    for place, case in enumerate(CASES):
+        rng = np.random.default_rng([config.seed, number, place])
+        given = world(config, case)
+        demonstrations = demonstrate(given, rng)
+        right = given.ways(given.timed, given.table)
+        for size in config.sizes:
+            chosen = demonstrations.select_episodes(range(size))
+            assert isinstance(chosen, sc.TimedDecisions)
+            row: Row = {"case": case, "repetition": number, "size": size}
+            row["moves_against"] = int(np.sum(chosen.action == AGAINST))
+            row["censored"] = float(np.mean(chosen.censored))
+            for learner in (TOGETHER, TWO_STEPS, PER_DECISION):
+                found, tables = learn(given, learner, chosen, rng)
+                problem = given.plain if learner == PER_DECISION else given.timed
+                for plan, table in tables.items():
+                    taken = given.ways(problem, table)
+                    for distance, way, best in zip(config.distances, taken, right, strict=True):
+                        found[f"{plan}_{distance}"] = float(way == best)
+                rows.append(row | {"learner": learner} | found)
+    return rows
+
+
+def demonstrate(given: World, rng: np.random.Generator) -> sc.TimedDecisions:
+    """Episodes of experts who know the ring."""
+    config, starts = given.config, np.zeros(2 * PLACES)
+    starts[np.concatenate([2 * STARTS, 2 * STARTS + 1])] = 0.5 / len(STARTS)
+    weights = np.array([config.goal_weight])
+    return sc.sample_timed_decisions(
+        given.timed.mdp,
+        sc.soft_policy(given.timed, weights, given.table).probabilities,
+        given.truth,
+        starts,
+        n_episodes=max(config.sizes),
+        n_steps=400,
+        rng=rng,
+        mean_until_command_s=config.until_command_s,
+    )
+
+
+def learn(
+    given: World, learner: str, decisions: sc.TimedDecisions, rng: np.random.Generator
+) -> tuple[Row, dict[str, FloatArray]]:
+    """What a learner finds, and the discounted outcomes that robots may plan with."""
+    problem = given.plain if learner == PER_DECISION else given.timed
+    belief = sc.FixedBelief() if learner == TWO_STEPS else sc.TiedBelief()
+    fit = sc.fit_mdce_serd(problem, decisions, belief=belief)
+    weight = max(float(fit.reward_weights[0]), 1e-9) / given.config.goal_weight
+    row: Row = {"converged": fit.converged, "weight_bias": float(np.log(weight))}
+    if learner == PER_DECISION:
+        return row, {"right": fit.outcome_probabilities}
+    models, theta = problem.mdp.transitions, fit.parameters.truth
+    if learner == TWO_STEPS:
+        drawn = counted_draws(problem, decisions, theta, given.config.draws, rng)
+    else:
+        drawn = sc.dynamics_draws(sc.laplace(problem, decisions, fit), rng, given.config.draws)
+    row |= duration_of(given, theta, drawn)
+    tables = {"right": sc.mean_discounted_outcomes(problem, drawn)}
+    return row, tables | {"mode_right": models.local_probabilities(theta)}
+
+
+def counted_draws(
+    problem: sc.TabularProblem,
+    decisions: sc.TimedDecisions,
+    theta: FloatArray,
+    n: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """(n, N) draws of counted dwell times, by Laplace's approximation, and counted outcomes."""
+    models, drawn = require_timed(problem.mdp.transitions), np.tile(theta, (n, 1))
+    dwells = observe(problem.mdp, decisions).dwells
+    assert dwells is not None
+    information = PRIOR.precision(models) - dwells.hessian(theta)
+    laws = slice(models.means.start, models.n_parameters)
+    covariance = np.linalg.inv(information[laws, laws])
+    drawn[:, laws] = rng.multivariate_normal(theta[laws], covariance, n)
+    return drawn
+
+
+def duration_of(given: World, theta: FloatArray, drawn: FloatArray) -> Row:
+    """Log mean dwell time of moves against the stream: its mode, and its (n, N) draws.
+
+    ratio: the same of mu / P(forward).
+    """
+    models = require_timed(given.timed.mdp.transitions)
+    place, wanted = models.means.start + AGAINST, given.truth
+    logs, low, high = (drawn[:, place], *np.quantile(drawn[:, place], MASS_ENDS))
+
+    def log_ratio(parameters: FloatArray) -> float:
+        forward = models.outcomes.local_probabilities(parameters)[AGAINST, 0]
+        return float(parameters[place] - np.log(forward))
+
+    ratios = np.array([log_ratio(each) for each in drawn])
+    true_ratio = log_ratio(wanted)
+    ends = np.quantile(ratios, MASS_ENDS)
+    return {
+        "bias": float(theta[place] - wanted[place]),
+        "mean_bias": float(logs.mean() - wanted[place]),
+        "deviation": float(logs.std()),
+        "held": float(low <= wanted[place] <= high),
+        "ratio_bias": log_ratio(theta) - true_ratio,
+        "ratio_mean_bias": float(ratios.mean()) - true_ratio,
+        "ratio_deviation": float(ratios.std()),
+        "ratio_held": float(ends[0] <= true_ratio <= ends[1]),
+    }
+
+
+def summary_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Means over the worlds."""
+    columns = [name for name in table if name not in ("case", "repetition", "size", "learner")]
+    grouped = table.groupby(["case", "size", "learner"], sort=False)[columns]
+    return grouped.mean(numeric_only=True).reset_index()

@@ -1,0 +1,225 @@
+"""Likelihood of dwell times, given the moves they belong to.
+
+A decision of (s, a) that took t seconds and ended in s' has, with the outcomes k in E that lead to
+s', densities f_k and survival functions S_k of their laws,
+
+    log P(t | s, a, s') = log sum_{k in E} P(k) f_k(t) - log sum_{k in E} P(k)
+
+and one that was censored at t has log sum_k P(k) S_k(t) over all outcomes. Where all of E share a
+law, the probabilities cancel. A given duration has S = 1 up to it, and no density: decisions that
+end by one inform no law. The outcomes of one law among E are a *part* of the decision here, with
+the weight W = sum of their probabilities; with q the share of a part in a decision's sum,
+
+    dL  = sum q (d log W + dl) - sum d log(sum W)
+    d2L = sum q (d2 log W + d2 l) + Cov_q[d log W + dl] - sum d2 log(sum W)
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+from serd_core.semi_markov.gamma_law import ByMeanAndShape, log_density, log_survival
+from serd_core.semi_markov.models import SemiMarkovModels
+from serd_core.semi_markov.timed_decisions import TimedDecisions
+
+#: Log likelihood of what cannot be, and least probability of which a logarithm is taken.
+IMPOSSIBLE, LEAST = -1e3, 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Of P parts: log density or survival l, W, the shares q and W / sum W, and log of the sum."""
+
+    logs: ByMeanAndShape
+    weight: FloatArray
+    share: FloatArray
+    prior: FloatArray
+    log_sum: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class DwellObservations:
+    """T decisions that inform laws of dwell times, in P parts.
+
+    row: (T,) numbers of the decisions; log_dwell: (T,) log seconds less the pace of the state;
+    log_pace: (T,) that pace; censored: (T,). decision, law: (P,) of each part, law -1 where the
+    duration is given; over: (P,) whether that is over. outcomes: (P, M*K) mask of those of each.
+    """
+
+    model: SemiMarkovModels
+    row: IntArray
+    log_dwell: FloatArray
+    log_pace: FloatArray
+    censored: BoolArray
+    decision: IntArray
+    law: IntArray
+    over: BoolArray
+    outcomes: scipy.sparse.csr_array
+    _last: list[tuple[FloatArray, _Parts]] = field(default_factory=list, init=False, repr=False)
+
+    def paced(self, log_pace: FloatArray) -> "DwellObservations":
+        """The same, with log means of the decisions moved by (T,) more."""
+        moved, total = self.log_dwell - log_pace, self.log_pace + log_pace
+        return replace(self, log_dwell=moved, log_pace=total)
+
+    def by_decision(self, theta: FloatArray) -> FloatArray:
+        """(T,) log-likelihood of each decision."""
+        return self._by_decision(self._parts(theta))
+
+    def by_pace(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(T,) the same, with first and second derivatives by what log means are moved by."""
+        found, n = self._parts(theta), len(self.row)
+        slope = weighted_counts(self.decision, found.share * found.logs.mean, n)
+        bend = found.share * (found.logs.mean_mean + found.logs.mean**2)
+        return self._by_decision(found), slope, weighted_counts(self.decision, bend, n) - slope**2
+
+    def evaluate(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Log-likelihood and (N,) gradient at (N,) parameters."""
+        found = self._parts(theta)
+        gradient = self.model.outcomes.pull_back(theta, self._by_outcome(found))
+        slopes = found.logs.mean, found.logs.shape
+        for column, slope in zip(self._columns, slopes, strict=True):
+            gradient += weighted_counts(column, found.share * slope, len(theta))
+        return float(self._by_decision(found).sum()), gradient
+
+    def hessian(self, theta: FloatArray) -> FloatArray:
+        """(N, N) second derivatives."""
+        found, (mean, shape) = self._parts(theta), self._columns
+        table = self._of_mixtures(theta, found)
+        bends = found.logs.mean_mean, found.logs.mean_shape, found.logs.shape_shape
+        mean_mean, mean_shape, shape_shape = (found.share * bend for bend in bends)
+        np.add.at(table, (mean, mean), mean_mean)
+        np.add.at(table, (mean, shape), mean_shape)
+        np.add.at(table, (shape, mean), mean_shape)
+        np.add.at(table, (shape, shape), shape_shape)
+        return np.asarray(table)
+
+    def _of_mixtures(self, theta: FloatArray, found: _Parts) -> FloatArray:
+        """(N, N) what decisions of several parts add to sum q d2 l."""
+        outcomes, mixed = self.model.outcomes, self._mixed
+        if not len(mixed):
+            return np.zeros((len(theta), len(theta)))
+        table = outcomes.local_curvature(theta, self._by_outcome(found))
+        slopes = self.outcomes[mixed] @ outcomes.local_jacobian(theta)
+        scores = slopes / found.weight[mixed, None]
+        share, prior = found.share[mixed], found.prior[mixed]
+        # d2 log W = d2 W / W - (d log W)^2, with q for the parts and W / sum W for their sum.
+        table -= (scores * (share - prior)[:, None]).T @ scores
+        table -= self._covariance(prior, scores)
+        (mean, shape), rows = self._columns, np.arange(len(mixed))
+        scores[rows, mean[mixed]] += found.logs.mean[mixed]
+        scores[rows, shape[mixed]] += found.logs.shape[mixed]
+        return table + self._covariance(share, scores)
+
+    @cached_property
+    def _mixed(self) -> IntArray:
+        """(Q,) parts of decisions that have several."""
+        return np.flatnonzero(np.bincount(self.decision)[self.decision] > 1)
+
+    @property
+    def _columns(self) -> tuple[IntArray, IntArray]:
+        """(P,) place of each part's log mean and log shape, on which given durations do not act."""
+        law = np.maximum(self.law, 0)
+        return self.model.means.start + law, self.model.shapes.start + law
+
+    @cached_property
+    def _kinds(self) -> tuple[IntArray, IntArray]:
+        """Parts with a density, and parts with a survival function."""
+        censored, has_law = self.censored[self.decision], self.law >= 0
+        return np.flatnonzero(has_law & ~censored), np.flatnonzero(has_law & censored)
+
+    def _parts(self, theta: FloatArray) -> _Parts:
+        """Those of the last parameters are kept."""
+        if not (self._last and np.array_equal(self._last[0][0], theta)):
+            self._last[:] = [(np.array(theta), self._parts_at(theta))]
+        return self._last[0][1]
+
+    def _parts_at(self, theta: FloatArray) -> _Parts:
+        logs, (mean, shape) = np.zeros((6, len(self.law))), self._columns
+        logs[0, self.over] = IMPOSSIBLE
+        log_dwell = self.log_dwell[self.decision]
+        for rows, of_law in zip(self._kinds, (log_density, log_survival), strict=True):
+            logs[:, rows] = of_law(log_dwell[rows], theta[mean[rows]], theta[shape[rows]])
+        weight = self.outcomes @ self.model.outcomes.local_probabilities(theta).ravel()
+        weight = np.maximum(weight, LEAST)
+        n = len(self.row)
+        prior = weight / weighted_counts(self.decision, weight, n)[self.decision]
+        joint = np.log(prior) + logs[0]
+        largest = np.full(n, -np.inf)
+        np.maximum.at(largest, self.decision, joint)
+        share = np.exp(joint - largest[self.decision])
+        total = weighted_counts(self.decision, share, n)
+        share /= total[self.decision]
+        return _Parts(ByMeanAndShape(*logs), weight, share, prior, largest + np.log(total))
+
+    def _by_decision(self, found: _Parts) -> FloatArray:
+        # Densities are per second.
+        return found.log_sum - np.where(self.censored, 0.0, self.log_pace)
+
+    def _by_outcome(self, found: _Parts) -> FloatArray:
+        """(M, K) gradient by the probabilities."""
+        slope = self.outcomes.T @ ((found.share - found.prior) / found.weight)
+        outcomes = self.model.outcomes
+        return np.asarray(slope).reshape(outcomes.n_models, outcomes.n_outcomes)
+
+    def _covariance(self, share: FloatArray, scores: FloatArray) -> FloatArray:
+        """(N, N) sum over decisions of Cov of (Q, N) scores under (Q,) shares."""
+        decision = self.decision[self._mixed]
+        places = decision, np.arange(len(decision))
+        shape = len(self.row), len(decision)
+        mean = scipy.sparse.csr_array((share, places), shape=shape) @ scores
+        centred = scores - mean[decision]
+        return np.asarray((centred * share[:, None]).T @ centred)
+
+
+def dwell_times(
+    mdp: Mdp, decisions: Decisions, name: str = "decisions"
+) -> DwellObservations | None:
+    """The dwell times that inform laws of an MDP; None where moves take no time.
+
+    Those of decisions whose action is hidden are not used. SerdError where there are none.
+    """
+    model = mdp.transitions
+    if not isinstance(model, SemiMarkovModels) or not model.n_laws:
+        return None
+    if not isinstance(decisions, TimedDecisions):
+        raise SerdError(
+            f"{name} must have dwell times for moves that take time, got"
+            f" {type(decisions).__name__}; pass TimedDecisions"
+        )
+    action = np.maximum(decisions.action, 0)
+    row_of = model.model_of[decisions.state, action]
+    law = model.row_law[row_of]
+    leads = model.successors[decisions.state, action] == decisions.next_state[:, None]
+    leads = (leads | decisions.censored[:, None]) & ~decisions.hidden[:, None]
+    used = np.flatnonzero(np.any(leads & (law >= 0), axis=1))
+    decision, outcome = np.nonzero(leads[used])
+    row = row_of[used[decision]]
+    given_s = model.given_s[row, outcome]
+    over = (given_s > 0) & (decisions.dwell_s[used[decision]] > given_s)
+    # Equal laws are one part; a given duration that is over is another than one that is not.
+    kind = np.stack([decision, model.row_law[row, outcome], over], axis=1)
+    parts, part = np.unique(kind, axis=0, return_inverse=True)
+    number = model.row_model[row] * model.n_outcomes + outcome
+    mask = scipy.sparse.csr_array(
+        (np.ones(len(number)), (part.reshape(-1), number)),
+        shape=(len(parts), model.outcomes.n_energies),
+    )
+    pace = model.log_pace[row_of[used]]
+    return DwellObservations(
+        model=model,
+        row=used,
+        log_dwell=np.log(decisions.dwell_s[used]) - pace,
+        log_pace=pace,
+        censored=decisions.censored[used],
+        decision=parts[:, 0],
+        law=parts[:, 1],
+        over=parts[:, 2] > 0,
+        outcomes=mask,
+    )

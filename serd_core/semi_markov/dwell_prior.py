@@ -1,0 +1,75 @@
+"""Prior of dwell times: normal log means around a common one that is learned, and log shapes.
+
+    log mean_d ~ Normal(l, sd^2),   l ~ Normal(0, WIDE^2),   log shape_d ~ Normal(log 4, 1)
+
+Means are in seconds, so l is that of one second, give or take a factor of 20. It is integrated out:
+the log means have the covariance C = sd^2 I + WIDE^2 1 1^T. A narrow sd bends the durations of
+moves that nobody makes to those of the others, so the median of its hyperprior is 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, require_kind, require_positive
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block
+from serd_core.semi_markov.models import SemiMarkovModels, require_timed
+
+#: Standard deviation of the common log mean; median shape and sd of its logarithm.
+WIDE, MEDIAN_SHAPE, SHAPE_DEVIATION = 3.0, 4.0, 1.0
+
+
+@dataclass(frozen=True)
+class DwellPrior(Prior):
+    """That density; deviation: sd of log means around their common one. The energies have none.
+
+    It completes the prior of a block, usually a DirichletPrior, and claims none by itself.
+    """
+
+    deviation: float
+    block: Block = Block.TRUTH
+
+    def __post_init__(self) -> None:
+        require_positive("deviation of DwellPrior", self.deviation)
+        require_kind("block", self.block, (Block,), "Block.TRUTH")
+        require_dynamics_block("DwellPrior", self.block)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """None."""
+        return ()
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Value and gradient."""
+        timed = require_timed(model)
+        away = parameters.block(self.block) - self.mean(timed)
+        pull = self.precision(timed) @ away
+        return LogPrior(-0.5 * float(away @ pull), parameters.zeros().with_block(self.block, -pull))
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Minus the precision, in the part of the block."""
+        return parameters.placed(self.block, -self.precision(require_timed(model)))
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """That of the normal densities."""
+        del parameters
+        n, variance = require_timed(model).n_laws, self.deviation**2
+        log_det = (n - 1) * np.log(variance) + np.log(variance + n * WIDE**2)
+        log_det += 2.0 * n * np.log(SHAPE_DEVIATION)
+        return -0.5 * float(log_det) - n * float(np.log(2.0 * np.pi))
+
+    def mean(self, model: SemiMarkovModels) -> FloatArray:
+        """(N,) prior mean of log means and log shapes; 0 for energies."""
+        found = np.zeros(model.n_parameters)
+        found[model.shapes] = np.log(MEDIAN_SHAPE)
+        return found
+
+    def precision(self, model: SemiMarkovModels) -> FloatArray:
+        """(N, N) inverse covariance, 0 for energies; of log means by Sherman and Morrison."""
+        table, variance = np.zeros((model.n_parameters,) * 2), self.deviation**2
+        shared = WIDE**2 / (variance + model.n_laws * WIDE**2)
+        table[model.means, model.means] = (np.eye(model.n_laws) - shared) / variance
+        table[model.shapes, model.shapes] = np.eye(model.n_laws) / SHAPE_DEVIATION**2
+        return table
