@@ -20,6 +20,7 @@ _LEFT = {
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
     "GradientAscent": _LAB,
     "counterfactual_policy": "use soft_policy(problem, weights, belief)",
+    "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
     "fit_routes": _LAB,
     "load": "unpickle what you pickled",
     "multi_start": _LAB,

@@ -1,7 +1,9 @@
 """Names of the flat interface; docs/library.md describes them."""
 
 from serd_core.arrival.chain import arrival_time_distribution as arrival_time_distribution
-from serd_core.arrival.dwell_times import fit_dwell_times as fit_dwell_times
+from serd_core.arrival.scores import crps_s as crps_s
+from serd_core.arrival.scores import detectable_delay as detectable_delay
+from serd_core.arrival.scores import gap_probability as gap_probability
 from serd_core.arrival.semi_markov import DwellTimes as DwellTimes
 from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
 from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
@@ -78,6 +80,7 @@ from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
+from serd_core.semi_markov.arrival import timed_arrival as timed_arrival
 from serd_core.semi_markov.dwell_prior import DwellPrior as DwellPrior
 from serd_core.semi_markov.models import semi_markov_problem as semi_markov_problem
 from serd_core.semi_markov.place import compare_places as compare_places

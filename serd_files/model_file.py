@@ -1,27 +1,29 @@
 """The learned model as one YAML file people can read: rewards, outcome models, how it was fitted.
 
-Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
+Outcome models are rows P_m(k) over the outcomes of a decision (Table 5.1), each with the gamma law
+of how long a decision takes that leads to another cell (docs/semi_markov.md).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.crossing_chain import Kind
-from serd_core.bayes.draws import PosteriorDraws
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
+from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
 from serd_files.grid_file import BLOCKED, WALKABLE, flow_of_picture, flow_picture
 from serd_files.yaml_config import StrictModel, load_yaml_model
 
 _SUM_TOLERANCE = 1e-6
 Probabilities = tuple[Annotated[float, Field(ge=0, le=1)], ...]
+Positive = Annotated[float, Field(gt=0)]
 
 
 class GridSummary(StrictModel):
@@ -49,65 +51,32 @@ class GridSummary(StrictModel):
 
 
 class OutcomeModel(StrictModel):
-    """One local model: the learned one, the expert's belief, and the initial estimate."""
+    """One local model: the learned one, the expert's belief, and the initial estimate.
+
+    mean_s, shape: of the gamma law of dwell times, believed_mean_s: the mean that the expert
+    expects. Without a shape each decision takes mean_s.
+    """
 
     name: str
     learned: Probabilities
     believed: Probabilities
     initial: Probabilities
+    mean_s: Positive
+    believed_mean_s: Positive
+    shape: Positive | None = None
 
 
 class ModelDraws(StrictModel):
     """Draws of the posterior: what the demonstrations leave open.
 
-    reward_weights: a row of weights per draw; learned: per draw a row per outcome model.
+    reward_weights: a row of weights per draw; learned: per draw a row per outcome model; mean_s,
+    shape: per draw a number per outcome model that has a shape.
     """
 
     reward_weights: tuple[tuple[float, ...], ...] = ()
     learned: tuple[tuple[Probabilities, ...], ...] = ()
-
-
-#: Of mean times in cells.
-CROSSING_COVARIATES = (
-    "intercept", "against_flow", "across_flow", "turning", "first", "people_pm2",
-)  # fmt: skip
-_Count = Annotated[int, Field(ge=0)]
-
-
-class CrossingTimes(StrictModel):
-    """How long a robot that drives with a look-ahead takes to leave a cell (docs/arrival.md).
-
-    coefficients: of the logarithm of the mean (s), by covariate, people_pm2 counted from
-    mean_people_pm2; dispersion: squared coefficient of variation by kind of move; pace_variance: of
-    a drive's logarithm. people_pm2: lowest and highest people per m² of the drives. left_towards:
-    by flow of an action, how often the cell was left forward, right, back and left of it.
-    not_seen: flows and kinds of moves without crossings.
-    """
-
-    lookahead_cells: int = Field(ge=1)
-    coefficients: dict[str, float]
-    dispersion: dict[str, Annotated[float, Field(gt=0)]]
-    pace_variance: float = Field(gt=0)
-    people_pm2: tuple[float, float]
-    mean_people_pm2: float = Field(ge=0)
-    left_towards: dict[str, tuple[_Count, _Count, _Count, _Count]]
-    not_seen: tuple[str, ...] = ()
-    n_crossings: int = Field(ge=1)
-    n_episodes: int = Field(ge=1)
-
-    @model_validator(mode="after")
-    def _complete(self) -> "CrossingTimes":
-        for name, wanted in (
-            ("coefficients", CROSSING_COVARIATES),
-            ("dispersion", tuple(kind.value for kind in Kind)),
-            ("left_towards", MODEL_NAMES[:WAITING]),
-        ):
-            found = getattr(self, name)
-            if set(found) != set(wanted):
-                raise ValueError(f"{name} must have {', '.join(wanted)}, got {', '.join(found)}")
-        if not 0 <= self.people_pm2[0] <= self.people_pm2[1]:
-            raise ValueError(f"people_pm2 must ascend from at least 0, got {self.people_pm2}")
-        return self
+    mean_s: tuple[tuple[Positive, ...], ...] = ()
+    shape: tuple[tuple[Positive, ...], ...] = ()
 
 
 class FitRecord(StrictModel):
@@ -134,20 +103,20 @@ class ModelFile(StrictModel):
     none where it is that of the scenario.
     draws: none where the fit has no posterior.
     goals_m: centres of the goal cells.
-    goal_entry_s: how long after the beginning of its last decision period each demonstration was in
-    the goal area; none where that was not recorded.
-    crossing_times: of drives, one per look-ahead; without, and then not in the file, arrivals are
-    predicted by decision periods.
+    discount: of a second. patience_s: after which a decision that led nowhere ended.
+    pace: multiplier of dwell times in each cell, in the order of the states; none where places do
+    not differ.
     """
 
+    remade_by: ClassVar[str] = "run 'serd demos' and then 'serd learn' again"
     format: Literal["serd-model"] = "serd-model"
-    format_version: Literal[1] = 1
+    format_version: Literal[2] = 2
     scenario: str
     method: str
     prior: str
     discount: float = Field(ge=0, lt=1)
     beta: float = Field(gt=0)
-    decision_period_s: float = Field(gt=0)
+    patience_s: Positive
     reward_weights: dict[str, float]
     temperature: float = Field(default=1.0, gt=0)
     outcome_names: tuple[str, ...]
@@ -155,24 +124,9 @@ class ModelFile(StrictModel):
     grid: GridSummary
     flow: tuple[str, ...] = ()
     goals_m: tuple[tuple[float, float], ...] = ()
-    goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
+    pace: tuple[Positive, ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
-    crossing_times: tuple[CrossingTimes, ...] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_no_times(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = handler(self)
-        if not self.crossing_times:
-            values.pop("crossing_times", None)
-        return values
-
-    @model_validator(mode="after")
-    def _one_per_lookahead(self) -> "ModelFile":
-        cells = [each.lookahead_cells for each in self.crossing_times]
-        if len(set(cells)) < len(cells):
-            raise ValueError(f"crossing_times must have each lookahead_cells once, got {cells}")
-        return self
 
     @model_validator(mode="after")
     def _known_models(self) -> "ModelFile":
@@ -193,8 +147,9 @@ class ModelFile(StrictModel):
 
     @model_validator(mode="after")
     def _draws_fit(self) -> "ModelFile":
-        if len(self.draws.reward_weights) != len(self.draws.learned):
-            raise ValueError("draws must have as many reward_weights as learned tables")
+        sizes = {len(getattr(self.draws, name)) for name in ModelDraws.model_fields}
+        if len(sizes) > 1:
+            raise ValueError("draws must have as many reward_weights as learned, mean_s and shape")
         if any(len(row) != len(self.reward_weights) for row in self.draws.reward_weights):
             raise ValueError("draws.reward_weights must have a weight per feature")
         for number, table in enumerate(self.draws.learned):
@@ -202,6 +157,11 @@ class ModelFile(StrictModel):
                 raise ValueError("draws.learned must have a row per outcome model")
             for row in table:
                 _require_distribution(f"draws.learned {number}", row, self)
+        n_laws = sum(each.shape is not None for each in self.outcome_models)
+        if any(len(row) != n_laws for row in (*self.draws.mean_s, *self.draws.shape)):
+            raise ValueError("draws.mean_s and draws.shape must have a number per law")
+        if self.pace and len(self.pace) != self.grid.n_states:
+            raise ValueError(f"pace must have a number per cell ({self.grid.n_states})")
         return self
 
     def with_features(self, names: Sequence[str]) -> "ModelFile":
@@ -214,11 +174,6 @@ class ModelFile(StrictModel):
         draws = self.draws.model_copy(update={"reward_weights": drawn})
         return self.model_copy(update={"reward_weights": chosen, "draws": draws})
 
-    def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
-        """The crossing times of a look-ahead; None where none are known."""
-        found = (each for each in self.crossing_times if each.lookahead_cells == lookahead_cells)
-        return next(found, None)
-
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
         """(S,) its own flow on the grid it is for; None where that is the scenario's."""
         if not self.flow:
@@ -230,6 +185,11 @@ class ModelFile(StrictModel):
                 f" {self.flow[0]!r} as the northernmost row; learn the model again"
             )
         return flow
+
+    @property
+    def wait_s(self) -> float:
+        """Length of a wait, which is that of the model of waiting."""
+        return next(m.mean_s for m in self.outcome_models if m.name == MODEL_NAMES[WAITING])
 
     @property
     def without_flow(self) -> bool:
@@ -262,6 +222,20 @@ class ModelFile(StrictModel):
         return np.array([model.initial for model in self.outcome_models])
 
 
+@dataclass(frozen=True, eq=False)
+class LearnedDynamics:
+    """truth, belief: (N,) parameters of `SemiMarkovModels`; log_pace: (S,) of the places.
+
+    draws: (n, N) of the truth and reward_draws: (n, F), None without a posterior.
+    """
+
+    truth: FloatArray
+    belief: FloatArray
+    log_pace: FloatArray
+    draws: FloatArray | None = None
+    reward_draws: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+
 def model_of_fit(
     fit: FitResult,
     problem: NavigationProblem,
@@ -269,27 +243,21 @@ def model_of_fit(
     scenario: str,
     method: str,
     prior: str,
-    decision_period_s: float,
     n_episodes: int,
-    goal_entry_s: Sequence[float] = (),
+    dynamics: LearnedDynamics,
     own_flow: bool = False,
-    draws: PosteriorDraws | None = None,
 ) -> ModelFile:
-    """The fit of a navigation problem as a model file.
+    """The fit of a navigation problem, whose decisions take time, as a model file.
 
     own_flow: whether the problem's flow is stored as well, because it is not the scenario's.
     """
+    models = require_timed(problem.mdp.transitions)
     tables = (
         fit.outcome_probabilities,
         fit.believed_outcome_probabilities,
         fit.initial_outcome_probabilities,
     )
-    rows = zip(problem.model_names, *(table.tolist() for table in tables), strict=True)
-    kept = ModelDraws()
-    if draws is not None:
-        learned = draws.outcome_probabilities.tolist()
-        drawn = {"reward_weights": draws.reward.tolist(), "learned": learned}
-        kept = ModelDraws.model_validate(drawn)
+    rows = zip(*(table.tolist() for table in tables), strict=True)
     values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}
     return ModelFile(
         scenario=scenario,
@@ -297,21 +265,48 @@ def model_of_fit(
         prior=prior,
         discount=problem.mdp.discount,
         beta=problem.outcome_models.beta,
-        decision_period_s=decision_period_s,
+        patience_s=models.stay_s[0],
         reward_weights=dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
         temperature=fit.temperature,
         outcome_names=tuple(outcome.name.lower() for outcome in Outcome),
         outcome_models=tuple(
-            OutcomeModel(name=name, learned=learned, believed=believed, initial=initial)
-            for name, learned, believed, initial in rows
+            OutcomeModel(
+                name=problem.model_names[m],
+                learned=learned,
+                believed=believed,
+                initial=initial,
+                **_law(models, m, dynamics),
+            )
+            for m, (learned, believed, initial) in enumerate(rows)
         ),
         grid=GridSummary.of(problem.grid),
         flow=flow_picture(problem.grid, problem.flow) if own_flow else (),
         goals_m=tuple((float(x), float(y)) for x, y in problem.grid.centers_m[problem.goal_states]),
-        goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
+        pace=tuple(np.exp(dynamics.log_pace).tolist()) if dynamics.log_pace.any() else (),
         fit=FitRecord(n_episodes=n_episodes, **values),
-        draws=kept,
+        draws=ModelDraws()
+        if dynamics.draws is None
+        else ModelDraws.model_validate(
+            {
+                "reward_weights": dynamics.reward_draws.tolist(),
+                "learned": models.outcomes.local_probabilities(dynamics.draws).tolist(),
+                "mean_s": np.exp(dynamics.draws[:, models.means]).tolist(),
+                "shape": np.exp(dynamics.draws[:, models.shapes]).tolist(),
+            }
+        ),
     )
+
+
+def _law(models: SemiMarkovModels, m: int, dynamics: LearnedDynamics) -> dict[str, float]:
+    law = int(models.law_of[m, 0])
+    if law == NO_LAW:
+        return {"mean_s": float(models.stay_s[m]), "believed_mean_s": float(models.stay_s[m])}
+    mean, shape = models.means.start + law, models.shapes.start + law
+    return {
+        "mean_s": float(np.exp(dynamics.truth[mean])),
+        "believed_mean_s": float(np.exp(dynamics.belief[mean])),
+        "shape": float(np.exp(dynamics.truth[shape])),
+    }
 
 
 def load_model(path: str | Path, *, expected_grid: Grid | None = None) -> ModelFile:

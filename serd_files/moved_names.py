@@ -20,6 +20,13 @@ _KEYBOARD = (
 )
 _WALL = "every obstacle is a wall now; delete the key"
 
+_EVENTS = (
+    "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"
+)
+
+_WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
+_DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
+
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "experiment"): f"{_LAB} lists what there is",
     ("command", "study"): f"{_LAB} lists what there is",
@@ -34,6 +41,9 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--expert"): _TYPES,
     ("option", "--lerobot"): f"{_LAB} lerobot",
     ("executable", "composed"): _PROCESSES,
+    ("option", "--period-s"): f"{_EVENTS}; leave it out",
+    ("option", "--lookahead"): f"{_WAYPOINT}; leave it out",
+    ("option", "--times"): f"{_DWELL_TIMES}; leave it out",
     ("option", "--keyboard"): _KEYBOARD,
     ("option", "--no-page"): _KEYBOARD,
     ("option", "--page"): "serd teleop always has its page; leave the option out",
@@ -45,12 +55,20 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("executable", "foxglove_server"): (
         "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
     ),
+    ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
+    ("parameter", "patience_periods"): "it is called patience_decisions",
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
     ("parameter", "keys"): (
         "the services pause and step of bag_replay, and its parameter rate, steer a replay"
     ),
+    ("key", "decision_period_s"): (
+        f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
+    ),
+    ("key", "period_s"): f"{_EVENTS}; delete the key",
+    ("key", "lookahead_cells"): f"{_WAYPOINT}; delete the key",
+    ("key", "patience_periods"): "it is called patience_decisions",
     ("key", "density"): f"{_NO_GAIN}; delete the key",
     ("key", "expert"): f"{_TYPES}; delete the key",
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",

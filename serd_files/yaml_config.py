@@ -62,12 +62,19 @@ def yaml_model(text: str, model_class: type[Model], *, name: str) -> Model:
 
 
 def _require_format(values: dict[str, Any], model_class: type[BaseModel], name: str) -> None:
-    """Another kind of our files is named as such, before its keys are complained of one by one."""
+    """Another kind or version of our files is named as such, before its keys are complained of one
+    by one."""
     ours = model_class.model_fields.get("format")
     if ours is not None and "format" in values and values["format"] != ours.default:
         raise FileError(
             f"{name}: format must be {ours.default!r}, got {values['format']!r}; it is another kind"
             " of file"
+        )
+    version = model_class.model_fields.get("format_version")
+    if version is not None and values.get("format_version", version.default) != version.default:
+        raise FileError(
+            f"{name}: format_version must be {version.default}, got {values['format_version']!r} of"
+            f" another version; {getattr(model_class, 'remade_by', 'make the file again')}"
         )
 
 

@@ -78,6 +78,18 @@ OUTCOMES = {
     "across_flow": (0.15, 0.75, 0.04, 0.02, 0.04),
     "waiting": (0.8, 0.05, 0.05, 0.05, 0.05),
 }
+#: Mean dwell times (s) of moves; each law has the shape 4, and a wait takes one second.
+MEAN_S = {"with_flow": 1.0, "against_flow": 2.0, "across_flow": 1.5}
+
+
+def model_row(name: str, row: tuple[float, ...]) -> OutcomeModel:
+    """A local model that is what the expert believes and the estimate, with its law."""
+    mean_s = MEAN_S.get(name, 1.0)
+    shape = 4.0 if name in MEAN_S else None
+    return OutcomeModel(
+        name=name, learned=row, believed=row, initial=row, mean_s=mean_s, believed_mean_s=mean_s,
+        shape=shape,
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -91,13 +103,10 @@ def save_model_of(tmp_path: Path) -> Callable[..., Path]:
             "prior": "none",
             "discount": 0.99,
             "beta": 1.0,
-            "decision_period_s": 2.0,
+            "patience_s": 4.0,
             "reward_weights": {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.0},
             "outcome_names": ("stay", "forward", "right", "back", "left"),
-            "outcome_models": tuple(
-                OutcomeModel(name=model, learned=row, believed=row, initial=row)
-                for model, row in OUTCOMES.items()
-            ),
+            "outcome_models": tuple(model_row(name, row) for name, row in OUTCOMES.items()),
             "grid": GridSummary.of(grid_of(load_scenario(scenario))),
             "fit": FitRecord(
                 converged=True, message="", n_episodes=1, n_decisions=1, objective=0.0,

@@ -34,7 +34,7 @@ JOURNEY = (
     ("serd_app.demonstrations.discretise", "decisions (s, a, s')"),
     ("serd_app.learning.recipe", "rewards and outcome models"),
     ("serd_files.model_file", "model.yaml"),
-    ("serd_app.navigation.strategy", "plan: policy and remaining time"),
+    ("serd_sim.drivers.strategy", "plan: policy and remaining time"),
     ("serd_app.navigation.navigator", "waypoint"),
     ("serd_sim.planning.local_planner", "velocity"),
     ("serd_sim.world.world", "pose, time of arrival"),

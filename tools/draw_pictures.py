@@ -24,7 +24,6 @@ from selenium.webdriver import Chrome
 
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.navigation.overlay import overlay_of
-from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.report.figures.arrival import draw_comparison
 from serd_app.report.figures.maps import draw_policy_map, draw_visitation
 from serd_app.report.style import png_bytes
@@ -40,17 +39,19 @@ from serd_app.teleop.page.view import (
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import read_recording
 from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.crossings import CellTracker
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action
 from serd_files.episode_table import load_episodes
 from serd_sim.drivers.catalogue import make_driver
+from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import is_decision_tick, waypoint_of_intent
+from serd_sim.world.waypoint import waypoint_of_intent
 from serd_sim.world.world import HallwayWorld
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -144,7 +145,7 @@ def draw_report_page(path: Path, _kept: Path) -> None:
         folder = Path(name)
         mapping, decisions = folder / "mapping.yaml", folder / "decisions.csv"
         _serd("bag", "suggest", BAG, "--output", mapping)
-        cells = ("--cell-size-m", "1", "--period-s", "2")
+        cells = ("--cell-size-m", "1")
         _serd("demos", BAG, "--mapping", mapping, *cells, "--output", decisions)
         model = ("--output", folder / "model.yaml", "--report", folder / "report")
         _serd("learn", decisions, *model)
@@ -228,22 +229,22 @@ def _shown_page(
 def _episode_states() -> list[dict[str, Any]]:
     """What a page is sent of an episode that the expert drives in process."""
     states: list[dict[str, Any]] = []
-    grid, began_s, decisions = grid_of(HALLWAY), [], []
+    grid, began_s, cells = grid_of(HALLWAY), [], CellTracker(grid_of(HALLWAY))
+    n_entered = 0
 
     def see(observation: Observation, _: Command, action: Action) -> bool:
+        nonlocal n_entered
         began_s.append(observation.time_s)
+        n_entered += len(cells.see(observation.time_s, observation.x_m, observation.y_m))
         passed_s = observation.time_s - began_s[0]
-        if is_decision_tick(observation, HALLWAY):
-            decisions.append(waypoint_of_intent(grid, observation, action))
         if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
             states.append({
                 "type": "state",
-                "world": world_state(observation, HALLWAY, world.scan(observation)),
+                "world": world_state(observation, world.scan(observation)),
                 "is_stale": False,
-                "action": action.name.lower(),
                 "choice": action.name.lower(),
-                "waypoint": point(decisions[-1]),
-                "episode": _episode_values(passed_s, len(decisions)),
+                "waypoint": point(waypoint_of_intent(grid, observation, action)),
+                "episode": _episode_values(passed_s, n_entered),
                 "next_start": None,
                 "mux": None, "guard": None, "recorder": None,
             })  # fmt: skip

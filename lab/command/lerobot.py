@@ -1,9 +1,9 @@
 """`python -m lab lerobot`: recordings as a LeRobot dataset, format v3.0, for other libraries.
 
-A frame every 0.1 s from the first decision of an episode to the end of its last:
-`observation.state` is the place (x, y) in m, `action` the direction (east, north) of the decision
-in force, (0, 0) to wait. An episode is divided where a decision is missing. `meta/info.json` is
-written last.
+A frame every 0.1 s from the first command of an episode for as long as one is in force:
+`observation.state` is the place (x, y) in m, `action` the direction (east, north) of the command,
+(0, 0) to wait. An episode is divided where no command is in force. `meta/info.json` is written
+last.
 """
 
 import io
@@ -39,8 +39,7 @@ _EPISODES, _TASKS = "meta/episodes/chunk-000/file-000.parquet", "meta/tasks.parq
 _INFO, _STATS = "meta/info.json", "meta/stats.json"
 _VECTORS = {"observation.state": ("x_m", "y_m"), "action": ("east", "north")}
 _COUNTS = ("frame_index", "episode_index", "index", "task_index")
-#: Decisions farther apart than so many periods do not belong together.
-_LATE = 1.5
+_STAMP_TOLERANCE_S = 1e-6
 
 
 #: (T, 2) places and directions, a row per frame.
@@ -61,30 +60,31 @@ def lerobot(
 
     python -m lab lerobot BAG --output dataset
 
-    Ten frames per second have the place as observation.state and the direction of the decision in
+    Ten frames per second have the place as observation.state and the direction of the command in
     force as action.
     """
     place = load_scenario(scenario)
     chosen = load_yaml_model(mapping, BagMapping) if mapping is not None else None
-    period_s = place.decision_period_s
-    recordings = read_recordings(
-        bags, period_s, mapping=chosen, scenario=place, tolerant=False, hidden=False
-    )
-    for found in demonstrations_of_all(recordings.all, grid_of(place), period_s):
+    recordings = read_recordings(bags, mapping=chosen, scenario=place)
+    grid = grid_of(place)
+    for found in demonstrations_of_all(recordings.all, grid, place.patience_s, place.wait_s):
         if found.decisions.hidden.any():
             raise UsageError(
                 f"a dataset needs actions, which are hidden in {found.bag}; set action_from: motion"
                 " in a --mapping to take the displacement as action"
             )
-    n_episodes = save_lerobot(output, recordings.drives, period_s)
+    n_episodes = save_lerobot(output, recordings.drives, place.patience_s)
     print(f"{n_episodes} episodes: {output.resolve()}")
 
 
-def save_lerobot(folder: Path, drives: Sequence[RecordedDrive], period_s: float) -> int:
-    """Write the dataset into a new folder; the number of episodes. AppError where it is not new."""
+def save_lerobot(folder: Path, drives: Sequence[RecordedDrive], patience_s: float) -> int:
+    """Write the dataset into a new folder; the number of episodes. AppError where it is not new.
+
+    patience_s: how long a command of a drive without a limit of its own is in force.
+    """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise AppError(f"dataset folder {folder} must be new or empty; choose another name")
-    episodes = [each for drive in drives for each in _episodes(drive, period_s)]
+    episodes = [each for drive in drives for each in _episodes(drive, patience_s)]
     if not episodes:
         raise AppError("a dataset must have at least one episode with a decision, got none")
     frames = _frames(episodes)
@@ -98,20 +98,22 @@ def save_lerobot(folder: Path, drives: Sequence[RecordedDrive], period_s: float)
     return len(episodes)
 
 
-def _episodes(drive: RecordedDrive, period_s: float) -> Iterator[_Episode]:
+def _episodes(drive: RecordedDrive, patience_s: float) -> Iterator[_Episode]:
+    hold_s = patience_s if drive.intent_hold_s is None else drive.intent_hold_s
     for span in drive.episodes:
         inside = (drive.intent_time_s >= span.start_s) & (drive.intent_time_s < span.end_s)
         rows = np.flatnonzero(inside)
         if not span.demonstrates or not len(rows):
             continue
-        late = np.flatnonzero(np.diff(drive.intent_time_s[rows]) > _LATE * period_s) + 1
+        pauses_s = np.diff(drive.intent_time_s[rows])
+        late = np.flatnonzero(pauses_s > hold_s + _STAMP_TOLERANCE_S) + 1
         for part in np.split(rows, late):
-            yield _episode(drive, part, period_s, span.end_s)
+            yield _episode(drive, part, hold_s, span.end_s)
 
 
-def _episode(drive: RecordedDrive, rows: Any, period_s: float, end_s: float) -> _Episode:
+def _episode(drive: RecordedDrive, rows: Any, hold_s: float, end_s: float) -> _Episode:
     decided_s = drive.intent_time_s[rows]
-    last_s = min(decided_s[-1] + period_s, end_s)
+    last_s = min(decided_s[-1] + hold_s, end_s)
     n_frames = max(1, round((last_s - decided_s[0]) * _FPS))
     at_s = decided_s[0] + np.arange(n_frames) / _FPS
     places = [np.interp(at_s, drive.pose_time_s, each) for each in drive.position_m.T]

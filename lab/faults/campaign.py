@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 
 from lab.faults.faults import Messages, fault_named
-from serd_core.grid.grid import Action, Grid
 from serd_files.table import Column, OptionalFloat, Row, columns_of
 from serd_sim.drivers.catalogue import Driver, make_driver
 from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
@@ -27,10 +26,11 @@ from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.directive import REPEAT_PERIOD_S, FollowedDirective
+from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation
 from serd_sim.world.observation_inbox import ObservationInbox
 from serd_sim.world.seeds import FAULT, episode_rng
-from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_cell, waypoint_of_intent
+from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 from serd_sim.world.world import HallwayWorld
 
 #: A fault begins when the robot drives at this share of its largest speed, after this time (s).
@@ -42,8 +42,6 @@ _STANDING_MPS = 0.02
 WATCHED_S = 9.0
 #: The planner stops when no observation has arrived for this time, as the node does.
 _SILENT_S = 0.5
-#: Waypoints lie this many cells ahead of the decision.
-_LOOKAHEAD_CELLS = 2
 
 
 @dataclass(frozen=True)
@@ -115,6 +113,7 @@ class _LivePlanner:
         made = make_planner(planner, scenario)
         self._planner = self._scans.planner_on(made) if self._scans else made
         self._grid = grid_of(scenario)
+        self._epochs = epochs_in(scenario, self._grid)
         self._followed = FollowedDirective(scenario)
         self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf
@@ -141,12 +140,16 @@ class _LivePlanner:
             self._scans.take_scan(time_ns, message.value.ranges_m)
         return None
 
-    def decide(self, driver: Driver) -> None:
-        """Take the waypoint of the decision period that begins now."""
+    def decide(self, driver: Driver) -> bool:
+        """Take the waypoint of the decision epoch that begins now; whether one begins."""
         observation = self.observation
-        if observation is not None:
-            self._directed = _waypoint_ahead(self._grid, observation, driver.decide(observation))
-            self.repeat()
+        if observation is None or not self._epochs.begins(observation):
+            return False
+        action = driver.decide(observation, self._epochs.state)
+        self._epochs.take(observation.time_s, action)
+        self._directed = waypoint_of_intent(self._grid, observation, action)
+        self.repeat()
+        return True
 
     def repeat(self) -> None:
         """Take the last waypoint again, as a source does that goes on."""
@@ -157,16 +160,6 @@ class _LivePlanner:
         if self.observation is None or now_s - self._arrived_s > _SILENT_S:
             return STOP
         return self._planner.step(self.observation, self._followed.waypoint(self.observation))
-
-
-def _waypoint_ahead(grid: Grid, observation: Observation, action: Action) -> Waypoint:
-    """The waypoint of some cells on in the direction of an action, so that the robot is fast."""
-    here = grid.state_at(observation.x_m, observation.y_m)
-    if action == Action.WAIT or here < 0:
-        return waypoint_of_intent(grid, observation, action)
-    for _ in range(_LOOKAHEAD_CELLS):
-        here = int(grid.neighbours[here, action])
-    return waypoint_of_cell(grid, here)
 
 
 class _Watch:
@@ -259,9 +252,8 @@ class _FaultyEpisode:
             messages = self._channel(messages)
         planner.receive(messages, now_s)
         silent = self._kind.ends_waypoints and self._watch.start is not None
-        if is_decision_tick(observation, self._world.scenario) and not silent:
-            planner.decide(self._driver)
-        elif observation.tick % self._repeat_ticks == 0 and not silent:
+        repeats = observation.tick % self._repeat_ticks == 0
+        if not silent and not planner.decide(self._driver) and repeats:
             planner.repeat()
         command = planner.command(now_s)
         if self._guard is None:

@@ -1,4 +1,4 @@
-"""Decisions (s, a, s') as a CSV table, whose numbers read back exactly; several tables as one."""
+"""Decisions (s, a, s', dwell time) as a CSV table, which reads back exactly; several as one."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,8 +9,8 @@ import numpy as np
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_core.arrays import IntArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
+from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 from serd_files.table import Column, read_table, write_table
 
 COLUMNS = (
@@ -19,24 +19,30 @@ COLUMNS = (
     Column("state", int),
     Column("action", int),
     Column("next_state", int),
+    Column("dwell_s", float, optional=True),
+    Column("censored", int, optional=True),
     Column("source", str),
 )
 _LABEL = ", episodes"
-_NUMBERS = tuple(column.name for column in COLUMNS[:-1])
 
 
-def save_decisions(path: str | Path, decisions: Decisions) -> None:
-    """Write one line per decision below a line of column names."""
-    numbers = [getattr(decisions, name).tolist() for name in _NUMBERS]
+def save_decisions(path: str | Path, decisions: TimedDecisions) -> None:
+    """Write one line per decision below a line of column names; censored: 0 or 1."""
+    numbers = [getattr(decisions, each.name).astype(each.kind).tolist() for each in COLUMNS[:-1]]
     rows = ((*row, decisions.source) for row in zip(*numbers, strict=True))
     write_table(path, COLUMNS, rows)
 
 
-def load_decisions(path: str | Path) -> Decisions:
+def load_decisions(path: str | Path) -> TimedDecisions:
     """Read what `save_decisions` wrote; FileError names the line and the column of a fault."""
     rows = read_table(path, COLUMNS)
+    if rows and not rows[0].keys() >= set(TIMED_COLUMNS):
+        raise FileError(
+            f"{path}: must have the columns dwell_s and censored, which earlier versions did not"
+            " write; run 'serd demos' again"
+        )
     try:
-        return Decisions(
+        return TimedDecisions(
             **{
                 each.name: np.array([row[each.name] for row in rows], dtype=each.kind)
                 for each in COLUMNS[:-1]
@@ -47,13 +53,16 @@ def load_decisions(path: str | Path) -> Decisions:
         raise FileError(f"{path}: {error}") from None
 
 
-def concatenate(tables: Sequence[Decisions]) -> Decisions:
+def concatenate(tables: Sequence[TimedDecisions]) -> TimedDecisions:
     """All rows of several tables, one after the other; episodes keep their numbers."""
-    numbers = {name: np.concatenate([getattr(each, name) for each in tables]) for name in _NUMBERS}
-    return Decisions(**numbers, source="; ".join(dict.fromkeys(each.source for each in tables)))
+    columns = {
+        name: np.concatenate([getattr(each, name) for each in tables]) for name in TIMED_COLUMNS
+    }
+    sources = dict.fromkeys(each.source for each in tables)
+    return TimedDecisions(**columns, source="; ".join(sources))
 
 
-def concatenate_renumbered(tables: Sequence[Decisions]) -> Decisions:
+def concatenate_renumbered(tables: Sequence[TimedDecisions]) -> TimedDecisions:
     """All rows in the order given; episodes of later tables are numbered on from the last.
 
     Episodes keep their numbers in the first table; within each table their order is kept. Where

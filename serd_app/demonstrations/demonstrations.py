@@ -1,4 +1,4 @@
-"""What is learned from: decisions, and when each demonstration entered the goal area."""
+"""What is learned from: the decisions of demonstrations, of a bag or as they come."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,22 +12,20 @@ from serd_app.demonstrations.discretise import (
     episode_rows,
     joined_reports,
 )
-from serd_app.demonstrations.goal import goal_entries_s
 from serd_app.drives.episode_spans import CUT_OFF
 from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
 from serd_bag.errors import BagError
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:
-    """Decisions, and when within their last periods the demonstrations were in the goal area."""
+    """Decisions, by the numbers of their episodes."""
 
-    decisions: Decisions
-    goal_entry_s: tuple[float, ...] = ()
+    decisions: TimedDecisions
 
     @cached_property
     def episode_rows(self) -> dict[int, bytes]:
@@ -39,27 +37,28 @@ def joined(parts: Sequence[Demonstrations]) -> Demonstrations:
     """All of them; later episodes are numbered on."""
     first, *others = parts
     for later in others:
-        decisions = concatenate_renumbered([first.decisions, later.decisions])
-        first = Demonstrations(decisions, first.goal_entry_s + later.goal_entry_s)
+        first = Demonstrations(concatenate_renumbered([first.decisions, later.decisions]))
     return first
 
 
 def demonstrations_of_bag(
     bag: str | Path,
     grid: Grid,
-    decision_period_s: float,
+    patience_s: float,
+    wait_s: float,
     *,
     seen: set[bytes] | None = None,
     hidden: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of a bag, and what became of every intent; BagError where there is nothing to use.
+    """Those of a bag, and what was left out; BagError where there is nothing to use.
 
-    seen: see `fresh_from_drive`. hidden: without intents, from poses and episodes alone.
+    patience_s, wait_s: see `DecisionEpochs`. seen: see `fresh_from_drive`. hidden: without intents,
+    from poses and episodes alone.
     """
     drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
     if hidden:
-        drives = [with_hidden_actions(each, decision_period_s) for each in drives]
-    found, report = demonstrations_of_drives(drives, grid, decision_period_s, seen=seen)
+        drives = [with_hidden_actions(each) for each in drives]
+    found, report = demonstrations_of_drives(drives, grid, patience_s, wait_s, seen=seen)
     if not len(found.decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
     return found, report
@@ -68,13 +67,14 @@ def demonstrations_of_bag(
 def demonstrations_of_drives(
     drives: Sequence[RecordedDrive],
     grid: Grid,
-    decision_period_s: float,
+    patience_s: float,
+    wait_s: float,
     *,
     seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
     seen = set() if seen is None else seen
-    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen))
+    return joined_demonstrations(demonstrations_of_each(drives, grid, patience_s, wait_s, seen))
 
 
 def joined_demonstrations(
@@ -87,7 +87,8 @@ def joined_demonstrations(
 def demonstrations_of_each(
     drives: Sequence[RecordedDrive],
     grid: Grid,
-    decision_period_s: float,
+    patience_s: float,
+    wait_s: float,
     seen: set[bytes],
     *,
     agents: bool = False,
@@ -102,7 +103,7 @@ def demonstrations_of_each(
     for drive in drives:
         track = drive.pose_time_s.tobytes() + drive.position_m.tobytes()
         seen_here = set(known if track in known else ()) if agents else seen
-        found.append(fresh_from_drive(drive, grid, decision_period_s, seen_here))
+        found.append(fresh_from_drive(drive, grid, patience_s, wait_s, seen_here))
         seen |= seen_here | ({track} if agents else set())
     return found
 
@@ -110,7 +111,7 @@ def demonstrations_of_each(
 class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
-    earlier: demonstrations known before. report: what became of the intents of the last session.
+    earlier: demonstrations known before. report: what was left out of the last session.
     hidden: whether poses and episodes alone are used.
     """
 
@@ -118,13 +119,14 @@ class LiveDrive(DriveSessions):
         self,
         source: str,
         grid: Grid,
-        decision_period_s: float,
+        patience_s: float,
+        wait_s: float,
         earlier: Demonstrations | None = None,
         *,
         hidden: bool = False,
     ) -> None:
         super().__init__(source)
-        self._grid, self._period_s, self._earlier = grid, decision_period_s, earlier
+        self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
         self._hidden = hidden
         self.report: DiscretisationReport | None = None
 
@@ -136,19 +138,18 @@ class LiveDrive(DriveSessions):
         known = [] if self._earlier is None else [self._earlier]
         seen = {row for one in known for row in one.episode_rows.values()}
         for each in (*before, last):
-            drive = with_hidden_actions(each, self._period_s) if self._hidden else each
-            here, self.report = fresh_from_drive(drive, self._grid, self._period_s, seen)
+            drive = with_hidden_actions(each) if self._hidden else each
+            here, self.report = fresh_from_drive(drive, self._grid, *self._times_s, seen)
             known.append(here)
         return joined(known)
 
 
 def fresh_from_drive(
-    drive: RecordedDrive, grid: Grid, decision_period_s: float, seen: set[bytes]
+    drive: RecordedDrive, grid: Grid, patience_s: float, wait_s: float, seen: set[bytes]
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """What the drive adds to the episodes seen, to which its own are added.
 
     An episode that was seen already in every decision counts once.
     """
-    decisions, report = decisions_from_drive(drive, grid, decision_period_s, seen)
-    entry_s = goal_entries_s(drive.episodes, decisions, decision_period_s)
-    return Demonstrations(decisions, tuple(entry_s.tolist())), report
+    decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen)
+    return Demonstrations(decisions), report

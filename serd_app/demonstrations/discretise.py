@@ -1,44 +1,39 @@
-"""From a recorded drive to decisions (s, a, s') on a grid.
+"""From a recorded drive to decisions on a grid, each with its outcome and dwell time.
 
-Every recorded intent inside an episode is one decision: s is the cell of the robot at its stamp, a
-the direction it names, s' the cell one decision period later, or at the arrival if that is earlier.
-Of intents closer together than a decision period the first counts. Every dropped intent is counted.
-
-The grid's dynamics have five outcomes: the own cell and its four neighbours. A robot that ended
-elsewhere (diagonally, or more than one cell on) is assigned the neighbour in the direction in which
-it moved farthest; where that is no cell, the one in the other direction. Such a decision is a
-fault: its progress is not that of the robot. Faults are counted, and so is what no cell explains.
+The poses of an episode go through `DecisionEpochs`, as those of a drive do. The action is the
+command that is in force when a decision begins: the newest one, for as long as it holds. Another
+command that has been in force for 0.3 s ends the decision before its outcome (censored), at the
+time from which on it was given. Without a command nothing is decided. Everything that is left out
+is counted.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from enum import Enum
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
-from serd_app.drives.recorded_drive import RecordedDrive
-from serd_bag.errors import BagError
+from serd_app.drives.recorded_drive import SILENCE, RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Action, Grid, action_of_direction
+from serd_core.grid.grid import Action, Grid
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.yaml_config import StrictModel
+from serd_sim.world.epochs import HELD_S, DecisionEpochs, Epoch, decisions_of
 
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"
 IN_DISCARDED = "in a discarded episode"
 ON_WAY_BACK = "on the way back from the goal"
-WITHIN_PERIOD = "within the period of the decision before"
-CUT_SHORT = "cut short by the end of its episode"
-NO_POSE = "no pose recorded then"
+NO_COMMAND = "no command recorded then"
+LOST = "lost as poses are missing or beyond walls"
 OFF_GRID = "robot off the grid"
-UNEXPLAINED = "no neighbouring cell explains the move"
 REPEATED = "of an episode that was there before"
 #: Share of decisions to wait while the robot moves above which actions do not explain the motion.
 MOST_MOVING_WAITS = 0.02
+#: Longer steps between poses are divided: decisions end between them.
+_LONGEST_STEP_S = 0.2
 _STAMP_TOLERANCE_S = 1e-6
 
 
@@ -46,18 +41,18 @@ _Count = Annotated[int, Field(ge=0)]
 
 
 class DiscretisationReport(StrictModel):
-    """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why.
+    """n_decisions kept, of which n_censored ended before their outcome, by another command or with
+    the episode; dropped: intents and decisions that were left out, by why.
 
     n_bad_poses: poses that were left out because a number in them is not finite.
     n_unplaced_poses: those left out because no transform was recorded about their time.
     n_bad_commands: velocity commands left out because a number in them is not finite.
-    n_moving_waits: decisions to wait in whose period the robot moved.
+    n_moving_waits: decisions to wait in whose second half, after braking, the robot moved.
     """
 
     n_decisions: _Count
+    n_censored: _Count
     n_episodes: _Count
-    n_diagonal: _Count
-    n_far: _Count
     dropped: dict[str, int] = Field(default_factory=dict)
     n_bad_poses: _Count = 0
     n_unplaced_poses: _Count = 0
@@ -65,37 +60,34 @@ class DiscretisationReport(StrictModel):
     n_moving_waits: _Count = 0
 
     @property
-    def n_intents(self) -> int:
-        """Recorded intents, each either a decision or dropped."""
-        return self.n_decisions + sum(self.dropped.values())
+    def n_dropped(self) -> int:
+        """Intents and decisions that were left out."""
+        return sum(self.dropped.values())
 
     @property
-    def n_moves(self) -> int:
-        """Decisions that were made, those that no neighbour explains included."""
-        return self.n_decisions + self.dropped.get(UNEXPLAINED, 0)
+    def n_taken(self) -> int:
+        """Decisions that were taken, with those whose outcome is not recorded."""
+        return self.n_decisions + self.dropped.get(LOST, 0)
 
     @property
     def fault_share(self) -> float:
-        """Of the moves, those that no outcome of the grid represents: assigned to a neighbour, or
-        dropped."""
-        faults = self.n_diagonal + self.n_far + self.dropped.get(UNEXPLAINED, 0)
-        return faults / self.n_moves if self.n_moves else 0.0
+        """Of the decisions, those whose outcome is not recorded: see `LOST`."""
+        return self.dropped.get(LOST, 0) / self.n_taken if self.n_taken else 0.0
 
     @property
     def faults(self) -> str:
-        """One sentence about such moves."""
+        """One sentence about such decisions."""
         return (
-            f"{100 * self.fault_share:.1f} % of {self.n_moves} moves are no outcome of the grid"
-            f" ({self.n_diagonal} diagonal and {self.n_far} far ones count as moves to a"
-            f" neighbour, {self.dropped.get(UNEXPLAINED, 0)} are dropped)"
+            f"{100 * self.fault_share:.1f} % of {self.n_taken} decisions are lost as poses are"
+            " missing or beyond walls"
         )
 
     def __str__(self) -> str:
         """One sentence with every count."""
         dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
         return (
-            f"{self.n_decisions} decisions in {self.n_episodes} episodes; assigned to a neighbour: "
-            f"{self.n_diagonal} diagonal and {self.n_far} far moves; dropped: {dropped or 'none'}"
+            f"{self.n_decisions} decisions in {self.n_episodes} episodes, {self.n_censored} of them"
+            f" without outcome; dropped: {dropped or 'none'}"
             + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
             + (f"; {self.n_unplaced_poses} poses without /tf" if self.n_unplaced_poses else "")
             + (f"; {self.n_bad_commands} commands not finite" if self.n_bad_commands else "")
@@ -112,78 +104,44 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
     )
 
 
-class Move(Enum):
-    """What kind of move a decision period was."""
-
-    ADJACENT = "own cell or a neighbour"
-    DIAGONAL = "diagonal"
-    FAR = "more than one cell"
-
-
-def next_state_of(grid: Grid, state: int, reached: int, end_m: FloatArray) -> tuple[int, Move]:
-    """(next state, kind of move) from a cell to the cell that holds end_m (2,); -1 where no
-    neighbour explains the move."""
-    if reached == state or reached in grid.neighbours[state]:
-        return reached, Move.ADJACENT
-    steps = np.abs(grid.cells[reached] - grid.cells[state])
-    move = Move.DIAGONAL if steps.max() == 1 else Move.FAR
-    east, north = end_m - grid.centers_m[state]
-    for direction in sorted([(east, 0.0), (0.0, north)], key=lambda d: -abs(d[0] + d[1])):
-        action = action_of_direction(*np.sign(direction))
-        neighbour = int(grid.neighbours[state, action])
-        if action != Action.WAIT and neighbour != state:
-            return neighbour, move
-    return -1, move
-
-
 def decisions_from_drive(
-    drive: RecordedDrive, grid: Grid, decision_period_s: float, seen: set[bytes] | None = None
-) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a recorded drive on a grid, and what became of every intent.
+    drive: RecordedDrive,
+    grid: Grid,
+    patience_s: float,
+    wait_s: float,
+    seen: set[bytes] | None = None,
+) -> tuple[TimedDecisions, DiscretisationReport]:
+    """Decisions of a recorded drive on a grid, and what was left out.
 
-    seen: `episode_rows` of episodes that are dropped here; those of this drive are added.
+    patience_s, wait_s: see `DecisionEpochs`. seen: `episode_rows` of episodes that are dropped
+    here; those of this drive are added.
     """
-    if not decision_period_s > 0:
-        raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
-    drops = _DropLog(len(drive.intent_time_s), drive.dropped)
-    span = _spans_of(drive, drops, decision_period_s)
-    end_s = _ends(drive, span, drops, decision_period_s)
-    start_m, start_known = _positions(drive, drive.intent_time_s)
-    end_m, end_known = _positions(drive, end_s)
-    drops.drop(~(start_known & end_known), NO_POSE)
-    state, reached = grid.states_at(start_m), grid.states_at(end_m)
-    drops.drop((state < 0) | (reached < 0), OFF_GRID)
-    moves = _assign(grid, state, reached, end_m, drops.kept)
-    rows = np.flatnonzero(drops.kept & (reached >= 0))
-    numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
-    decisions = Decisions(
-        episode=numbers[span[rows]],
-        time_s=drive.intent_time_s[rows],
-        state=state[rows],
-        action=drive.intent_action[rows],
-        next_state=reached[rows],
-        source=drive.source,
-    )
-    repeated = _repeated(decisions, set() if seen is None else seen)
-    drops.drop(np.isin(span, span[rows[repeated]]), REPEATED)
-    drops.drop(reached < 0, UNEXPLAINED)
-    decisions, kept = decisions.select(~repeated), drops.kept
-    moved = np.hypot(*(end_m - start_m)[kept].T) >= drive.minimum_speed_mps * decision_period_s
-    kinds = Counter(moves[kept])
+    dropped = Counter(drive.dropped) + _outside(drive)
+    epochs = DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
+    ended = dict[int, list[Epoch]]()
+    for span in drive.episodes:
+        if span.demonstrates:
+            dropped[NO_COMMAND] += _follow(epochs, drive, span, patience_s)
+            dropped[LOST] += epochs.n_lost
+            ended[span.number] = epochs.ended
+    every = decisions_of(ended, drive.source)
+    dropped[OFF_GRID] += sum(map(len, ended.values())) - len(every)
+    repeated = _repeated(every, set() if seen is None else seen)
+    dropped[REPEATED] += int(repeated.sum())
+    decisions = every.select(~repeated)
     return decisions, DiscretisationReport(
         n_decisions=len(decisions),
+        n_censored=int(decisions.censored.sum()),
         n_episodes=len(decisions.episodes),
-        n_diagonal=kinds[Move.DIAGONAL],
-        n_far=kinds[Move.FAR],
-        dropped=dict(drops.dropped),
+        dropped=dict(+dropped),
         n_bad_poses=drive.n_bad_poses,
         n_unplaced_poses=drive.n_unplaced_poses,
         n_bad_commands=drive.n_bad_commands,
-        n_moving_waits=int((moved & (decisions.action == Action.WAIT)).sum()),
+        n_moving_waits=_moving_waits(drive, decisions),
     )
 
 
-def episode_rows(decisions: Decisions) -> dict[int, bytes]:
+def episode_rows(decisions: TimedDecisions) -> dict[int, bytes]:
     """Every decision of each episode as bytes, by which repeated episodes are recognised."""
     columns = (decisions.time_s, decisions.state, decisions.action, decisions.next_state)
     return {
@@ -192,7 +150,7 @@ def episode_rows(decisions: Decisions) -> dict[int, bytes]:
     }
 
 
-def _repeated(decisions: Decisions, seen: set[bytes]) -> BoolArray:
+def _repeated(decisions: TimedDecisions, seen: set[bytes]) -> BoolArray:
     """(N,) decisions of episodes that were seen already in every decision; adds the others."""
     rows = episode_rows(decisions)
     repeated = [episode for episode, row in rows.items() if row in seen]
@@ -200,91 +158,108 @@ def _repeated(decisions: Decisions, seen: set[bytes]) -> BoolArray:
     return np.isin(decisions.episode, repeated)
 
 
-class _DropLog:
-    """Which intents are still decisions, and why the others are not; the first reason counts."""
-
-    def __init__(self, count: int, dropped: Mapping[str, int]) -> None:
-        self.kept: BoolArray = np.ones(count, dtype=bool)
-        self.dropped: Counter[str] = Counter(dropped)
-
-    def drop(self, rows: BoolArray, reason: str) -> None:
-        """Drop those of the rows that are not dropped yet."""
-        count = int(np.count_nonzero(self.kept & rows))
-        if count:
-            self.dropped[reason] += count
-        self.kept = self.kept & ~rows
-
-
-def _spans_of(drive: RecordedDrive, drops: _DropLog, period_s: float) -> IntArray:
-    """(N,) index of the episode of each intent; drops those outside and those too close."""
+def _outside(drive: RecordedDrive) -> Counter[str]:
+    """Intents that are in no episode which demonstrates, by why."""
     if not drive.episodes:
-        drops.drop(np.ones_like(drops.kept), OUTSIDE_EPISODE)
-        return np.zeros(len(drops.kept), dtype=np.int64)
+        return Counter({OUTSIDE_EPISODE: len(drive.intent_time_s)})
     time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
-    starts_s, ends_s, outcome = _columns(drive.episodes)
-    span = np.searchsorted(starts_s, time_s, side="right") - 1
-    inside = (span >= 0) & (time_s < ends_s[span])
-    drops.drop((span >= 0) & ~inside & (outcome[span] == CUT_OFF), AFTER_CUT_OFF)
-    drops.drop(~inside, OUTSIDE_EPISODE)
-    drops.drop(outcome[span] == DISCARDED, IN_DISCARDED)
-    drops.drop(outcome[span] == RETURN, ON_WAY_BACK)
-    drops.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
-    return span
-
-
-def _too_close(time_s: FloatArray, span: IntArray, inside: BoolArray, period_s: float) -> BoolArray:
-    close = np.zeros(len(time_s), dtype=bool)
-    last_s, last_span = -np.inf, -1
-    for row in np.flatnonzero(inside):
-        if span[row] == last_span and time_s[row] < last_s + period_s - _STAMP_TOLERANCE_S:
-            close[row] = True
-        else:
-            last_s, last_span = time_s[row], int(span[row])
-    return close
-
-
-def _ends(drive: RecordedDrive, span: IntArray, drops: _DropLog, period_s: float) -> FloatArray:
-    """(N,) when each decision's period ends; drops those whose episode ends before, not arrived."""
-    due_s = drive.intent_time_s + period_s
-    if not drive.episodes:
-        return due_s
-    _, ends_s, outcome = _columns(drive.episodes)
-    early = ends_s[span] < due_s - _STAMP_TOLERANCE_S
-    drops.drop(early & (outcome[span] != "arrived"), CUT_SHORT)
-    return np.minimum(due_s, ends_s[span])
-
-
-def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, NDArray[np.str_]]:
-    """Starts and ends (s), and outcomes."""
-    rows = zip(*((span.start_s, span.end_s, span.outcome) for span in episodes), strict=True)
+    rows = zip(*((span.start_s, span.end_s, span.outcome) for span in drive.episodes), strict=True)
     starts_s, ends_s, outcomes = map(np.array, rows)
-    return starts_s, ends_s, outcomes
+    span = np.searchsorted(starts_s, time_s, side="right") - 1
+    inside, outcome = (span >= 0) & (time_s < ends_s[span]), outcomes[span]
+    cut_off = (span >= 0) & ~inside & (outcome == CUT_OFF)
+    reasons: Mapping[str, BoolArray] = {
+        AFTER_CUT_OFF: cut_off,
+        OUTSIDE_EPISODE: ~inside & ~cut_off,
+        IN_DISCARDED: inside & (outcome == DISCARDED),
+        ON_WAY_BACK: inside & (outcome == RETURN),
+    }
+    return Counter({reason: int(found.sum()) for reason, found in reasons.items()})
 
 
-def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """(N, 2) places interpolated between recorded poses; (N,) false across a gap of them."""
+def _follow(
+    epochs: DecisionEpochs, drive: RecordedDrive, span: EpisodeSpan, patience_s: float
+) -> int:
+    """Take the decisions of an episode; how often none was taken for lack of a command."""
+    epochs.begin()
+    time_s, position_m, after_gap = _way(drive, span)
+    if not len(time_s):
+        return 0
+    hold_s = patience_s if drive.intent_hold_s is None else drive.intent_hold_s
+    since_s, commands = _in_force(drive, span, hold_s)
+    row = np.searchsorted(since_s, time_s + _STAMP_TOLERANCE_S, side="right") - 1
+    columns = time_s, *position_m.T, after_gap, since_s[row], commands[row]
+    taken, n_silent = int(Action.WAIT), 0
+    for at_s, x_m, y_m, is_after_gap, from_s, command in zip(
+        *(each[:-1].tolist() for each in columns), strict=True
+    ):
+        if is_after_gap:
+            epochs.lose()
+        if epochs.see(at_s, x_m, y_m):
+            if command != SILENCE:
+                epochs.take(at_s, command)
+        elif command != taken and at_s - from_s >= HELD_S - _STAMP_TOLERANCE_S:
+            epochs.interrupt(from_s)
+            if command != SILENCE:
+                epochs.take(from_s, command)
+        else:
+            continue
+        n_silent += command == SILENCE != taken
+        taken = command
+    if after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s:
+        epochs.lose()
+    else:
+        epochs.end(float(time_s[-1]), *position_m[-1].tolist(), arrived=span.outcome == "arrived")
+    return n_silent
+
+
+def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(T,) times and (T, 2) places of an episode, and (T,) whether a gap is before each.
+
+    Long steps between poses are divided evenly.
+    """
     recorded_s = drive.pose_time_s
-    if not len(recorded_s):
-        return np.full((len(times_s), 2), np.nan), np.zeros(len(times_s), dtype=bool)
-    after = np.searchsorted(recorded_s, times_s - _STAMP_TOLERANCE_S)
-    within = after < len(recorded_s)
-    after = np.minimum(after, len(recorded_s) - 1)
-    exact = np.abs(recorded_s[after] - times_s) <= _STAMP_TOLERANCE_S
-    gap_s = recorded_s[after] - recorded_s[np.maximum(after - 1, 0)]
-    known = within & (exact | ((after > 0) & (gap_s <= drive.longest_gap_s)))
-    columns = [np.interp(times_s, recorded_s, column) for column in drive.position_m.T]
-    return np.stack(columns, axis=1), known
+    first = np.searchsorted(recorded_s, span.start_s - _STAMP_TOLERANCE_S)
+    last = np.searchsorted(recorded_s, span.end_s + _STAMP_TOLERANCE_S)
+    time_s, position_m = recorded_s[first:last], drive.position_m[first:last]
+    step_s = np.diff(time_s, prepend=time_s[:1])
+    after_gap = step_s > drive.longest_gap_s
+    n_parts = np.ceil(step_s / _LONGEST_STEP_S - _STAMP_TOLERANCE_S).clip(1).astype(np.int64)
+    n_parts[after_gap] = 1
+    if n_parts.max(initial=1) == 1:
+        return time_s, position_m, after_gap
+    whole = np.repeat(np.arange(len(time_s)), n_parts)
+    parts_left = np.cumsum(n_parts)[whole] - 1 - np.arange(len(whole))
+    divided_s = time_s[whole] - parts_left * (step_s / n_parts)[whole]
+    places = [np.interp(divided_s, time_s, each) for each in position_m.T]
+    return divided_s, np.stack(places, axis=1), after_gap[whole]
 
 
-def _assign(
-    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, kept: BoolArray
-) -> NDArray[np.object_]:
-    """(N,) kinds of moves; puts the next state of the rule in place of the cell reached, -1 where
-    no neighbour explains the move."""
-    moves = np.full(len(state), Move.ADJACENT, dtype=object)
-    adjacent = (reached == state) | (grid.neighbours[state] == reached[:, None]).any(axis=1)
-    for row in np.flatnonzero(kept & ~adjacent):
-        reached[row], moves[row] = next_state_of(
-            grid, int(state[row]), int(reached[row]), end_m[row]
-        )
-    return moves
+def _in_force(
+    drive: RecordedDrive, span: EpisodeSpan, hold_s: float
+) -> tuple[FloatArray, IntArray]:
+    """(N,) from when on, what command is in force within an episode: an action, or SILENCE."""
+    starts_s = drive.intent_time_s + _STAMP_TOLERANCE_S
+    inside = (starts_s >= span.start_s) & (starts_s < span.end_s)
+    given_s, given = drive.intent_time_s[inside], drive.intent_action[inside]
+    silent_s = given_s + hold_s
+    falls_silent = silent_s < np.append(given_s[1:], np.inf) - _STAMP_TOLERANCE_S
+    from_s = np.concatenate([[-np.inf], given_s, silent_s[falls_silent]])
+    command = np.concatenate([[SILENCE], given, np.full(falls_silent.sum(), SILENCE)])
+    order = np.argsort(from_s, kind="stable")
+    from_s, command = from_s[order], command[order].astype(np.int64)
+    changes = np.append(True, np.diff(command) != 0)
+    return from_s[changes], command[changes]
+
+
+def _moving_waits(drive: RecordedDrive, decisions: TimedDecisions) -> int:
+    waits = decisions.select(decisions.action == Action.WAIT)
+    if not len(waits):
+        return 0
+    half_s = waits.dwell_s / 2.0
+    ends_s = waits.time_s + half_s, waits.time_s + waits.dwell_s
+    east_m, north_m = (
+        np.subtract(*(np.interp(each, drive.pose_time_s, axis) for each in ends_s))
+        for axis in drive.position_m.T
+    )
+    return int((np.hypot(east_m, north_m) >= drive.minimum_speed_mps * half_s).sum())

@@ -1,16 +1,15 @@
-"""Where demonstrations reach the goal: decisions up to it, and the time of entry."""
+"""Where demonstrations reach the goal, and their decisions up to it."""
 
-from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from scipy.ndimage import binary_dilation, label
 
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 
-_ROUNDING_S = 1e-6
+_Table = TypeVar("_Table", bound=Decisions)
 
 
 def usual_goal_states(decisions: Decisions, grid: Grid) -> IntArray:
@@ -25,7 +24,7 @@ def usual_goal_states(decisions: Decisions, grid: Grid) -> IntArray:
     return best
 
 
-def ending_in(decisions: Decisions, states: IntArray) -> Decisions:
+def ending_in(decisions: _Table, states: IntArray) -> _Table:
     """The decisions of the episodes that end in one of the states."""
     wanted = set(states.tolist())
     return decisions.select_episodes(
@@ -48,7 +47,7 @@ def _neighbouring(states: IntArray, grid: Grid) -> list[IntArray]:
     return [states[labels[rows, columns] == group + 1] for group in range(count)]
 
 
-def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:
+def until_goal(decisions: _Table, goal_states: IntArray) -> _Table:
     """The decisions of every episode up to the first that leads into the goal."""
     kept = np.ones(len(decisions), dtype=bool)
     for episode in decisions.episodes:
@@ -62,29 +61,8 @@ def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:
 def episodes_reaching(decisions: Decisions, goal_states: IntArray) -> IntArray:
     """(E,) numbers of the episodes that begin elsewhere and come to the goal.
 
-    One that decides in it has come to it, also where its move there counts as one to a neighbour.
+    One that decides in it has come to it, also where its move there is not recorded.
     """
     there = np.isin(decisions.state, goal_states) | np.isin(decisions.next_state, goal_states)
     began_elsewhere = until_goal(decisions, goal_states).episodes
     return np.asarray(began_elsewhere[np.isin(began_elsewhere, decisions.episode[there])])
-
-
-def goal_entries_s(
-    episodes: Sequence[EpisodeSpan], decisions: Decisions, decision_period_s: float
-) -> FloatArray:
-    """(E,) seconds from the last decision to the end of every episode that arrived.
-
-    decisions: those of the same drive. Episodes whose last decision is missing are left out.
-    """
-    arrived = [span for span in episodes if span.outcome == "arrived"]
-    entry_s = np.array([span.end_s - _last_decision_s(decisions, span) for span in arrived])
-    known = (entry_s > _ROUNDING_S) & (entry_s <= decision_period_s + _ROUNDING_S)
-    # Stamps are whole nanoseconds; differences of seconds as doubles are not.
-    return np.asarray(np.minimum(entry_s[known], decision_period_s).round(9))
-
-
-def _last_decision_s(decisions: Decisions, span: EpisodeSpan) -> float:
-    """Time of the last decision within an episode, minus infinity where there is none."""
-    time_s = decisions.time_s
-    inside = (time_s >= span.start_s - _ROUNDING_S) & (time_s < span.end_s)
-    return float(time_s[inside].max(initial=-np.inf))

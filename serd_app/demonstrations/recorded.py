@@ -6,7 +6,7 @@ The table of decisions is `NAME.csv`; what learning reads as well lies beside it
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,21 +15,15 @@ from serd_app.demonstrations.decision_table import concatenate_renumbered, save_
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.demonstrations.grid.resolution import (
-    ResolutionAdvice,
-    ResolutionRow,
-    resolution_advice,
-)
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.files import delete_file
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.grid_file import save_grid
-from serd_files.table import read_rows, write_rows
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of
 from serd_sim.scenario.scenario import Scenario
@@ -42,7 +36,7 @@ class _Bag(StrictModel):
 
 
 class BagRecord(DiscretisationReport, _Bag):
-    """What became of the intents of one bag.
+    """What became of one bag.
 
     damage: sentences about what of the bag could not be read; n_lost: messages known to be lost;
     all_lost_known: whether that is all of them.
@@ -53,40 +47,31 @@ class BagRecord(DiscretisationReport, _Bag):
     all_lost_known: bool = True
 
 
-class MotionRecord(StrictModel):
-    """See `ResolutionAdvice`."""
-
-    speed_mps: float
-    fast_mps: float
-    turning: float
-
-
 class DemonstrationRecord(StrictModel):
-    """scenario: empty where the grid was fitted; goal_entry_s: see `ModelFile`. motion: None where
-    the robot never moves a whole period."""
+    """scenario: empty where the grid was fitted; patience_s, wait_s: see `DecisionEpochs`."""
+
+    remade_by: ClassVar[str] = "run 'serd demos' again"
 
     format: Literal["serd-demonstrations"] = "serd-demonstrations"
-    format_version: Literal[1] = 1
+    format_version: Literal[2] = 2
     scenario: str
     grid_fingerprint: str
-    decision_period_s: float = Field(gt=0)
-    goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
+    patience_s: float = Field(gt=0)
+    wait_s: float = Field(gt=0)
     bags: tuple[BagRecord, ...]
-    motion: MotionRecord | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedDemonstrations:
     """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts.
 
-    goal_entry_s: see `serd_files.model_file.ModelFile`. n_of_drives: decisions of each drive.
+    n_of_drives: decisions of each drive.
     """
 
     recording: Recording
-    decisions: Decisions
+    decisions: TimedDecisions
     report: DiscretisationReport
     tracks_m: tuple[FloatArray, ...]
-    goal_entry_s: tuple[float, ...]
     n_of_drives: tuple[int, ...]
 
     @property
@@ -99,7 +84,6 @@ class RecordedDemonstrations:
         return {
             "bag": str(self.bag),
             **self.report.model_dump(),
-            "n_intents": self.report.n_intents,
             "fault_share": self.report.fault_share,
             **self.recording.values(),
         }
@@ -107,10 +91,14 @@ class RecordedDemonstrations:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """The grid decisions are cut on; scenario: None where it was fitted."""
+    """The grid of decisions, and when they end; scenario: None where the grid was fitted.
+
+    patience_s, wait_s: see `DecisionEpochs`.
+    """
 
     grid: Grid
-    period_s: float
+    patience_s: float
+    wait_s: float
     scenario: Scenario | None = None
 
     @property
@@ -125,22 +113,18 @@ class Place:
 
 
 def demonstrations_of_all(
-    recordings: Sequence[Recording], grid: Grid, period_s: float
+    recordings: Sequence[Recording], grid: Grid, patience_s: float, wait_s: float
 ) -> list[RecordedDemonstrations]:
     """Their decisions on a grid; an episode that several of them hold counts in the first."""
     seen: set[bytes] = set()
     found = []
     for each in recordings:
         agents = each.crowd is not None or is_table(each.bag)
-        parts = demonstrations_of_each(each.drives, grid, period_s, seen, agents=agents)
+        parts = demonstrations_of_each(each.drives, grid, patience_s, wait_s, seen, agents=agents)
         here, report = joined_demonstrations(parts)
         n_of_drives = tuple(len(part.decisions) for part, _ in parts)
         tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))
-        found.append(
-            RecordedDemonstrations(
-                each, here.decisions, report, tracks, here.goal_entry_s, n_of_drives
-            )
-        )
+        found.append(RecordedDemonstrations(each, here.decisions, report, tracks, n_of_drives))
     return found
 
 
@@ -160,16 +144,9 @@ def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
     )
 
 
-def concatenated(found: Sequence[RecordedDemonstrations]) -> Decisions:
+def concatenated(found: Sequence[RecordedDemonstrations]) -> TimedDecisions:
     """The decisions of all recordings; episodes are numbered on."""
     return concatenate_renumbered([each.decisions for each in found])
-
-
-def advice_of_all(found: Sequence[RecordedDemonstrations], place: Place) -> ResolutionAdvice | None:
-    """On cell size and period, by all recordings."""
-    drives = [drive for each in found for drive in each.recording.drives]
-    grid = place.grid
-    return resolution_advice(drives, grid.cell_size_m, place.period_s, origin_m=grid.origin_m)
 
 
 def save_demonstrations(
@@ -177,35 +154,27 @@ def save_demonstrations(
     place: Place,
     found: Sequence[RecordedDemonstrations],
     flow: FlowField | None,
-    advice: ResolutionAdvice | None = None,
 ) -> None:
-    """Write table, grid, record, flow and advice side by side; see `files_beside`."""
-    files = files_beside(output)
+    """Write table, grid, record and flow side by side; see `files_beside`."""
     save_learnable(
         output,
         place,
         concatenated(found),
-        tuple(entry_s for each in found for entry_s in each.goal_entry_s),
         bags=tuple(
             BagRecord(**{name: values[name] for name in BagRecord.model_fields})
             for values in (each.values() for each in found)
         ),
-        motion=MotionRecord.model_validate(advice, from_attributes=True) if advice else None,
     )
-    if advice is not None:
-        write_rows(files["resolution"], ResolutionRow, advice.rows)
     if flow is not None:
-        save_flow(files["flow"], place.grid, flow)
+        save_flow(files_beside(output)["flow"], place.grid, flow)
 
 
 def save_learnable(
     output: Path,
     place: Place,
-    decisions: Decisions,
-    goal_entry_s: tuple[float, ...],
+    decisions: TimedDecisions,
     *,
     bags: tuple[BagRecord, ...] = (),
-    motion: MotionRecord | None = None,
 ) -> None:
     """Write a table of decisions with what `serd learn` needs beside it: grid, record, scenario."""
     files = files_beside(output)
@@ -216,14 +185,12 @@ def save_learnable(
     record = DemonstrationRecord(
         scenario=place.name,
         grid_fingerprint=place.grid.fingerprint(),
-        decision_period_s=place.period_s,
-        goal_entry_s=goal_entry_s,
+        patience_s=place.patience_s,
+        wait_s=place.wait_s,
         bags=bags,
-        motion=motion,
     )
     save_yaml_model(files["record"], record)
-    for name in ("flow", "crossings", "resolution", "resolution picture"):  # of other recordings
-        delete_file(files[name])
+    delete_file(files["flow"])  # of other recordings
 
 
 def files_beside(table: Path) -> dict[str, Path]:
@@ -236,20 +203,7 @@ def files_beside(table: Path) -> dict[str, Path]:
         "picture": table.with_suffix(".png"),
         "flow": table.with_suffix(".flow.csv"),
         "flow picture": table.with_suffix(".flow.png"),
-        "crossings": table.with_suffix(".crossings.csv"),
-        "resolution": table.with_suffix(".resolution.csv"),
-        "resolution picture": table.with_suffix(".resolution.png"),
     }
-
-
-def load_advice(table: Path) -> ResolutionAdvice | None:
-    """The advice of the recordings of a table, None where they have none."""
-    files = files_beside(table)
-    motion = load_yaml_model(files["record"], DemonstrationRecord).motion
-    if motion is None:
-        return None
-    rows = read_rows(files["resolution"], ResolutionRow)
-    return ResolutionAdvice(rows, **motion.model_dump())
 
 
 def report_of_table(table: Path) -> DiscretisationReport | None:

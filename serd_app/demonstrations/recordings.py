@@ -41,7 +41,6 @@ class Recordings:
 
 def read_recordings(
     paths: Sequence[Path],
-    period_s: float,
     *,
     mapping: DriveMapping | None,
     scenario: Scenario | None,
@@ -55,7 +54,6 @@ def read_recordings(
     recordings = tuple(
         read_recording(
             each,
-            period_s,
             mapping=chosen,
             tolerant=tolerant,
             hidden=hidden,

@@ -50,7 +50,6 @@ class Recording:
 
 def read_recording(
     bag: Path,
-    period_s: float,
     *,
     mapping: DriveMapping | None,
     tolerant: bool,
@@ -66,19 +65,16 @@ def read_recording(
         mapping = TableMapping()
     if mapping is not None and not (mapping.goals_m or mapping.goal_area_m):
         mapping = mapping.model_copy(update={"goal_area_m": goal_area_m})
-    found = _recording(bag, period_s, mapping, tolerant)
+    found = _recording(bag, mapping, tolerant)
     if not hidden:
         return found
-    drives = tuple(with_hidden_actions(drive, period_s) for drive in found.drives)
-    return replace(found, drives=drives)
+    return replace(found, drives=tuple(map(with_hidden_actions, found.drives)))
 
 
-def _recording(
-    bag: Path, period_s: float, mapping: DriveMapping | None, tolerant: bool
-) -> Recording:
+def _recording(bag: Path, mapping: DriveMapping | None, tolerant: bool) -> Recording:
     if is_table(bag):
         table = mapping if isinstance(mapping, TableMapping) else TableMapping()
-        found = drives_of_table(bag, table, period_s)
+        found = drives_of_table(bag, table)
         return Recording(bag, found.drives, (), Losses(), found.crowd, found.assumed)
     reader = BagReader(bag, tolerant=tolerant)
     assumed: tuple[str, ...] = ()
@@ -89,24 +85,23 @@ def _recording(
         )
         own = TableMapping.of_people(mapping)
         drives = tuple(
-            drive_of_track(crowd.tracks[expert], own, period_s, source_of(bag))
-            for expert in crowd.experts
+            drive_of_track(crowd.tracks[expert], own, source_of(bag)) for expert in crowd.experts
         )
         assumed = (ASSUMED_UNITS,)
     elif not isinstance(mapping, BagMapping):
         _require_own(reader)
         drives = drives_in(reader)
     else:
-        drives, assumed = (_mapped_drive(reader, mapping, period_s),), (ASSUMED_UNITS,)
+        drives, assumed = (_mapped_drive(reader, mapping),), (ASSUMED_UNITS,)
     damage = tuple(each.sentence() for each in reader.damage)
     lost = reader.losses if damage else Losses()
     return Recording(bag, drives, damage, lost, crowd, assumed)
 
 
-def _mapped_drive(reader: BagReader, mapping: BagMapping, period_s: float) -> RecordedDrive:
+def _mapped_drive(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
     """AppError that names the command which writes a mapping where this one does not fit."""
     try:
-        return mapped_drive_in(reader, mapping, period_s)
+        return mapped_drive_in(reader, mapping)
     except DamagedBagError:
         raise
     except BagError as error:

@@ -112,7 +112,7 @@ def is_table(path: Path) -> bool:
     return path.is_file() and not is_bag_file(path)
 
 
-def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> TableDrives:
+def drives_of_table(path: Path, mapping: TableMapping) -> TableDrives:
     """A drive of each expert; FileError where the table cannot be read."""
     found = read_trajectories(path, mapping)
     assumed, tracks = found.assumed, found.tracks
@@ -133,9 +133,7 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
         experts, choice = _experts(path, tracks, mapping.experts)
     if choice:
         assumed = (*assumed, choice)
-    drives = tuple(
-        drive_of_track(tracks[expert], mapping, period_s, f"table {path}") for expert in experts
-    )
+    drives = tuple(drive_of_track(tracks[expert], mapping, f"table {path}") for expert in experts)
     crowd = Crowd(tracks, experts, all(map(_is_robot, tracks))) if len(tracks) > 1 else None
     return TableDrives(drives, crowd, assumed)
 
@@ -205,15 +203,13 @@ def _experts(
     return robots, f"{named}{more} {verb} among {len(names) - len(robots)} people ('experts:')"
 
 
-def drive_of_track(
-    track: Track, mapping: TableMapping, period_s: float, source: str
-) -> RecordedDrive:
+def drive_of_track(track: Track, mapping: TableMapping, source: str) -> RecordedDrive:
     """The drive of an agent, which demonstrates."""
     longest_gap_s = mapping.longest_gap_s or usual_gap_s(track.time_s)
     spans, cuts = unmarked_spans(track.time_s, track.position_m, longest_gap_s, mapping)
     yaw_rad = np.zeros((len(track.time_s), 1))
     poses = PoseTrack(track.time_s, track.time_s, np.hstack([track.position_m, yaw_rad]))
-    intents = posed_intents(mapping, poses, spans, period_s)
+    intents = posed_intents(mapping, poses, spans)
     return RecordedDrive(
         pose_time_s=track.time_s,
         position_m=track.position_m,
@@ -221,6 +217,7 @@ def drive_of_track(
         intent_action=intents.action,
         episodes=spans,
         source=source,
+        intent_hold_s=intents.hold_s,
         longest_gap_s=longest_gap_s,
         minimum_speed_mps=mapping.minimum_speed_mps,
         cuts=cuts,

@@ -7,7 +7,7 @@ The folder holds `decisions.csv`, every decision learned from or still to learn 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,10 +17,10 @@ from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
 from serd_app.learning.fit_data import FitProgress
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of, grid_of
 from serd_sim.scenario.scenario import Scenario
@@ -31,7 +31,6 @@ class LearnerCheckpoint(StrictModel):
 
     step: steps of the fit under way, to all episodes or of a candidate weight; 0 between fits.
     n_learned: decisions the newest finished fit had learned from.
-    goal_entry_s: see `serd_files.model_file.ModelFile`.
     """
 
     format: Literal["serd-learner"] = "serd-learner"
@@ -41,7 +40,6 @@ class LearnerCheckpoint(StrictModel):
     reward_weights: dict[str, float] = Field(default_factory=dict)
     step: int = Field(default=0, ge=0)
     n_learned: int = Field(default=0, ge=0)
-    goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class CheckpointFolder:
         """The checkpoint of a learner without demonstrations."""
         return LearnerCheckpoint(scenario=self.scenario, grid_fingerprint=self.grid.fingerprint())
 
-    def load(self) -> tuple[LearnerCheckpoint, Decisions] | None:
+    def load(self) -> tuple[LearnerCheckpoint, TimedDecisions] | None:
         """The checkpoint, None where there is none; FileError where it is of another grid."""
         if not self._decisions.exists() or not self._checkpoint.exists():
             return None
@@ -68,7 +66,7 @@ class CheckpointFolder:
             )
         return checkpoint, load_decisions(self._decisions)
 
-    def save_decisions(self, decisions: Decisions) -> None:
+    def save_decisions(self, decisions: TimedDecisions) -> None:
         """Write the decisions."""
         save_decisions(self._decisions, decisions)
 
@@ -106,11 +104,12 @@ class LearnerMemory:
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
         self.demonstrations: Demonstrations | None = None
         if earlier is not None:
-            self.demonstrations = Demonstrations(earlier, self._checkpoint.goal_entry_s)
+            self.demonstrations = Demonstrations(earlier)
         self.drive = LiveDrive(
             "live topics",
             grid,
-            scenario.decision_period_s,
+            scenario.patience_s,
+            scenario.wait_s,
             earlier=self.demonstrations,
             hidden=hidden,
         )
@@ -149,7 +148,6 @@ class LearnerMemory:
         """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
         self.demonstrations = self.drive.gathered(unfinished=unfinished)
         self.folder.save_decisions(self.demonstrations.decisions)
-        self._save(goal_entry_s=self.demonstrations.goal_entry_s)
         return self.demonstrations
 
     def save_progress(self, progress: FitProgress) -> None:

@@ -1,15 +1,17 @@
 """What a fit knows: standard errors, what the decisions alone do not determine; precision of each
-outcome model, its source, and what demonstration would add most.
+outcome model and law of dwell times, its source, and what demonstration would add most.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.information import expected_information_gain, outcome_information
 from serd_core.bayes.laplace import Laplace, laplace
 from serd_core.demonstrations.decisions import Decisions
@@ -17,6 +19,8 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
+from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
+from serd_core.semi_markov.summary import dwell_summary
 from serd_core.uncertainty.identifiability import Identifiability, identifiability
 from serd_core.uncertainty.information import Information, fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
@@ -47,6 +51,31 @@ class OutcomeRow:
 
 
 @dataclass(frozen=True)
+class DurationRow:
+    """The posterior of how long a move of one outcome model takes on average.
+
+    dwell_times: how many inform it. over_forward: the same interval of the mean over the
+    probability of FORWARD. known_from: dwell times, choices, both, or prior only. confounded_with:
+    the feature whose weight correlates most with the log mean; near 1 or -1 the decisions cannot
+    distinguish a dislike of such moves from their slowness.
+    """
+
+    model: str
+    dwell_times: float
+    lower_s: float
+    median_s: float
+    upper_s: float
+    over_forward_lower_s: float
+    over_forward_median_s: float
+    over_forward_upper_s: float
+    known_from: str
+    from_dwell_times_nats: float
+    from_choices_nats: float
+    confounded_with: str
+    correlation: float
+
+
+@dataclass(frozen=True)
 class GainRow:
     """What a demonstration that starts in a cell is expected to add."""
 
@@ -57,10 +86,14 @@ class GainRow:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """outcomes: by model, then by outcome; gains: of every cell, in the order of the states."""
+    """outcomes: by model, then by outcome; gains: of every cell, in the order of the states.
+
+    durations: by model; none where the fit learned by decisions that take the same time.
+    """
 
     outcomes: tuple[OutcomeRow, ...]
     gains: tuple[GainRow, ...]
+    durations: tuple[DurationRow, ...] = ()
 
     @property
     def by_model(self) -> dict[str, tuple[OutcomeRow, ...]]:
@@ -114,12 +147,47 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
         for outcome in Outcome
     )
     points = zip(problem.grid.centers_m.tolist(), gain.tolist(), strict=True)
-    return Knowledge(outcomes, tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points))
+    gains = tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points)
+    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)))
+
+
+def _durations(
+    problem: NavigationProblem, posterior: Laplace, draws: PosteriorDraws
+) -> Iterable[DurationRow]:
+    """Of each outcome model with a law."""
+    model = problem.mdp.transitions
+    if not isinstance(model, SemiMarkovModels):
+        return
+    found = dwell_summary(posterior, draws, MASS)
+    over_forward = np.exp(found.log_mean_over_probability[:, :, Outcome.FORWARD])
+    for m, law in enumerate(model.law_of[:, Outcome.FORWARD]):
+        if law == NO_LAW:
+            continue
+        correlation = found.weight_correlation[:, law]
+        partner = int(np.argmax(np.abs(correlation)))
+        lower_s, median_s, upper_s = found.mean_interval_s[:, law].tolist()
+        over_lower_s, over_median_s, over_upper_s = over_forward[:, m].tolist()
+        yield DurationRow(
+            model=problem.model_names[m],
+            dwell_times=float(found.n_dwells[law]),
+            lower_s=lower_s,
+            median_s=median_s,
+            upper_s=upper_s,
+            over_forward_lower_s=over_lower_s,
+            over_forward_median_s=over_median_s,
+            over_forward_upper_s=over_upper_s,
+            known_from=found.source(law),
+            from_dwell_times_nats=float(found.from_dwells[law]),
+            from_choices_nats=float(found.from_choices[law]),
+            confounded_with=problem.feature_names[partner],
+            correlation=float(correlation[partner]),
+        )
 
 
 def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[str]:
-    """One line per outcome model that applies somewhere, and where to demonstrate next."""
-    for model in (problem.model_names[m] for m in problem.used_models):
+    """Lines per outcome model that applies somewhere, and where to demonstrate next."""
+    used = [problem.model_names[m] for m in problem.used_models]
+    for model in used:
         row = known.by_model[model][Outcome.FORWARD]
         yield (
             f"{model.replace('_', ' ')}: {row.known_from}; {row.decisions:.0f} decisions:"
@@ -127,6 +195,21 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f" ({row.shared_with_rewards_nats:.2f} shared with rewards, most with"
             f" {row.shared_most_with.replace('_', ' ')}); forward {100 * row.median:.0f} %"
             f" ({100 * row.lower:.0f} to {100 * row.upper:.0f})"
+        )
+    durations = [row for row in known.durations if row.model in used]
+    for each in durations:
+        yield (
+            f"{each.model.replace('_', ' ')}, time of a move: {each.known_from};"
+            f" {each.dwell_times:.0f} dwell times: {each.from_dwell_times_nats:.2f} nats, choices:"
+            f" {each.from_choices_nats:.2f} nats; mean {each.median_s:.2f} s ({each.lower_s:.2f} to"
+            f" {each.upper_s:.2f}), over P(forward) {each.over_forward_median_s:.3g} s"
+            f" ({each.over_forward_lower_s:.3g} to {each.over_forward_upper_s:.3g})"
+        )
+    if durations:
+        most = max(durations, key=lambda row: abs(row.correlation))
+        yield (
+            f"most confounded: how long a move {most.model.replace('_', ' ')} takes and the weight"
+            f" of {most.confounded_with.replace('_', ' ')}, correlation {most.correlation:+.2f}"
         )
     best = known.next_start
     yield (
@@ -136,8 +219,9 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
 
 
 def save_knowledge(files: Mapping[str, Path], known: Knowledge) -> None:
-    """Write both tables."""
+    """Write all tables."""
     write_rows(files["posterior"], OutcomeRow, known.outcomes)
+    write_rows(files["durations"], DurationRow, known.durations)
     write_rows(files["gain"], GainRow, known.gains)
 
 
@@ -152,7 +236,7 @@ def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
             f"{files['gain']} must have a row for each of {grid.n_states} cells, got {len(gains)}"
             "; learn again"
         )
-    return Knowledge(outcomes, gains)
+    return Knowledge(outcomes, gains, read_rows(files["durations"], DurationRow))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,14 +244,15 @@ class Certainty:
     """errors: with the prior's part, None where `problem` states why there are none.
 
     identifiability: of the likelihood alone, None where the fit has none. open_rewards: features,
-    open_outcomes: (model, outcome) numbers that it leaves open; open_temperature: likewise.
+    open_dynamics: outcomes and laws of dwell times by model that it leaves open; open_temperature:
+    likewise.
     """
 
     errors: StandardErrors | None
     problem: str = ""
     identifiability: Identifiability | None = None
     open_rewards: tuple[str, ...] = ()
-    open_outcomes: tuple[tuple[int, int], ...] = ()
+    open_dynamics: tuple[tuple[int, str], ...] = ()
     open_temperature: bool = False
 
 
@@ -180,7 +265,6 @@ def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResul
     found = identifiability(information)
     rows = _open_rows(information, found)
     n_features, n_dynamics = len(fit.parameters.reward), len(fit.parameters.truth)
-    n_outcomes = problem.outcome_models.n_outcomes
     dynamics = {
         (row - n_features) % n_dynamics for row in rows if 0 <= row - n_features < 2 * n_dynamics
     }
@@ -194,9 +278,21 @@ def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResul
         reason,
         found,
         tuple(fit.feature_names[row] for row in rows if row < n_features),
-        tuple(divmod(number, n_outcomes) for number in sorted(dynamics)),
+        tuple(sorted((_named(problem, each) for each in sorted(dynamics)), key=itemgetter(0))),
         any(row >= n_features + 2 * n_dynamics for row in rows),
     )
+
+
+def _named(problem: NavigationProblem, number: int) -> tuple[int, str]:
+    """Model and name of a number of the dynamics."""
+    outcomes = problem.outcome_models
+    if number < outcomes.n_energies:
+        model, outcome = divmod(number, outcomes.n_outcomes)
+        return model, Outcome(outcome).name.lower()
+    timed = require_timed(problem.mdp.transitions)
+    kind, law = divmod(number - outcomes.n_energies, timed.n_laws)
+    model = int(np.flatnonzero(timed.law_of[:, Outcome.FORWARD] == law)[0])
+    return model, ("mean dwell time", "shape of dwell times")[kind]
 
 
 def _open_rows(information: Information, found: Identifiability) -> list[int]:

@@ -25,7 +25,12 @@ from serd_bag.errors import FileError
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
-from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
+from serd_core.grid.navigation import (
+    NO_FLOW,
+    NavigationProblem,
+    build_navigation_problem,
+    with_dwell_times,
+)
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.yaml_config import load_yaml_model
@@ -112,25 +117,23 @@ def read_learning_files(
         usual_goal_states(all_decisions.select(elsewhere), grid) if elsewhere.any() else goals[:0]
     )
     kept = until_goal(decisions, goals)
-    problem = build_navigation_problem(
+    by_decisions = build_navigation_problem(
         grid=grid,
         flow=chosen,
         goal_states=goals,
         wall_distance_m=wall_distance_of(known, grid) if known else grid_wall_distance_m(grid),
         discount=discount,
     )
+    problem = with_dwell_times(by_decisions, patience_s=record.patience_s, wait_s=record.wait_s)
     name = known.name if known else ""
-    as_recorded = name == record.scenario and np.array_equal(goals, usual)
     return LearningFiles(
         task=LearningTask(
             problem,
             name,
-            record.decision_period_s,
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(known, problem, kept, record.decision_period_s),
+            scenario_yaml=_scenario_yaml(known, problem, kept, record),
         ),
-        # Entry times hold for the recorded goal area only.
-        demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
+        demonstrations=Demonstrations(kept),
         flow_from=source,
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
@@ -147,14 +150,22 @@ def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
 
 
 def _scenario_yaml(
-    scenario: Scenario | None, problem: NavigationProblem, decisions: Decisions, period_s: float
+    scenario: Scenario | None,
+    problem: NavigationProblem,
+    decisions: Decisions,
+    record: DemonstrationRecord,
 ) -> str:
     """What is kept beside the model: an own scenario, or one of the cells of a fitted grid."""
     if scenario is not None:
         return own_scenario_yaml(scenario)
     begins = np.unique(decisions.episode, return_index=True)[1]
     found = grid_scenario(
-        problem.grid, problem.goal_states, decisions.state[begins], period_s, name="fitted grid"
+        problem.grid,
+        problem.goal_states,
+        decisions.state[begins],
+        record.patience_s,
+        record.wait_s,
+        name="fitted grid",
     )
     return found[0] if found else ""
 
@@ -172,11 +183,13 @@ def _require_one_place(
             f"{files['grid']} must be the grid of the scenario {scenario.name!r}, but it is"
             " another; run 'serd demos' with this scenario"
         )
-    if scenario is not None and scenario.decision_period_s != record.decision_period_s:
-        raise FileError(
-            f"{files['record']}: decision_period_s must be {scenario.decision_period_s:g} as in"
-            f" the scenario, got {record.decision_period_s:g}; run 'serd demos' again"
-        )
+    for name in ("patience_s", "wait_s"):
+        recorded = getattr(record, name)
+        if scenario is not None and getattr(scenario, name) != recorded:
+            raise FileError(
+                f"{files['record']}: {name} must be {getattr(scenario, name):g} as in the scenario,"
+                f" got {recorded:g}; run 'serd demos' again"
+            )
 
 
 def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:

@@ -9,7 +9,7 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
-from serd_core.arrival.arriving_policy import NEVER_PERIODS, least_time_policy
+from serd_core.arrival.arriving_policy import NEVER_S, least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
@@ -17,10 +17,12 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.posterior.parameters import Parameters
+from serd_core.semi_markov.models import require_timed
 from serd_files.grid_file import save_grid
 from serd_files.model_file import ModelFile
 from serd_files.table import Column, csv_text, read_table
 from serd_files.yaml_config import save_yaml_model
+from serd_sim.drivers.strategy import learned_dynamics
 
 
 @dataclass(frozen=True)
@@ -53,15 +55,18 @@ class LearnedTraps:
         )
 
 
-def learned_traps(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> LearnedTraps:
+def learned_traps(
+    problem: NavigationProblem, decisions: Decisions, weights: FloatArray, truth: FloatArray
+) -> LearnedTraps:
     """Count them for the optimum of the learned rewards and dynamics.
 
-    decisions: in states of the problem, as the fit learned from them.
+    problem: its decisions take time. decisions: in states of the problem, as the fit learned from
+    them. weights: (F,) of the rewards; truth: (N,) parameters of the dynamics.
     """
-    grid, outcomes = problem.grid, fit.outcome_probabilities
-    greedy = optimal_policy(problem, fit.reward_weights, outcomes).greedy
-    least = -least_time_policy(problem, outcomes).value
-    reaching = least < 0.5 * NEVER_PERIODS
+    grid, model = problem.grid, require_timed(problem.mdp.transitions)
+    greedy = optimal_policy(problem, weights, model.local_probabilities(truth)).greedy
+    outcomes, seconds = model.outcomes.local_probabilities(truth), model.expected_seconds(truth)
+    reaching = -least_time_policy(problem, outcomes, seconds).value < 0.5 * NEVER_S
     looping = trap_states(grid.neighbours, greedy, problem.goal_states) & reaching
     first = np.unique(decisions.episode, return_index=True)[1]
     starts = np.unique(decisions.state[first])
@@ -78,21 +83,24 @@ def learned_traps(problem: NavigationProblem, decisions: Decisions, fit: FitResu
 class FitOutcome:
     """A fit and the model file that keeps it.
 
-    prior_weight: the weight it used, None for methods without; validation: log-likelihood per
-    validation decision of each candidate weight, empty where none was chosen. knowledge: None where
-    the fit has no posterior. scenario_yaml: see `LearningTask`. belief: the evidence about the
-    expert's belief, empty where relations were not compared. traps: from where the learned policy
-    never arrives.
+    problem: what the method learned on: its decisions take time, or all the same. durations: what
+    was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
+    without; validation: log-likelihood per validation decision of each candidate weight, empty
+    where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
+    `LearningTask`. belief: the evidence about the expert's belief, empty where relations were not
+    compared. traps: from where the learned policy never arrives.
     """
 
     fit: FitResult
     model: ModelFile
     traps: LearnedTraps
+    problem: NavigationProblem
     prior_weight: float | None = None
     validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     belief: str = ""
+    durations: tuple[str, ...] = ()
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -141,7 +149,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "gain", "gain_map"):
+    for name in ("posterior", "durations", "gain", "gain_map"):
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -156,6 +164,7 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "scenario": kept_scenario_file(output),
         "learning": output.with_suffix(".learning.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
+        "durations": output.with_suffix(".durations.csv"),
         "gain": output.with_suffix(".next_demonstration.csv"),
         "gain_map": output.with_suffix(".next_demonstration.png"),
     }
@@ -164,11 +173,13 @@ def outcome_files(output: Path) -> dict[str, Path]:
 def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> FitResult:
     """The fit a model file keeps, with its objective after each step.
 
-    Weights are those of the features that the problem has.
+    problem: its decisions take time. Weights are those of the features that it has.
     """
     model = model.with_features(problem.feature_names)
-    truth = problem.outcome_models.parameters_of(model.outcome_probabilities)
-    belief = problem.outcome_models.parameters_of(model.believed_outcome_probabilities)
+    truth, belief = (
+        learned_dynamics("the model", model, problem, believed=believed)
+        for believed in (False, True)
+    )
     record = model.fit.model_dump(exclude={"n_episodes"})
     return FitResult(
         feature_names=model.feature_names,

@@ -7,6 +7,7 @@ import numpy as np
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.errors import AppError
+from serd_app.learning.durations import dynamics_of, learns_durations, with_still_waits
 from serd_app.learning.fit_data import ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import fit_by
@@ -15,7 +16,7 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_files.model_file import model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
@@ -25,13 +26,12 @@ from serd_sim.scenario.scenario import Scenario
 class LearningTask:
     """Where demonstrations were made; scenario: its name, empty where the grid was fitted.
 
-    own_flow: whether the flow of people is another than the scenario's. scenario_yaml: the file
-    that is kept beside the model, empty for none.
+    problem: its decisions take time. own_flow: whether the flow of people is another than the
+    scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     """
 
     problem: NavigationProblem
     scenario: str
-    decision_period_s: float
     own_flow: bool = False
     scenario_yaml: str = ""
 
@@ -39,10 +39,10 @@ class LearningTask:
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
     """Learning in a scenario; flow_table: file of a recorded flow, empty for the scenario's own."""
     flow = load_flow(flow_table, grid_of(scenario)) if flow_table else None
+    problem = navigation_problem_of(scenario, discount, flow=flow)
     return LearningTask(
-        problem=navigation_problem_of(scenario, discount, flow=flow),
+        problem=with_dwell_times(problem, patience_s=scenario.patience_s, wait_s=scenario.wait_s),
         scenario=scenario.name,
-        decision_period_s=scenario.decision_period_s,
         own_flow=flow is not None,
         scenario_yaml=own_scenario_yaml(scenario),
     )
@@ -61,7 +61,11 @@ def learn(
     are too few decisions or they are impossible in this place.
     """
     require_enough(demonstrations, settings)
-    decisions, problem = demonstrations.decisions, task.problem
+    decisions = demonstrations.decisions
+    together = learns_durations(settings.method, decisions)
+    problem = task.problem if together else task.problem.by_decisions
+    if decisions.hidden.any():
+        problem = problem.with_still_waits
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem, decisions, settings, rng, initial_weights=warm_weights, on_progress=on_progress
@@ -73,27 +77,29 @@ def learn(
     else:
         posterior, draws = found.beliefs.approximations[0], found.beliefs.draws(rng)
     known = None if posterior is None else knowledge_of(problem, posterior)
+    fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
+    dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
     model = model_of_fit(
-        found.fit,
-        problem,
+        fit,
+        task.problem,
         scenario=task.scenario,
         method=settings.method,
         prior=found.prior,
-        decision_period_s=task.decision_period_s,
         n_episodes=len(decisions.episodes),
-        goal_entry_s=demonstrations.goal_entry_s,
+        dynamics=dynamics,
         own_flow=task.own_flow,
-        draws=draws,
     )
     return FitOutcome(
-        found.fit,
+        fit,
         model,
-        learned_traps(problem, decisions, found.fit),
+        learned_traps(task.problem, decisions, found.fit.reward_weights, dynamics.truth),
+        problem,
         found.prior_weight,
         found.validation,
         known,
         task.scenario_yaml,
         belief="" if found.beliefs is None else found.beliefs.sentence(),
+        durations=durations,
     )
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from serd_app.errors import AppError
 from serd_app.navigation.arrival_log import ArrivalRecords
-from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_bag.files import read_text
@@ -25,7 +24,6 @@ from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.scenario import Scenario, load_scenario, scenario_digest
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import is_decision_tick
 from serd_sim.world.world import HallwayWorld
 
 
@@ -99,13 +97,9 @@ def drive(
     """
     navigator = Navigator(settings.place(), settings)
     records, results = ArrivalRecords(output), finished_episodes(settings, output)
-    crossings = CrossingLog(output, len(results))
 
-    def observe(observation: Observation, _: Command, action: Action) -> bool:
+    def observe(observation: Observation, _: Command, __: Action) -> bool:
         records.note_decision(navigator, observation)
-        crossings.note_pose(observation)
-        if is_decision_tick(observation, navigator.strategy.scenario):
-            crossings.note_decision(observation, action)
         return not navigator.reason
 
     with HallwayWorld(navigator.strategy.scenario, seed=settings.seed) as world:
@@ -120,13 +114,10 @@ def drive(
                 start_area=settings.start_area,
                 timeout_s=settings.timeout_s,
                 observer=observe,
-                waypoint_of=navigator.waypoint_of,
             )
             wall_s = time.monotonic() - began_s
             results.append(result_of_record(record, reason=navigator.reason, wall_s=wall_s))
             records.note_result(results[-1])
-            crossings.note_pose(world.observation)
-            crossings.note_result(navigator.strategy, settings.lookahead_cells, results[-1])
             if output is not None:
                 write_rows(output / "episodes.csv", EpisodeResult, results)
             on_episode(results[-1])

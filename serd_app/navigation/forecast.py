@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 
-from serd_app.navigation.strategy import Strategy
 from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.trap_states import Traps
 from serd_core.grid.grid import Action
+from serd_sim.drivers.strategy import Strategy
 
 #: Shares of drives whose times of arrival are reported: half, and nine in ten.
 HALF, MOST = 0.5, 0.9
@@ -28,7 +28,7 @@ class ArrivalForecast:
     law: ArrivalLaw
     probability: float
     trapped: bool
-    periods_without_progress: int
+    decisions_without_progress: int
     by_time: bool = False
 
     @property
@@ -67,7 +67,7 @@ class ArrivalForecast:
             "arrival_probability": self.probability,
             "median_remaining_s": quantile_or_nan_s(self.law, HALF),
             "most_remaining_s": quantile_or_nan_s(self.law, MOST),
-            "periods_without_progress": self.periods_without_progress,
+            "decisions_without_progress": self.decisions_without_progress,
             "trapped": self.trapped,
             "least_time": self.by_time,
         }

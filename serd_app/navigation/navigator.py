@@ -4,24 +4,22 @@ One object for the node, for `serd navigate` and for tests. Goal and model may c
 also in the middle of an episode; an unusable one raises an error and changes nothing.
 """
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from serd_app.navigation.forecast import ArrivalForecast
 from serd_app.navigation.settings import NavigationSettings
-from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_core.arrays import FloatArray
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.grid.grid import Action, action_of_direction
+from serd_core.grid.grid import Action
 from serd_files.model_file import ModelFile, load_model
 from serd_sim.drivers.policy_driver import PolicyDriver
+from serd_sim.drivers.strategy import STEP_S, Strategy, load_strategy
 from serd_sim.scenario.goal import goal_at, with_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
 
 
 class GiveUp(Enum):
@@ -40,39 +38,28 @@ class ProgressMonitor:
     """
 
     def __init__(self, settings: NavigationSettings) -> None:
-        self._patience_periods = settings.patience_periods
+        self._patience_decisions = settings.patience_decisions
         self._minimum_probability = settings.minimum_arrival_probability
         self.reset()
 
     def reset(self) -> None:
         """Start again: the drive, its goal or its model changed."""
-        self.periods_without_progress = 0
+        self.decisions_without_progress = 0
         self._minimum_mean = float("inf")
 
-    def update(self, arrival: ArrivalByState, state: int, n_periods_left: int) -> GiveUp | None:
+    def update(self, arrival: ArrivalByState, state: int, n_steps_left: int) -> GiveUp | None:
         """The reason to give up at the next decision; None to go on. state: -1 off the grid."""
         mean = float(arrival.mean_periods[state]) if state >= 0 else float("inf")
         if mean < self._minimum_mean:
-            self._minimum_mean, self.periods_without_progress = mean, 0
+            self._minimum_mean, self.decisions_without_progress = mean, 0
         else:
-            self.periods_without_progress += 1
-        if 0 < self._patience_periods <= self.periods_without_progress:
+            self.decisions_without_progress += 1
+        if 0 < self._patience_decisions <= self.decisions_without_progress:
             return GiveUp.NO_PROGRESS
         if state < 0:
             return None
-        unlikely = float(arrival.within(n_periods_left)[state]) < self._minimum_probability
+        unlikely = float(arrival.within(n_steps_left)[state]) < self._minimum_probability
         return GiveUp.UNLIKELY if unlikely else None
-
-
-@dataclass(frozen=True)
-class _Way:
-    """The cell of the last decision and the direction in which it was entered, WAIT if unknown."""
-
-    state: int
-    entered: Action
-
-
-_NO_WAY = _Way(-1, Action.WAIT)
 
 
 class Navigator:
@@ -95,7 +82,6 @@ class Navigator:
             name=self.name,
         )
         self._started_s: float | None = None
-        self._way = _NO_WAY
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
 
@@ -109,38 +95,27 @@ class Navigator:
         self._driver.begin(episode)
         self._monitor.reset()
         self._started_s, self.gave_up, self.forecast = None, None, None
-        self._way = _NO_WAY
 
-    def decide(self, observation: Observation) -> Action:
-        """The action of the policy, WAIT off the grid; sets `forecast` and `gave_up`."""
+    def decide(self, observation: Observation, state: int) -> Action:
+        """The action of the policy in a cell, WAIT off the grid; sets `forecast`, `gave_up`."""
         if self._started_s is None:
             self._started_s = observation.time_s
-        action = self._driver.decide(observation)
-        state = self._state(observation)
+        action = self._driver.decide(observation, state)
         elapsed_s = observation.time_s - self._started_s
-        self._way = self._followed(state)
-        left = self.strategy.n_steps - round(elapsed_s / self.strategy.step_s)
+        left = self.strategy.n_steps - round(elapsed_s / STEP_S)
         self.gave_up = self._monitor.update(self.strategy.arrival, state, left)
         self.forecast = ArrivalForecast(
             time_s=observation.time_s,
             elapsed_s=elapsed_s,
             state=state,
             action=action,
-            law=self._law(state, observation),
+            law=self._law(state),
             probability=float(self.strategy.arrival.within(left)[state]) if state >= 0 else 0.0,
             trapped=state >= 0 and state in self.strategy.traps,
-            periods_without_progress=self._monitor.periods_without_progress,
+            decisions_without_progress=self._monitor.decisions_without_progress,
             by_time=state >= 0 and bool(self.strategy.by_time[state]),
         )
         return action
-
-    def waypoint_of(self, observation: Observation, action: Action) -> Waypoint:
-        """The waypoint of an action: the next cell, or farther by `lookahead_cells`."""
-        grid, state = self.strategy.problem.grid, self._state(observation)
-        if action == Action.WAIT or state < 0:
-            return waypoint_of_intent(grid, observation, action)
-        n_cells = self._settings.lookahead_cells
-        return waypoint_of_cell(grid, self.strategy.cell_ahead(state, action, n_cells))
 
     def set_goal(self, x_m: float, y_m: float) -> None:
         """Plan for the cell at a point; SimError where there is none."""
@@ -177,7 +152,6 @@ class Navigator:
             transfer=self._settings.transfer,
             timeout_s=self._settings.timeout_s,
             file=file,
-            lookahead_cells=self._settings.lookahead_cells,
         )
 
     def _replace(self, strategy: Strategy) -> None:
@@ -185,26 +159,11 @@ class Navigator:
         self._driver.follow(strategy.policy.probabilities)
         self._monitor.reset()
 
-    def _law(self, state: int, observation: Observation) -> ArrivalLaw:
+    def _law(self, state: int) -> ArrivalLaw:
         """Remaining seconds from a state; off the grid it never arrives."""
         if state < 0:
             return ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
-        if self.strategy.crossings is None:
-            return self.strategy.law_s(self.strategy.arrival.from_state(state))
-        place_m = observation.x_m, observation.y_m
-        return self.strategy.crossings.from_pose(state, self._way.entered, *place_m)
-
-    def _followed(self, state: int) -> _Way:
-        """The way so far with the cell of this decision; it begins anew off the grid."""
-        before = self._way.state
-        if state < 0 or before < 0:
-            return _Way(state, Action.WAIT)
-        if state == before:
-            return self._way
-        centers_m = self.strategy.problem.grid.centers_m
-        east, north = centers_m[state] - centers_m[before]
-        along = (np.sign(east), 0.0) if abs(east) > abs(north) else (0.0, np.sign(north))
-        return _Way(state, action_of_direction(*along))
+        return self.strategy.law_of_cell(state)
 
     def _state(self, observation: Observation) -> int:
         return self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)

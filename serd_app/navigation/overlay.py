@@ -6,10 +6,10 @@ import numpy as np
 
 from serd_app.navigation.evaluation.prediction_support import reasons_against_prediction, starts_of
 from serd_app.navigation.forecast import HALF, quantile_or_nan_s
-from serd_app.navigation.strategy import Strategy
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Outcome
 from serd_core.grid.navigation import INTENDED_OUTCOMES
+from serd_sim.drivers.strategy import Strategy
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,15 @@ def overlay_of(strategy: Strategy) -> ModelOverlay:
     problem, greedy = strategy.problem, strategy.policy.greedy
     states = np.arange(problem.grid.n_states)
     model = problem.outcome_models.model_of[states, greedy]
-    forward = strategy.outcome_probabilities[model, Outcome.FORWARD]
+    by_model = _forward_by_model(strategy)
+    of_model = np.array([by_model.get(name, np.nan) for name in problem.model_names])
     return ModelOverlay(
         directions=DIRECTION_VECTORS[greedy],
         median_s=np.array(
             [quantile_or_nan_s(strategy.law_of_cell(state), HALF) for state in states.tolist()]
         ),
-        forward=np.where(greedy == Action.WAIT, np.nan, forward),
-        forward_by_model=_forward_by_model(strategy),
+        forward=np.where(greedy == Action.WAIT, np.nan, of_model[model]),
+        forward_by_model=by_model,
         n_least_time=int(strategy.by_time.sum()),
         no_prediction_because=reasons_against_prediction(
             n_demonstrations=strategy.file.fit.n_episodes, starts=starts_of(strategy, "train")

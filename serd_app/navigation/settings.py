@@ -1,4 +1,4 @@
-"""Settings of the strategy: the model it uses, the goal, lookahead and when it gives up."""
+"""Settings of the strategy: the model it uses, the goal, and when it gives up."""
 
 from typing import Literal
 
@@ -21,15 +21,8 @@ class NavigationSettings(EpisodeSettings):
     goal: str = setting(
         "", "x,y (m) of the cell to drive to; the goal area of the scenario when empty"
     )
-    lookahead_cells: int = setting(
-        1,
-        "distance of the waypoint; above 1 the robot is faster than demonstrated, and arrivals are"
-        " predicted too late unless the model has times of such drives",
-        unit="cells",
-        ge=1,
-    )
-    patience_periods: int = setting(
-        60, "give up after this long without progress; 0: never", unit="decision periods", ge=0
+    patience_decisions: int = setting(
+        60, "give up after this long without progress; 0: never", unit="decisions", ge=0
     )
     minimum_arrival_probability: float = setting(
         0.0, "give up below this probability of arriving before the time-out", ge=0, le=1

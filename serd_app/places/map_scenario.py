@@ -21,17 +21,17 @@ from serd_files.yaml_config import StrictModel, yaml_model
 from serd_sim.scenario.goal import cell_area_m, goal_cell
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.polygon import contains, edges_of, walkable_cells
-from serd_sim.scenario.rules import LEAST_PERIOD_S, MOST_CELLS, has_room, require_cell_count
+from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
 
 _CELL_RADII, _RADII_TO_WALL, _ROUNDING_M = 2.25, 1.1, 1e-4
 #: Cells along a side of the areas of goal and start.
 _AREA_CELLS = 3
-#: A decision period at full speed leads so many cells on, and so at usual speeds about one.
-_CELLS_AT_FULL_SPEED, _PERIOD_STEP_S = 1.25, 0.25
 _SHORTEST_TIMEOUT_S = 60.0
-_TIMEOUT_WAYS = 4.0
+#: Of the time for the way at full speed.
+_TIMEOUT_WAYS = 6.0
+_PATIENCE_CELLS = 3.0
 _CONTROL_PERIOD_S, _SCAN_PERIOD_S = 0.05, 0.1
 Corners = Sequence[tuple[float, float]]
 _TEXT = """\
@@ -43,7 +43,9 @@ description: {description}
 # The grid of decisions. Cells are walkable where their centre is at least
 # cell_clearance_m away from all walls.
 cell_size_m: {cell_size_m}
-{clearance}decision_period_s: {period_s}
+{clearance}# A decision ends in another cell, or after patience_s in the same one.
+patience_s: {patience_s}
+wait_s: {wait_s}
 control_period_s: {control_period_s}
 episode_timeout_s: {timeout_s}
 
@@ -87,12 +89,6 @@ class PlaceSettings(StrictModel):
         " as wide as a cell are open in any case",
         unit="m",
         gt=0,
-    )
-    period_s: float | None = setting(
-        None,
-        "decision period; by default that in which the robot drives 1.25 cells at full speed",
-        unit="s",
-        ge=LEAST_PERIOD_S,
     )
 
     @property
@@ -155,27 +151,37 @@ def map_scenario_yaml(
     goal = None if goal_m is None else goal_cell(grid, *goal_m)
     start = None if start_m is None else goal_cell(grid, *start_m, what="start")
     goal, start, n_steps = _ends(grid, rooms, goal, start)
-    least_s = _CELLS_AT_FULL_SPEED * cell_m / settings.max_speed_mps
-    period_s = settings.period_s or _PERIOD_STEP_S * math.ceil(least_s / _PERIOD_STEP_S - 1e-9)
+    usual = Scenario.model_fields
+    crossing_s = cell_m / settings.max_speed_mps
     return _text(
         area,
         name=name,
         source=source,
         cell_size_m=cell_m,
         clearance_m=clearance_m,
-        period_s=period_s,
+        times_s=(
+            max(usual["patience_s"].default, math.ceil(_PATIENCE_CELLS * crossing_s)),
+            usual["wait_s"].default,
+        ),
         task=_Task(*_areas(grid, goal, start), n_steps),
         robot=(settings.robot_radius_m, settings.max_speed_mps),
     )
 
 
 def grid_scenario(
-    grid: Grid, goal_states: IntArray, start_states: IntArray, period_s: float, *, name: str
+    grid: Grid,
+    goal_states: IntArray,
+    start_states: IntArray,
+    patience_s: float,
+    wait_s: float,
+    *,
+    name: str,
 ) -> tuple[str, Scenario] | None:
     """Text and scenario of a place of which only a grid is known, whose cells it has exactly.
 
-    start_states: from which episodes began. None where the walkable cells are not connected, there
-    are more than a scenario may have, or no moves lead from where there is room to the goal.
+    start_states: from which episodes began; patience_s, wait_s: of their decisions. None where the
+    walkable cells are not connected, there are more than a scenario may have, or no moves lead from
+    where there is room to the goal.
     """
     if grid.walkable.size > MOST_CELLS:
         return None
@@ -185,7 +191,7 @@ def grid_scenario(
     cell_m = grid.cell_size_m
     robot = RobotSettings()
     radius_m = min(robot.radius_m, cell_m)
-    speed_mps = max(robot.max_vel_x_mps, 2.0 * cell_m / period_s)
+    speed_mps = max(robot.max_vel_x_mps, 2.0 * cell_m / patience_s)
     goals = _largest_group(grid, goal_states)
     rooms = _rooms(grid, area, radius_m)
     counts = np.bincount(start_states, minlength=grid.n_states) * rooms
@@ -199,7 +205,7 @@ def grid_scenario(
             source="The cells of a grid that was fitted to recordings",
             cell_size_m=cell_m,
             clearance_m=None,
-            period_s=period_s,
+            times_s=(patience_s, wait_s),
             task=_Task(_outline_m(grid, goals), cell_area_m(grid, start), n_steps),
             robot=(radius_m, speed_mps),
         )
@@ -216,15 +222,14 @@ def _text(
     source: str,
     cell_size_m: float,
     clearance_m: float | None,
-    period_s: float,
+    times_s: tuple[float, float],
     task: _Task,
     robot: tuple[float, float],
 ) -> str:
     outline, *solids = rings_m(area)
     radius_m, speed_mps = robot
-    n_ticks = math.ceil(period_s / _CONTROL_PERIOD_S - 1e-9)
-    control_s = period_s / n_ticks
-    timeout_s = max(_SHORTEST_TIMEOUT_S, _TIMEOUT_WAYS * task.n_steps * period_s)
+    patience_s, wait_s = times_s
+    timeout_s = max(_SHORTEST_TIMEOUT_S, _TIMEOUT_WAYS * task.n_steps * cell_size_m / speed_mps)
     obstacles = (
         f"\n  - {{name: solid {number}, outline_m: {_flow(each)}}}"
         for number, each in enumerate(solids, start=1)
@@ -235,14 +240,15 @@ def _text(
         description=json.dumps(f"{source}.", ensure_ascii=False),
         cell_size_m=cell_size_m,
         clearance=f"cell_clearance_m: {clearance_m!r}\n" if clearance_m is not None else "",
-        period_s=period_s,
-        control_period_s=control_s,
+        patience_s=patience_s,
+        wait_s=wait_s,
+        control_period_s=_CONTROL_PERIOD_S,
         timeout_s=math.ceil(timeout_s / 10.0) * 10.0,
         goal=_flow(task.goal_m),
         start=_flow(task.start_m),
         radius_m=radius_m,
         speed_mps=speed_mps,
-        scan_rate_hz=1.0 / (control_s * max(1, round(_SCAN_PERIOD_S / control_s))),
+        scan_rate_hz=1.0 / _SCAN_PERIOD_S,
         outline=_flow(outline),
         obstacles="".join(obstacles) or " []",
     )

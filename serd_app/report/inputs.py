@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serd_app.demonstrations.discretise import DiscretisationReport
-from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_app.navigation.evaluation.prediction_support import RecordedTimes
@@ -94,10 +93,9 @@ class ReportInputs:
     policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
     episodes: empty where it has not driven. snapshot: None where people were not recorded.
     knowledge: None where the fit has no posterior. forecasts: from chosen starts. familiarity: how
-    likely demonstrations are for the model; advice: on cells and periods; discretised: what became
-    of the intents. driven: where the policy is not the learned one, None where it is everywhere;
-    remarks: on that. recorded: times of arrival of the demonstrations, None where they are not
-    known.
+    likely demonstrations are for the model; discretised: what was left out of their recordings.
+    driven: where the policy is not the learned one, None where it is everywhere; remarks: on that.
+    recorded: times of arrival of the demonstrations, None where they are not known.
     """
 
     title: str
@@ -116,7 +114,6 @@ class ReportInputs:
     knowledge: Knowledge | None = None
     forecasts: tuple[Forecast, ...] = ()
     familiarity: Familiarity | None = None
-    advice: ResolutionAdvice | None = None
     discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
     driven: ArrivingPolicy | None = None

@@ -3,14 +3,13 @@
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from serd_app.demonstrations.recorded import files_beside, load_advice, report_of_table
+from serd_app.demonstrations.recorded import files_beside, report_of_table
 from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
@@ -19,15 +18,16 @@ from serd_app.navigation.evaluation.comparison import predicted_law
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_app.navigation.evaluation.prediction_support import recorded_times, starts_of
 from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.model_file import ModelFile, load_model
+from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.scenario.goal import goal_cell
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.epochs import decisions_of
 
 _PACKAGES = ("serd", "numpy", "scipy")
 
@@ -77,17 +77,15 @@ def inputs_of_model(
             Forecast(_start(name, file), law, starts_of(strategy, name).n_trapped > 0)
             for name, law in areas.items()
         )
-        + forecasts_of(strategy, starts_m)
-        + _by_lookahead(strategy),
+        + forecasts_of(strategy, starts_m),
         familiarity=found,
-        advice=None if table is None else load_advice(table),
         discretised=None if table is None else report_of_table(table),
         n_demonstrations=file.fit.n_episodes,
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
         recorded=None
         if found is None
-        else recorded_times(strategy, found.decisions, found.files.reaching),
+        else recorded_times(strategy, found.files.demonstrations.decisions, found.files.reaching),
     )
 
 
@@ -109,19 +107,6 @@ def forecasts_of(
     return tuple(found)
 
 
-def _by_lookahead(strategy: Strategy) -> tuple[Forecast, ...]:
-    """From the usual start area, by the crossing times of each look-ahead above 1."""
-    start = start_distribution(strategy.scenario, "train")
-    return tuple(
-        Forecast(
-            f"area train, look-ahead {times.lookahead_cells}",
-            replace(strategy, times=times).law_from(start),
-        )
-        for times in strategy.file.crossing_times
-        if times.lookahead_cells > 1
-    )
-
-
 def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
     if path is None:
         return ()
@@ -137,16 +122,15 @@ def _trace(path: Path, file: ModelFile) -> FloatArray:
     return trace if len(trace) and np.isclose(trace[-1], file.fit.objective) else np.zeros(0)
 
 
-def _no_decisions() -> Decisions:
-    none = np.zeros(0, dtype=np.int64)
-    return Decisions(none, np.zeros(0), none, none, none)
+def _no_decisions() -> TimedDecisions:
+    return decisions_of({}, "")
 
 
 def _facts(file: ModelFile) -> RunFacts:
     return RunFacts(
         command=shlex.join(["serd", *sys.argv[1:]]),
-        how=f"method {file.method}, cells of {file.grid.cell_size_m:g} m, a decision every"
-        f" {file.decision_period_s:g} s",
+        how=f"method {file.method}, cells of {file.grid.cell_size_m:g} m, patience of"
+        f" {file.patience_s:g} s",
         finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
         versions={name: version(name) for name in _PACKAGES},
     )

@@ -19,7 +19,6 @@ from serd_app.report.figures.charts import (
     OUTCOME_LABELS,
     draw_outcomes,
     draw_progress,
-    draw_resolution,
     draw_weights,
 )
 from serd_app.report.figures.hallway import draw_hallway
@@ -191,8 +190,6 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
-    if inputs.advice is not None:
-        found["resolution"] = draw_resolution(inputs.advice)
     if len(fit.objective_trace):
         found["progress"] = draw_progress(fit.objective_trace, converged=fit.converged)
     return found | {

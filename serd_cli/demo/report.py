@@ -14,9 +14,9 @@ from serd_app.demonstrations.goal import episodes_reaching, until_goal
 from serd_app.demonstrations.recorded import report_of_table
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
+from serd_app.navigation.evaluation.comparison import predicted_law
 from serd_app.navigation.evaluation.prediction_support import recorded_times
 from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
@@ -24,8 +24,8 @@ from serd_app.report.write import write_report
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.output.terminal import console, print_json
-from serd_core.arrival.law import steps_within
 from serd_files.model_file import load_model
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
@@ -69,9 +69,10 @@ def report_inputs(
 ) -> ReportInputs:
     """Everything the report is made of, read back from the run's files."""
     scenario = load_scenario(settings.scenario)
-    strategy = load_strategy(str(folder.model), scenario, settings.policy)
+    strategy = load_strategy(
+        str(folder.model), scenario, settings.policy, timeout_s=settings.timeout_s
+    )
     model = load_model(folder.model)
-    n_periods = steps_within(settings.timeout_s, scenario.decision_period_s)
     recording, decisions = read_recording(folder.bag), load_decisions(folder.decisions)
     goals = strategy.problem.goal_states
     return ReportInputs(
@@ -83,9 +84,7 @@ def report_inputs(
         fit=fit_of_file(model, strategy.problem, load_trace(folder.learning)),
         policy=strategy.policy,
         episodes=folder.episodes(folder.navigation),
-        predicted=strategy.law_s(
-            strategy.predicted_arrival(start_distribution(scenario, "train"), n_periods)
-        ),
+        predicted=predicted_law(strategy, "train"),
         timeout_s=settings.timeout_s,
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),

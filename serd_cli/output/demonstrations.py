@@ -9,7 +9,6 @@ from rich.table import Table
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField
-from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -31,24 +30,22 @@ _MANY_OUTSIDE = 0.1
 
 def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
     """One row per bag."""
-    names = ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves")
+    names = ("decisions", "without outcome", "dropped", "episodes")
     table = table_of("Decisions", "bag", names)
     for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
         report = each.report
-        dropped = report.n_intents - report.n_decisions
-        moves = report.n_diagonal, report.n_far
-        counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
+        counts = report.n_decisions, report.n_censored, report.n_dropped, report.n_episodes
         table.add_row(name, *map(str, counts))
     return table
 
 
 def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
-    """Why intents were dropped and what was left out, over all bags; warnings about each bag."""
+    """What was left out of all bags, and why; warnings about each bag."""
     reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
     yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
     every = joined_reports([each.report for each in found])
     if every.fault_share:
-        yield f"{every.faults}; smaller periods or larger cells have fewer"
+        yield every.faults
     left_out = (
         ("pose", "with a number that is not finite", "n_bad_poses"),
         ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),
@@ -103,10 +100,11 @@ def _pieces(recording: Recording) -> Iterable[str]:
 
 def _place(found: RecordedDemonstrations) -> Iterable[str]:
     outside = found.report.dropped.get(OFF_GRID, 0)
-    if outside > _MANY_OUTSIDE * found.report.n_intents:
+    taken = outside + found.report.n_decisions
+    if outside > _MANY_OUTSIDE * taken:
         yield (
-            f"{outside} of {counted(found.report.n_intents, 'intent')} with the robot off the"
-            " grid; is it this scenario?"
+            f"{outside} of {counted(taken, 'decision')} with the robot off the grid; is it this"
+            " scenario?"
         )
 
 
@@ -182,12 +180,10 @@ def save_pictures(
     place: Place,
     found: Sequence[RecordedDemonstrations],
     flow: FlowField | None,
-    advice: ResolutionAdvice | None,
 ) -> None:
-    """Draw the tracks, the flow of people where there is one, and the advice, beside the table."""
+    """Draw the tracks, and the flow of people where there is one, beside the table."""
     if not can_draw():
         return
-    from serd_app.report.figures.charts import draw_resolution
     from serd_app.report.figures.maps import draw_flow_map, draw_visitation
     from serd_app.report.style import save_figure
 
@@ -196,8 +192,6 @@ def save_pictures(
     tracks = [track for each in found for track in each.tracks_m]
     figure = draw_visitation(place.scenario, place.grid, visits, tracks)
     save_figure(files["picture"], figure)
-    if advice is not None:
-        save_figure(files["resolution picture"], draw_resolution(advice))
     if flow is None:
         delete_file(files["flow picture"])
         return

@@ -10,7 +10,6 @@ from typing import Any
 
 from rich.table import Table
 
-from serd_app.learning.crossing_times import times_sentence, unseen_sentence
 from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
@@ -37,22 +36,20 @@ def print_learned(
         soft_wrap=True,
     )
     console.print(_weights_table(outcome.fit, certainty))
-    console.print(_outcomes_table(files.task.problem, outcome.fit, certainty))
+    console.print(_outcomes_table(outcome, certainty))
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
         console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
     for line in (*files.remarks(), *_remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True)
     if outcome.knowledge is not None:
-        console.print("What is known of the outcomes, and from where:", style="bold")
+        console.print("What is known of outcomes and dwell times, from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge, files.task.problem):
             console.print(f"  {line}", soft_wrap=True)
     if outcome.belief:
         console.print(outcome.belief, soft_wrap=True)
-    for each in outcome.model.crossing_times:
-        console.print(times_sentence(each), soft_wrap=True)
-        if warning := unseen_sentence(each):
-            console.print(warning, style="yellow", soft_wrap=True)
+    for line in outcome.durations:
+        console.print(line, soft_wrap=True)
     style = "yellow" if outcome.traps.n_looping_cells else None
     console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)
@@ -67,8 +64,8 @@ def learned_values(
     return {
         **outcome.values(),
         "validation_log_likelihoods": dict(outcome.validation),
-        "crossing_times": [each.model_dump() for each in outcome.model.crossing_times],
-        "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
+        "mean_dwell_s": {each.name: each.mean_s for each in outcome.model.outcome_models},
+        "outcome_probabilities": [each.learned for each in outcome.model.outcome_models],
         "standard_errors": None if errors is None else [finite(each) for each in errors.reward],
         "outcome_standard_errors": None
         if errors is None
@@ -96,19 +93,19 @@ def _weights_table(fit: FitResult, certainty: Certainty) -> Table:
     return table
 
 
-def _outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certainty) -> Table:
+def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
     """One row per outcome model: probability and standard error of each outcome."""
-    names = [outcome.name.lower() for outcome in Outcome]
-    table = table_of("Outcomes of a decision period, in % ± standard error", "model", names)
-    for model in problem.used_models.tolist():
-        cells = []
-        for outcome in range(len(names)):
-            cell = f"{100 * fit.outcome_probabilities[model, outcome]:.1f}"
+    names = [each.name.lower() for each in Outcome]
+    table = table_of("Outcomes of a decision, in % ± standard error", "model", names)
+    for number in outcome.problem.used_models.tolist():
+        model, cells = outcome.model.outcome_models[number], []
+        for place, probability in enumerate(model.learned):
+            cell = f"{100 * probability:.1f}"
             if certainty.errors is not None:
-                error = float(certainty.errors.outcome_probabilities[model, outcome])
+                error = float(certainty.errors.outcome_probabilities[number, place])
                 cell += f"±{_number(100 * error, digits=1)}"
             cells.append(cell)
-        table.add_row(in_words(problem.model_names[model]), *cells)
+        table.add_row(in_words(model.name), *cells)
     return table
 
 
@@ -125,11 +122,10 @@ def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[
         yield "log temperature"
     yield from (in_words(f"reward {name}") for name in sorted(certainty.open_rewards))
     used = set(problem.used_models.tolist())
-    for model, group in groupby(certainty.open_outcomes, key=itemgetter(0)):
-        if model not in used:
-            continue
-        names = (Outcome(outcome).name.lower() for _, outcome in group)
-        yield f"{in_words(problem.model_names[model])} ({', '.join(names)})"
+    for model, group in groupby(certainty.open_dynamics, key=itemgetter(0)):
+        if model in used:
+            names = ", ".join(name for _, name in group)
+            yield f"{in_words(problem.model_names[model])} ({names})"
 
 
 def _number(value: float, digits: int = 2) -> str:

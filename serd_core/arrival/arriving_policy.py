@@ -8,8 +8,8 @@ shortest path problem (Bertsekas and Tsitsiklis, Mathematics of Operations Resea
 
 over the actions that are meant to lead to another cell: waiting is no way, even where the learned
 dynamics expect that a robot which waits is carried along. Each period ends the drive with the
-probability 1 / `NEVER_PERIODS`, so the equation is that of a discounted problem and V is finite: a
-drive that never arrives counts as `NEVER_PERIODS`. Hence the probability of arriving comes first,
+probability 1 / `NEVER_S`, so the equation is that of a discounted problem and V is finite: a
+drive that never arrives counts as `NEVER_S`. Hence the probability of arriving comes first,
 and then the time.
 """
 
@@ -27,7 +27,7 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy
 
 #: Expected periods of a drive that never arrives.
-NEVER_PERIODS = 1e9
+NEVER_S = 1e9
 #: A state that arrives before the time-out with less than this probability is called a trap.
 TRAP_PROBABILITY = 0.5
 
@@ -52,14 +52,15 @@ def arriving_policy(
     problem: NavigationProblem,
     learned: Policy,
     outcome_probabilities: FloatArray,
+    seconds: FloatArray,
     arrival_of: Callable[[Policy], ArrivalByState],
     n_steps: int,
 ) -> ArrivingPolicy:
     """The learned policy with the way of least expected time in every state that is trapped.
 
-    outcome_probabilities: (M, K) of the expected time; arrival_of: returns the arrival from every
-    state by a policy; n_steps: its steps until the time-out. A state from which the learned policy
-    alone arrives, but not where it meets such a way, takes that way too.
+    outcome_probabilities: (M, K); seconds: (S, A) mean of each decision. arrival_of: returns the
+    arrival from every state by a policy; n_steps: its steps until the time-out. A state from which
+    the learned policy alone arrives, but not where it meets such a way, takes that way too.
     """
 
     def traps_of(policy: Policy, arrival: ArrivalByState) -> Traps:
@@ -76,7 +77,7 @@ def arriving_policy(
     by_time = np.zeros(len(learned.greedy), dtype=np.bool_)
     if not len(traps.states):
         return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
-    fastest = least_time_policy(problem, outcome_probabilities)
+    fastest = least_time_policy(problem, outcome_probabilities, seconds)
     while (more := (traps.looping | traps.unlikely) & ~by_time).any():
         by_time |= more
         driven = _switched(learned, fastest, by_time)
@@ -89,10 +90,13 @@ def arriving_policy(
     return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
 
 
-def least_time_policy(problem: NavigationProblem, outcome_probabilities: FloatArray) -> Policy:
-    """The policy of the fewest expected decision periods to a goal, which are its -value.
+def least_time_policy(
+    problem: NavigationProblem, outcome_probabilities: FloatArray, seconds: FloatArray
+) -> Policy:
+    """The policy of the least expected time to a goal, which is its -value in seconds.
 
-    outcome_probabilities: (M, K). Waits only where no action leads to another cell.
+    outcome_probabilities: (M, K); seconds: (S, A) mean of each decision. Waits only where no action
+    leads to another cell.
     """
     models = problem.outcome_models
     assert models.intended is not None  # of every navigation problem
@@ -100,12 +104,10 @@ def least_time_policy(problem: NavigationProblem, outcome_probabilities: FloatAr
     aimed_at = np.take_along_axis(models.successors, intended, axis=2)[:, :, 0]
     moves = models.available & (aimed_at != np.arange(models.n_states)[:, None])
     available = np.where(moves.any(axis=1, keepdims=True), moves, models.available)
-    mdp = Mdp(replace(models, available=available), 1.0 - 1.0 / NEVER_PERIODS)
-    periods = np.where(goal_mask(problem), 0.0, -1.0)
-    features = np.broadcast_to(periods[:, None, None], (*available.shape, 1))
-    return optimal_policy(
-        TabularProblem(mdp, features, ("periods",)), np.ones(1), outcome_probabilities
-    )
+    mdp = Mdp(replace(models, available=available), 1.0 - 1.0 / NEVER_S)
+    cost = np.where(goal_mask(problem)[:, None], 0.0, -np.asarray(seconds))
+    timed = TabularProblem(mdp, cost[:, :, None], ("seconds",))
+    return optimal_policy(timed, np.ones(1), outcome_probabilities)
 
 
 def _switched(learned: Policy, fastest: Policy, by_time: BoolArray) -> Policy:

@@ -11,7 +11,7 @@ Fourier transform (Howard, Dynamic Probabilistic Systems II, 1971; Abate and Whi
 10, 1992). On a circle of radius r < 1, arrivals after N steps or more add at most r^N to each
 number.
 
-The decision periods of the thesis are the case f(j) = 1[j = 1] with d the period.
+The number of decisions, as in the thesis, is the case f(j) = 1[j = 1].
 """
 
 from dataclasses import dataclass
@@ -43,6 +43,8 @@ from serd_core.memory import require_memory
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
+#: Steps after which the law is constant where a later arrival has at most this probability.
+SOON, SETTLED = 512, 1e-4
 _SUM_TOLERANCE = 1e-6
 #: Numbers per step and state that are held at once.
 _ARRAYS = 4
@@ -73,11 +75,6 @@ class DwellTimes:
                 " normalise it (what is missing takes longer than the horizon)"
             )
         object.__setattr__(self, "mass", mass)
-
-    @classmethod
-    def periodic(cls, period_s: float) -> "DwellTimes":
-        """Every move takes one decision period, as in the thesis."""
-        return cls(period_s, np.array([[0.0, 1.0]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +147,10 @@ def renewal_chain(
 
 
 def semi_markov_arrival(chain: RenewalChain, dwell: DwellTimes, n_steps: int) -> ArrivalByState:
-    """Probability of having arrived within 0, 1, ... n_steps steps from each state."""
+    """Probability of having arrived within 0, 1, ... n_steps steps from each state.
+
+    It is constant after `SOON` steps where at most `SETTLED` arrive later from any state.
+    """
     if n_steps < 0:
         raise SerdError(f"n_steps must not be negative, got {n_steps}; use the time-out's")
     require_index("dwell", chain.dwell, len(dwell.mass), "a class of dwell times")
@@ -160,20 +160,28 @@ def semi_markov_arrival(chain: RenewalChain, dwell: DwellTimes, n_steps: int) ->
         _ARRAYS * 8.0 * size * len(goal),
         "take an earlier time-out, longer steps or larger cells",
     )
+    ever = probability_of_ever_arriving(chain.matrix(chain.probability).tocsr(), goal)
+    system, soon = _Equations(chain), min(size, SOON)
+    cdf = _arrived(system, dwell, soon)
+    if soon < size and np.any(ever - cdf[-1] > SETTLED):
+        cdf = _arrived(system, dwell, size)
+    cdf[:, goal] = 1.0
+    later = np.broadcast_to(cdf[-1], (size - len(cdf), len(goal)))
+    return ArrivalByState(np.maximum.accumulate(np.concatenate([cdf, later]), axis=0), ever)
+
+
+def _arrived(system: "_Equations", dwell: DwellTimes, size: int) -> FloatArray:
+    """(size, S) probability of having arrived within 0, 1, ... size - 1 steps."""
     radius = ALIASED ** (1.0 / size)
-    powers = radius ** np.arange(max(size, dwell.mass.shape[1]))
+    powers = radius ** np.arange(size)
     damped = np.zeros((len(dwell.mass), size))
     # Dwell times beyond the horizon do not arrive within it.
     kept = min(size, dwell.mass.shape[1])
     damped[:, :kept] = dwell.mass[:, :kept] * powers[:kept]
     transformed = np.fft.rfft(damped, axis=1)
-    system = _Equations(chain)
     generating = np.stack([system.solve(values) for values in transformed.T])
-    steps = np.fft.irfft(generating, n=size, axis=0) / powers[:size, None]
-    cdf = np.clip(np.cumsum(steps, axis=0), 0.0, 1.0)
-    cdf[:, goal] = 1.0
-    ever = probability_of_ever_arriving(chain.matrix(chain.probability).tocsr(), goal)
-    return ArrivalByState(np.maximum.accumulate(cdf, axis=0), ever)
+    steps = np.fft.irfft(generating, n=size, axis=0) / powers[:, None]
+    return np.asarray(np.clip(np.cumsum(steps, axis=0), 0.0, 1.0))
 
 
 class _Equations:

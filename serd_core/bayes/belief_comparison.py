@@ -84,7 +84,7 @@ class BeliefComparison:
             for one, count in zip(self.approximations, rng.multinomial(n, shares), strict=True)
             if count
         ]
-        names = ("reward", "outcome_probabilities", "believed_outcome_probabilities")
+        names = ("reward", "truth", "outcome_probabilities", "believed_outcome_probabilities")
         tables = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
         # Coordinates differ from relation to relation.
         return PosteriorDraws(np.zeros((n, 0)), *tables)

@@ -26,6 +26,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import Coordinates, LogPosterior
+from serd_core.posterior.parameters import Block
 
 #: Draws that a summary takes unless another number is asked for.
 N_DRAWS = 40
@@ -37,12 +38,14 @@ SAME = 0.01
 class PosteriorDraws:
     """n draws of what is learned.
 
-    coordinates: (n, d); reward: (n, F) weights; outcome_probabilities,
-    believed_outcome_probabilities: (n, M, K).
+    coordinates: (n, d); reward: (n, F) weights; truth: (n, N) parameters of the dynamics;
+    outcome_probabilities, believed_outcome_probabilities: (n, M, K), which are discounted where
+    moves take time (`SemiMarkovModels`).
     """
 
     coordinates: FloatArray
     reward: FloatArray
+    truth: FloatArray
     outcome_probabilities: FloatArray
     believed_outcome_probabilities: FloatArray
 
@@ -67,10 +70,10 @@ def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> P
     """The draws at (n, d) coordinates."""
     at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
     truth, belief = (
-        np.stack([model.local_probabilities(theta) for theta in block])
-        for block in ([each.truth for each in at], [each.belief for each in at])
+        np.stack([each.block(block) for each in at]) for block in (Block.TRUTH, Block.BELIEF)
     )
-    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, belief)
+    tables = (model.local_probabilities(each) for each in (truth, belief))
+    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, *tables)
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:

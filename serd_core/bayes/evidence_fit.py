@@ -198,7 +198,7 @@ class EvidenceFit:
         posterior, at = self.objective.posterior, self.parameters
         problem, final = posterior.problem, self.objective.at(self.parameters)
         truth, belief, initial = (
-            problem.mdp.transitions.local_probabilities(theta)
+            problem.mdp.transitions.moves.local_probabilities(theta)
             for theta in (at.truth, at.belief, self.start.truth)
         )
         relation = self.strengths.relation(self.logs)

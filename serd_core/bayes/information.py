@@ -8,7 +8,8 @@ of Mathematical Statistics 27, 1956). Transitions come first, choices after them
 
 The first is that of two Dirichlet distributions. The second is that of two normal distributions
 over the coordinates u_m of the energies: Laplace's approximation of the posterior, with all other
-numbers integrated out, and that of counted transitions. What is left is the prior.
+numbers integrated out, and that of counted transitions. What is left is the prior. Decisions that a
+command ended count as choices. What is known of dwell times is in `serd_core.semi_markov.summary`.
 
 A reward may explain the same choices as an outcome. Then u_m and the weights w depend on each other
 in the posterior, by the mutual information I(u_m; w), and choices inform neither alone.
@@ -20,10 +21,13 @@ Fisher information F(s0), and Laplace's approximation of what it is expected to 
     gain(s0) = 1/2 log det(I + L^T F(s0) L),       posterior covariance = L L^T
     F(s0)    = sum over visited (s, a) of E[score score^T],
     E[score score^T] in s = Cov_{a ~ pi(s)} dQ(s, a) + sum_{a, s'} pi(a|s) dP dP^T / P
+                            + sum_{a, k} pi(a|s) P_m(k) I_d(m,k)
 
 in nats: the D-optimal design of Chaloner and Verdinelli (Statistical Science 10, 1995). The first
-part is that of choices, the second that of transitions. Sums over visits obey F = G + P_pi F, with
-G of one decision in each state, up to the longest demonstration.
+part is that of choices, the second that of transitions, the third that of dwell times: I_d is the
+information of a gamma law about its log mean and log shape. It takes outcomes as seen, where
+several of different laws lead to one state. Sums over visits obey F = G + P_pi F, with G of one
+decision in each state, up to the longest demonstration.
 """
 
 from dataclasses import dataclass
@@ -32,8 +36,8 @@ import numpy as np
 import scipy.sparse
 from scipy.special import gammaln, psi
 
-from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
-from serd_core.bayes.draws import credible_intervals, laplace_draws
+from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
+from serd_core.bayes.draws import PosteriorDraws, laplace_draws
 from serd_core.bayes.laplace import Laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.automatic import Automatic
@@ -53,7 +57,8 @@ from serd_core.posterior.derivatives.posterior_hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import pseudo_count_of
-from serd_core.semi_markov.models import has_laws
+from serd_core.semi_markov.gamma_law import fisher_information
+from serd_core.semi_markov.models import SemiMarkovModels
 
 #: Information below this is called none.
 LEAST_NATS = 0.05
@@ -71,6 +76,7 @@ class OutcomeInformation:
     n_decisions: how many were observed; from_transitions, from_choices: information gained.
     shared: with all reward weights; partner: the feature whose weight shares most.
     lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior.
+    draws: of the posterior, from which these are.
     """
 
     n_decisions: FloatArray
@@ -82,35 +88,41 @@ class OutcomeInformation:
     median: FloatArray
     upper: FloatArray
     mass: float
+    draws: PosteriorDraws
 
     def source(self, model: int) -> str:
         """Where what is known of an outcome model comes from."""
-        parts = (("counts", self.from_transitions), ("choices", self.from_choices))
-        names = [name for name, nats in parts if nats[model] >= LEAST_NATS]
-        return " and ".join(names) or PRIOR_ONLY
+        return named_source(counts=self.from_transitions[model], choices=self.from_choices[model])
+
+
+def named_source(**nats: float) -> str:
+    """Which parts are information, by name."""
+    names = [name.replace("_", " ") for name, each in nats.items() if each >= LEAST_NATS]
+    return " and ".join(names) or PRIOR_ONLY
 
 
 def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
     """Of the true outcome models; SerdError where the fit learned none."""
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
-    models = _learned_models(problem, space.belief.groups)
-    (group,) = (blocks for blocks in space.belief.groups if Block.TRUTH in blocks)
+    models, group = learned_outcomes(found)
     pseudo_count = pseudo_count_of(posterior.prior, group)
     n_decisions = _observations(posterior, models)
     counted, precision = _counted(posterior, models, pseudo_count)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
+    away = models.energies(at.truth - counted) @ _contrasts(models).T
     by_choices, shared, partner = [], [], []
     for model in range(models.n_models):
         own = n_features + model * size + np.arange(size)
-        moved = _contrasts(models) @ (at.truth - counted).reshape(models.n_models, -1)[model]
-        by_choices.append(_normal_divergence(joint[np.ix_(own, own)], precision[model], moved))
+        by_choices.append(
+            _normal_divergence(joint[np.ix_(own, own)], precision[model], away[model])
+        )
         shared.append(_mutual_information(joint, own, rewards))
         each = [_mutual_information(joint, own, rewards[[f]]) for f in range(n_features)]
         partner.append(int(np.argmax(each)))
     draws = laplace_draws(found, np.random.default_rng(0), N_DRAWS)
-    limits = credible_intervals(draws, mass).outcome_probabilities
+    limits = interval(models.local_probabilities(draws.truth), mass)
     worth = pseudo_count * models.n_outcomes + n_decisions
     counts = worth[:, None] * models.local_probabilities(counted)
     return OutcomeInformation(
@@ -120,24 +132,28 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         shared=np.array(shared),
         partner=np.array(partner),
         lower=limits[0],
-        median=np.median(draws.outcome_probabilities, axis=0),
-        upper=limits[1],
+        median=limits[1],
+        upper=limits[2],
         mass=mass,
+        draws=draws,
     )
 
 
-def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> OutcomeModels:
-    models = problem.mdp.transitions
-    if not isinstance(models, OutcomeModels) or not any(Block.TRUTH in each for each in groups):
+def interval(draws: FloatArray, mass: float) -> FloatArray:
+    """(3, ...) lower end, median and upper end of the central interval of (n, ...) draws."""
+    require_share("mass", mass, "0.9")
+    return np.asarray(np.quantile(draws, [(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0], axis=0))
+
+
+def learned_outcomes(found: Laplace) -> tuple[OutcomeModels, tuple[Block, ...]]:
+    """The true outcome models, and the blocks that are them; SerdError where none were learned."""
+    models = found.problem.mdp.transitions.moves
+    groups = [each for each in found.coordinates.belief.groups if Block.TRUTH in each]
+    if not isinstance(models, OutcomeModels) or not groups:
         raise SerdError(
             "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
         )
-    if has_laws(models):
-        raise SerdError(
-            "what informed outcomes is known where moves take no time, got laws of dwell times; use"
-            " dwell_summary"
-        )
-    return models
+    return models, groups[0]
 
 
 def _counted(
@@ -147,8 +163,9 @@ def _counted(
     estimate = most_likely_dynamics(models, posterior.observations, count)
     energies = models.parameters_of(estimate.probabilities)
     counts = posterior.observations.counts(models)
-    bend = models.beta * count * models.n_outcomes * models.local_jacobian(energies)
-    bend -= log_transition_hessian(models, energies, counts)
+    size = models.n_energies
+    bend = models.beta * count * models.n_outcomes * models.local_jacobian(energies)[:, :size]
+    bend -= log_transition_hessian(models, energies, counts)[:size, :size]
     shape = (models.n_models, models.n_outcomes) * 2
     own = np.arange(models.n_models)
     blocks = bend.reshape(shape)[own, :, own, :]
@@ -169,7 +186,7 @@ def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
     jacobian = space.belief.jacobian(space.like)
     by_model = np.kron(np.eye(models.n_models), _contrasts(models))
     rows = [jacobian[space.like.place(Block.REWARD)]]
-    rows.append(by_model @ jacobian[space.like.place(Block.TRUTH)])
+    rows.append(by_model @ jacobian[space.like.place(Block.TRUTH)][: models.n_energies])
     root = np.concatenate(rows) @ space.table @ found.root
     return np.asarray(root @ root.T)
 
@@ -234,7 +251,7 @@ def _require_same_numbers(fitted: Problem, task: Problem) -> None:
     ours, theirs = (each.mdp.transitions.parameter_names for each in (fitted, task))
     if ours != theirs:
         raise SerdError(
-            f"task must have the outcome models of the fit, {len(ours)} energies, got {len(theirs)}"
+            f"task must have the outcome models of the fit, {len(ours)} numbers, got {len(theirs)}"
         )
 
 
@@ -249,6 +266,8 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     policy = solution.policy
     one = _of_choices(problem, at, believed, solution, table)
     one += _of_transitions(true, policy, at, table)
+    if isinstance(model, SemiMarkovModels) and model.n_laws:
+        one += _of_dwell_times(model, policy, at, table)
     n_states, size = len(one), one.shape[1]
     weights = policy.ravel()[:, None]
     step = true.matrix.multiply(weights).tocsr()
@@ -304,3 +323,19 @@ def _of_transitions(
     total = np.zeros((model.n_states, by_u.shape[1], by_u.shape[1]))
     np.add.at(total, state, root[:, :, None] * root[:, None, :])
     return total
+
+
+def _of_dwell_times(
+    model: SemiMarkovModels, policy: FloatArray, at: Parameters, table: FloatArray
+) -> FloatArray:
+    """(S, d, d) expected information of the dwell times of a decision about their laws."""
+    probability = model.laws(at.truth).probability
+    has_law = model.row_law[..., None] == np.arange(model.n_laws)
+    expected = np.einsum("rk,rkd->rd", probability, has_law)
+    by_state = np.einsum("sa,sad->sd", policy, expected[model.model_of])
+    rows, total = table[at.place(Block.TRUTH)], 0.0
+    for place, of_law in zip(
+        (model.means, model.shapes), fisher_information(at.truth[model.shapes]), strict=True
+    ):
+        total = total + np.einsum("sd,du,dv->suv", by_state * of_law, rows[place], rows[place])
+    return np.asarray(total)

@@ -1,18 +1,118 @@
 """A trajectory as the sequence of cells that it crosses, with the time of each crossing.
 
-A position belongs to its cell until it is `hysteresis_m` beyond the border, so a person who sways
-on a border does not cross it again and again. Between two positions the way is a straight line, and
-of two borders that it passes the first one counts: so each move leads to one of the four
-neighbours, and none is diagonal or far, whatever the period of the positions is.
+A position belongs to its cell until it is `hysteresis_m` beyond the border, so one who sways on a
+border does not cross it again and again. Between two positions the way is a straight line, and of
+two borders that it passes the first one counts: so each move leads to one of the four neighbours,
+and none is diagonal or far, whatever the period of the positions is, unless walls are in the way.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, first_index, float_array
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
+
+
+class Entered(NamedTuple):
+    """A cell, and when it was entered; state -1: the grid was left."""
+
+    time_s: float
+    state: int
+
+
+class CellTracker:
+    """The cell of one who is seen from time to time.
+
+    All borders without a cell behind them are walls, but for those of the grid's first and last
+    column, where the way may end: beyond a wall, a position counts as in the cell before, since
+    measured places pass walls by a few centimetres. One in a cell to which no way leads, as behind
+    a pillar that half fills its cell, is entered from nowhere. state: -1 before the first position
+    on the grid, and after the grid was left.
+    """
+
+    def __init__(self, grid: Grid, hysteresis_m: float = 0.0) -> None:
+        if not 0 <= hysteresis_m < grid.cell_size_m / 2:
+            raise SerdError(
+                f"hysteresis_m must be at least 0 and below half a cell ({grid.cell_size_m / 2} m),"
+                f" got {hysteresis_m}"
+            )
+        self._grid, self._margin = grid, hysteresis_m / grid.cell_size_m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the way: the next position is of somebody else, or after a gap."""
+        self.state = -1
+        self._last_s, self._last = 0.0, (0.0, 0.0)
+
+    def see(self, time_s: float, x_m: float, y_m: float) -> Sequence[Entered]:
+        """Take the next position, later than the last one; the cells entered since, in order.
+
+        A position that is not finite is none.
+        """
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return ()
+        (left_m, low_m), size_m = self._grid.origin_m, self._grid.cell_size_m
+        place = (x_m - left_m) / size_m, (y_m - low_m) / size_m
+        before_s, before = self._last_s, self._last
+        self._last_s, self._last = time_s, place
+        if self.state < 0:
+            self.state = self._grid.state_at(x_m, y_m)
+            return () if self.state < 0 else (Entered(time_s, self.state),)
+        row, column = self._grid.cells[self.state].tolist()
+        if self._is_in((column, row), place):
+            return ()
+        entered, latest_s = list[Entered](), before_s
+        while (move := self._first_border(before, place, (column, row))) is not None:
+            share, axis, side = move
+            column, row = (column + side, row) if axis == 0 else (column, row + side)
+            self.state = self._state(column, row)
+            latest_s = max(latest_s, before_s + share * (time_s - before_s))
+            entered.append(Entered(latest_s, self.state))
+            if self.state < 0:
+                return entered
+        if not self._is_in((column, row), place) and (there := self._grid.state_at(x_m, y_m)) >= 0:
+            self.state = there
+            entered.append(Entered(time_s, there))
+        return entered
+
+    def _is_in(self, cell: tuple[int, int], place: tuple[float, float]) -> bool:
+        """Whether no border is passed, walls or not."""
+        (column, row), (east, north), margin = cell, place, self._margin
+        return (
+            column - margin <= east <= column + 1 + margin
+            and row - margin <= north <= row + 1 + margin
+        )
+
+    def _first_border(
+        self, before: tuple[float, float], after: tuple[float, float], cell: tuple[int, int]
+    ) -> tuple[float, int, int] | None:
+        """(share of the step, axis, side) of the border that is passed first; None where none."""
+        passed = []
+        for axis in (0, 1):
+            for side in (-1, 1):
+                border = cell[axis] + (side > 0) + side * self._margin
+                if side * (after[axis] - border) <= 0 or self._is_wall(cell, axis, side):
+                    continue
+                moved = after[axis] - before[axis]
+                share = (border - before[axis]) / moved if moved * side > 0 else 0.0
+                passed.append((min(max(share, 0.0), 1.0), axis, side))
+        return min(passed) if passed else None
+
+    def _is_wall(self, cell: tuple[int, int], axis: int, side: int) -> bool:
+        column, row = cell[0] + side * (axis == 0), cell[1] + side * (axis == 1)
+        inside = 0 <= column < self._grid.walkable.shape[1]
+        return inside and self._state(column, row) < 0
+
+    def _state(self, column: int, row: int) -> int:
+        rows, columns = self._grid.walkable.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return -1
+        return int(self._grid.state_of_cell[row, column])
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,88 +134,21 @@ class Crossings:
 def cell_crossings(
     grid: Grid, time_s: FloatArray, position_m: FloatArray, hysteresis_m: float = 0.0
 ) -> Crossings:
-    """The cells of (T, 2) positions at increasing times (T,).
-
-    The way ends where it leaves the grid at its first or last column. All other borders without a
-    cell behind them are walls: beyond, a position counts as in the cell before, since measured
-    places pass walls by a few centimetres.
-    """
+    """The cells of (T, 2) positions at increasing times (T,), until the grid is left."""
     times = float_array("time_s", time_s, (None,))
     places = float_array("position_m", position_m, (len(times), 2))
     if (late := first_index(np.diff(times) <= 0)) is not None:
         raise SerdError(
             f"time_s must increase, got {times[late[0] + 1]} after {times[late[0]]}; sort the rows"
         )
-    if not 0 <= hysteresis_m < grid.cell_size_m / 2:
-        raise SerdError(
-            f"hysteresis_m must be at least 0 and below half a cell ({grid.cell_size_m / 2} m), got"
-            f" {hysteresis_m}"
-        )
-    return _Walk(grid, hysteresis_m / grid.cell_size_m).follow(times, places)
-
-
-@dataclass(frozen=True, eq=False)
-class _Walk:
-    """margin: hysteresis in cells."""
-
-    grid: Grid
-    margin: float
-
-    def follow(self, times: FloatArray, places: FloatArray) -> Crossings:
-        scaled = (places - self.grid.origin_m) / self.grid.cell_size_m
-        inside = np.flatnonzero(self.grid.states_at(places) >= 0)
-        if not len(inside):
-            return Crossings(np.zeros(0, dtype=np.int64), np.zeros(0), np.nan)
-        first = int(inside[0])
-        cell = np.floor(scaled[first]).astype(np.int64)
-        cells, entered = [self._state(cell)], [float(times[first])]
-        row = first
-        while (row := self._next_outside(scaled, row + 1, cell)) < len(times):
-            begin_s, step_s = times[row - 1], times[row] - times[row - 1]
-            while (move := self._first_border(scaled[row - 1], scaled[row], cell)) is not None:
-                axis, side, share = move
-                cell = cell.copy()
-                cell[axis] += side
-                state, at_s = self._state(cell), float(begin_s + share * step_s)
-                if state < 0:
-                    return Crossings(np.array(cells), np.array(entered), at_s)
-                cells.append(state)
-                entered.append(max(at_s, entered[-1]))
-        return Crossings(np.array(cells), np.array(entered), np.nan)
-
-    def _next_outside(self, scaled: FloatArray, row: int, cell: IntArray) -> int:
-        """First row from one on that is beyond the margin of a cell; their number where none is."""
-        away = np.abs(scaled[row:] - cell - 0.5).max(axis=1, initial=0.0)
-        outside = np.flatnonzero(away > 0.5 + self.margin)
-        return row + int(outside[0]) if len(outside) else len(scaled)
-
-    def _first_border(
-        self, before: FloatArray, after: FloatArray, cell: IntArray
-    ) -> tuple[int, int, float] | None:
-        """(axis, side, share of the step) of the border that is passed first; None where none."""
-        passed = []
-        for axis in (0, 1):
-            for side in (-1, 1):
-                border = cell[axis] + (side > 0) + side * self.margin
-                if side * (after[axis] - border) <= 0 or self._is_wall(cell, axis, side):
-                    continue
-                moved = after[axis] - before[axis]
-                share = (border - before[axis]) / moved if moved * side > 0 else 0.0
-                passed.append((min(max(share, 0.0), 1.0), axis, side))
-        if not passed:
-            return None
-        share, axis, side = min(passed)
-        return axis, side, share
-
-    def _is_wall(self, cell: IntArray, axis: int, side: int) -> bool:
-        there = cell.copy()
-        there[axis] += side
-        inside = 0 <= there[0] < self.grid.walkable.shape[1]
-        return bool(inside) and self._state(there) < 0
-
-    def _state(self, cell: IntArray) -> int:
-        column, row = int(cell[0]), int(cell[1])
-        rows, columns = self.grid.walkable.shape
-        if not (0 <= row < rows and 0 <= column < columns):
-            return -1
-        return int(self.grid.state_of_cell[row, column])
+    tracker, entered, left_s = CellTracker(grid, hysteresis_m), list[Entered](), np.nan
+    for at_s, (x_m, y_m) in zip(times.tolist(), places.tolist(), strict=True):
+        entered += tracker.see(at_s, x_m, y_m)
+        if entered and entered[-1].state < 0:
+            left_s = entered.pop().time_s
+            break
+    return Crossings(
+        state=np.array([each.state for each in entered], dtype=np.int64),
+        entered_s=np.array([each.time_s for each in entered], dtype=np.float64),
+        left_s=left_s,
+    )

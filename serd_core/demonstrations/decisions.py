@@ -5,7 +5,7 @@ Rows of one episode share an episode number; `time_s` orders them.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,13 +24,10 @@ from serd_core.arrays import (
 )
 from serd_core.errors import SerdError
 
-# Times the usual (median) period after which a decision is late: one and a half, as without the
-# decision in between it is two.
-_LATE = 1.5
-
 COLUMNS = ("episode", "time_s", "state", "action", "next_state")
 #: Marks a decision whose action was not observed.
 HIDDEN = -1
+_Own = TypeVar("_Own", bound="Decisions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +75,7 @@ class Decisions:
         """(N,) decisions whose action was not observed."""
         return np.asarray(self.action == HIDDEN)
 
-    def with_hidden_actions(self, rows: BoolArray | None = None) -> "Decisions":
+    def with_hidden_actions(self: _Own, rows: BoolArray | None = None) -> _Own:
         """The same decisions without the actions of the given rows (N,), by default of all."""
         wanted = True if rows is None else bool_array("rows", rows, (len(self),))
         return replace(self, action=np.where(wanted, HIDDEN, self.action))
@@ -88,13 +85,13 @@ class Decisions:
         """Sorted numbers of the episodes that have at least one decision."""
         return np.unique(self.episode)
 
-    def select(self, rows: BoolArray | IntArray) -> "Decisions":
+    def select(self: _Own, rows: BoolArray | IntArray) -> _Own:
         """The decisions of the given rows (mask (N,) or indices), in that order."""
         chosen = chosen_indices("rows", rows, len(self), "a row")
         columns: dict[str, Any] = {name: each[chosen] for name, each in self.columns().items()}
         return replace(self, **columns)
 
-    def select_episodes(self, episodes: Iterable[int]) -> "Decisions":
+    def select_episodes(self: _Own, episodes: Iterable[int]) -> _Own:
         """All decisions of the given episode numbers; SerdError for one that is not there."""
         wanted = np.unique(int_array("episodes", list(episodes), (None,)))
         if (missing := np.setdiff1d(wanted, self.episode)).size:
@@ -151,19 +148,13 @@ def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
 
     Decisions at equal times stay in the order of their rows. A trajectory begins with every
     episode, and where decisions in between are missing: the next one is taken in another state than
-    the last one reached, and later than one usual period. In another state but on time, nothing is
-    missing: a move that no outcome explains was recorded as the nearest one that does.
+    the last one reached.
     """
     rows = np.lexsort((decisions.time_s, decisions.episode))
     begins = np.ones(len(rows), dtype=np.bool_)
     before, after = rows[:-1], rows[1:]
-    same = decisions.episode[before] == decisions.episode[after]
-    passed_s = decisions.time_s[after] - decisions.time_s[before]
-    elsewhere = decisions.next_state[before] != decisions.state[after]
-    counted = passed_s[same & (passed_s > 0)]
-    usual_s = float(np.median(counted)) if counted.size else 0.0
-    on_time = (passed_s > 0) & (passed_s <= _LATE * usual_s)
-    begins[1:] = ~same | (elsewhere & ~on_time)
+    other = decisions.episode[before] != decisions.episode[after]
+    begins[1:] = other | (decisions.next_state[before] != decisions.state[after])
     return rows.astype(np.int64), begins
 
 

@@ -1,6 +1,6 @@
 """The high-level navigation problem in a populated hallway (section 5.1 of the thesis).
 
-States are grid cells, actions the four directions and waiting. One decision period has an outcome
+States are grid cells, actions the four directions and waiting. A decision has an outcome
 relative to the intended direction (Table 5.1); its probabilities depend on how the action lies to
 the human flow of the cell: with it, against it, across it, or waiting. Moves in cells without flow
 count as across it. Outcomes of waiting are relative to the flow of
@@ -13,7 +13,7 @@ nothing to keep to, so it is 0 for every action, and a place without any flow ha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,7 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import unique_names
+from serd_core.semi_markov.models import NO_LAW, semi_markov_problem
 
 MODEL_NAMES = ("with_flow", "against_flow", "across_flow", "waiting")
 SOCIAL_NORM = "social_norm"
@@ -60,6 +61,28 @@ class NavigationProblem:
     outcome_models: OutcomeModels
     features: FloatArray
     feature_names: tuple[str, ...]
+
+    @property
+    def by_decisions(self) -> "NavigationProblem":
+        """The problem of the thesis, in which every decision takes the same time."""
+        return replace(self, mdp=Mdp(self.outcome_models, self.mdp.discount))
+
+    @property
+    def with_still_waits(self) -> "NavigationProblem":
+        """The same where waiting leads nowhere: of hidden actions none that moved was to wait.
+
+        Otherwise waiting is learned to lead anywhere, as it explains every move. SerdError where
+        decisions take time: `by_decisions` has none that do.
+        """
+        if self.mdp.transitions is not self.outcome_models:
+            raise SerdError(
+                f"transitions must be the outcome models, got {type(self.mdp.transitions).__name__}"
+                "; use problem.by_decisions.with_still_waits"
+            )
+        successors = self.outcome_models.successors.copy()
+        successors[:, Action.WAIT] = np.arange(self.grid.n_states)[:, None]
+        models = replace(self.outcome_models, successors=successors)
+        return replace(self, mdp=Mdp(models, self.mdp.discount), outcome_models=models)
 
     @property
     def used_models(self) -> IntArray:
@@ -98,6 +121,23 @@ def build_navigation_problem(
         features=_selected_features(available_features, features),
         feature_names=unique_names(tuple(features)),
     )
+
+
+def with_dwell_times(
+    problem: NavigationProblem,
+    *,
+    patience_s: float,
+    wait_s: float,
+    log_pace: FloatArray | None = None,
+) -> NavigationProblem:
+    """The problem with a law of dwell times for each local model of moves (docs/semi_markov.md).
+
+    Its discount is that of a second. patience_s: after which a decision to move that led nowhere
+    ends; wait_s: length of a wait. log_pace: (S,) see `semi_markov_problem`.
+    """
+    stay_s = np.array([patience_s] * WAITING + [wait_s])
+    law_of = np.repeat([[*range(WAITING), NO_LAW]], len(Outcome), axis=0).T
+    return semi_markov_problem(problem, law_of=law_of, stay_s=stay_s, log_pace=log_pace)
 
 
 def features_of_flow(flow: IntArray, names: Sequence[str] = FEATURE_NAMES) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class FitResult:
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
     expert's belief; initial_outcome_probabilities: the start. (For a SparseModel: its entries;
-    where moves take time: discounted outcomes, whose parts `SemiMarkovModels.laws` has.)
+    laws of dwell times are in the parameters, see `SemiMarkovModels.laws`.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.

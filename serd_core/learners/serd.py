@@ -114,7 +114,6 @@ def fit_serd(
     learned = settings.belief.learns_dynamics
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     start = starting_parameters(problem, policy_model, weights, given, settings.belief)
-    initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
     moves = problem.mdp.transitions.moves.local_probabilities(start.truth)
     require_possible(observations, problem.mdp, moves)
     assumptions = Assumptions(policy_model, settings.belief, settings.prior, by_likelihood=True)
@@ -133,7 +132,7 @@ def fit_serd(
     )
     trace = found.ascended.objective_trace * observations.n_decisions
     ascended = replace(found.ascended, objective=final.objective, objective_trace=trace)
-    tables = (truth, believed, initial_probabilities)
+    tables = (truth, believed, moves)
     return fit_result(
         posterior, assumptions, parameters, final, ascended, tables, found.undetermined
     )
@@ -205,7 +204,7 @@ def fit_pm_serd(
 
 def _checked_probabilities(problem: Problem, theta: FloatArray) -> FloatArray:
     """Local probabilities; a SparseModel's map may have left the distributions on the way."""
-    model = problem.mdp.transitions
+    model = problem.mdp.transitions.moves
     probabilities = model.local_probabilities(theta)
     model.require_transitions(probabilities)
     return probabilities

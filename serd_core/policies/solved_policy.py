@@ -18,6 +18,8 @@ from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem, rewards
 
 NEWTON, SOFT = Newton(), SoftBellman()
+#: Relative difference of values that rounding makes.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +56,15 @@ def optimal_policy(
     outcome_probabilities: FloatArray | None = None,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
-    """Greedy optimal policy (2.24 to 2.26)."""
+    """Greedy optimal policy (2.24 to 2.26), even over actions that are equally good.
+
+    `greedy` is the first of these. Values that the solution does not distinguish are equal.
+    """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
-    return _policy(solution, solution.policy)
+    best = solution.q.max(axis=1, keepdims=True)
+    slack = 2.0 * solution.error_bound + _ROUNDING * np.abs(best)
+    equal = solution.q >= best - slack
+    return _policy(solution, equal / equal.sum(axis=1, keepdims=True))
 
 
 def boltzmann_policy(

@@ -51,8 +51,10 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
     """
-    known = not problem.mdp.transitions.n_parameters
-    believed = None if known else fit.believed_outcome_probabilities
+    model = problem.mdp.transitions
+    believed = fit.believed_outcome_probabilities if model.n_parameters else None
+    if isinstance(model, SemiMarkovModels):
+        believed = model.local_probabilities(fit.parameters.belief)
     if len(fit.parameters.policy):
         return boltzmann_policy(
             problem, fit.reward_weights, believed, fit.temperature

@@ -27,12 +27,13 @@ class _LawPosterior(Objective):
     model: SemiMarkovModels
     dwells: DwellObservations
     energies: FloatArray
+    prior: DwellPrior
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """Value and (2D,) gradient."""
         theta = np.concatenate([self.energies, vector])
-        away = theta - PRIOR.mean(self.model)
-        pull = PRIOR.precision(self.model) @ away
+        away = theta - self.prior.mean(self.model)
+        pull = self.prior.precision(self.model) @ away
         value, slope = self.dwells.evaluate(theta)
         return value - 0.5 * float(away @ pull), (slope - pull)[len(self.energies) :]
 
@@ -40,11 +41,14 @@ class _LawPosterior(Objective):
         """(2D, 2D) second derivatives."""
         bend = self.dwells.hessian(np.concatenate([self.energies, vector]))
         laws = slice(len(self.energies), None)
-        return (bend - PRIOR.precision(self.model))[laws, laws]
+        return (bend - self.prior.precision(self.model))[laws, laws]
 
 
 def counted_parameters(
-    model: SemiMarkovModels, outcome_probabilities: FloatArray, dwells: DwellObservations | None
+    model: SemiMarkovModels,
+    outcome_probabilities: FloatArray,
+    dwells: DwellObservations | None,
+    prior: DwellPrior = PRIOR,
 ) -> FloatArray:
     """(N,) parameters with given (M, K) probabilities and the most likely laws of dwell times.
 
@@ -52,11 +56,11 @@ def counted_parameters(
     """
     start = model.outcomes.parameters_of(outcome_probabilities)
     energies = start[: model.means.start]
-    start = np.concatenate([energies, PRIOR.mean(model)[len(energies) :]])
+    start = np.concatenate([energies, prior.mean(model)[len(energies) :]])
     if dwells is None or not len(dwells.row):
         return start
     start[model.means] = float(np.mean(dwells.log_dwell))
-    posterior = _LawPosterior(model, dwells, energies)
+    posterior = _LawPosterior(model, dwells, energies, prior)
     found = NewtonAscent().maximise(posterior, start[len(energies) :])
     if not found.converged:
         raise SerdError(

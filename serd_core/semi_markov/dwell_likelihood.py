@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
+from scipy.special import ndtri
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions
@@ -28,6 +29,8 @@ from serd_core.semi_markov.gamma_law import ByMeanAndShape, log_density, log_sur
 from serd_core.semi_markov.models import SemiMarkovModels
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 
+#: To what share of itself a dwell time is known at best.
+RESOLUTION = 1e-3
 #: Log likelihood of what cannot be, and least probability of which a logarithm is taken.
 IMPOSSIBLE, LEAST = -1e3, 1e-300
 
@@ -87,6 +90,19 @@ class DwellObservations:
         for column, slope in zip(self._columns, slopes, strict=True):
             gradient += weighted_counts(column, found.share * slope, len(theta))
         return float(self._by_decision(found).sum()), gradient
+
+    def scores(self, theta: FloatArray) -> FloatArray:
+        """(T, N) gradient of the log-likelihood of each decision."""
+        found, places = self._parts(theta), (self.decision, np.arange(len(self.decision)))
+        slope = scipy.sparse.csr_array(
+            ((found.share - found.prior) / found.weight, places),
+            shape=(len(self.row), len(self.decision)),
+        )
+        table = (slope @ self.outcomes) @ self.model.outcomes.local_jacobian(theta)
+        slopes = found.logs.mean, found.logs.shape
+        for column, by_law in zip(self._columns, slopes, strict=True):
+            np.add.at(table, (self.decision, column), found.share * by_law)
+        return np.asarray(table)
 
     def hessian(self, theta: FloatArray) -> FloatArray:
         """(N, N) second derivatives."""
@@ -211,15 +227,32 @@ def dwell_times(
         (np.ones(len(number)), (part.reshape(-1), number)),
         shape=(len(parts), model.outcomes.n_energies),
     )
-    pace = model.log_pace[row_of[used]]
+    pace, censored = model.log_pace[row_of[used]], decisions.censored[used]
+    law_of_decision = parts[np.searchsorted(parts[:, 0], np.arange(len(used))), 1]
+    log_dwell = _told_apart(
+        np.log(decisions.dwell_s[used]), np.where(censored, -1, law_of_decision)
+    )
     return DwellObservations(
         model=model,
         row=used,
-        log_dwell=np.log(decisions.dwell_s[used]) - pace,
+        log_dwell=log_dwell - pace,
         log_pace=pace,
-        censored=decisions.censored[used],
+        censored=censored,
         decision=parts[:, 0],
         law=parts[:, 1],
         over=parts[:, 2] > 0,
         outcomes=mask,
     )
+
+
+def _told_apart(log_dwell: FloatArray, law: IntArray) -> FloatArray:
+    """(T,) log seconds; those of a law (-1 for none) that are all equal are spread by `RESOLUTION`.
+
+    Equal times have no likeliest shape, as in tracks of constant speed.
+    """
+    found = log_dwell.copy()
+    for one in np.unique(law[law >= 0]):
+        rows = np.flatnonzero(law == one)
+        if len(rows) > 1 and np.ptp(log_dwell[rows]) < RESOLUTION:
+            found[rows] += RESOLUTION * ndtri((np.arange(len(rows)) + 0.5) / len(rows))
+    return found

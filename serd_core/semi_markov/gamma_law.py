@@ -19,7 +19,6 @@ where this is below exp(-DROP) of its largest value. It is log-concave, so that 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import digamma, gammaln, polygamma
 
 from serd_core.arrays import FloatArray
 
@@ -51,6 +50,9 @@ def log_discount(log_mean: FloatArray, log_shape: FloatArray, rate: float) -> By
 
 def _of_shapes(log_shape: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """a, log Gamma(a), psi(a) and psi'(a) of logarithms of which many are equal."""
+    # Here: what only discounts, as a robot does that drives, needs no package of SciPy.
+    from scipy.special import digamma, gammaln, polygamma
+
     distinct, place = np.unique(log_shape, return_inverse=True)
     a, place = np.exp(distinct), place.reshape(np.shape(log_shape))
     return a[place], gammaln(a)[place], digamma(a)[place], polygamma(1, a)[place]
@@ -68,6 +70,12 @@ def log_density(
     by_shape = a * (log_shape + 1.0 + away - x - psi)
     bend = by_shape + a - a**2 * psi_slope
     return ByMeanAndShape(value, by_mean, by_shape, -a * x, by_mean, bend)
+
+
+def fisher_information(log_shape: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of a dwell time about l and about s, a and a^2 psi'(a) - a; between them there is none."""
+    a, _, _, psi_slope = _of_shapes(log_shape)
+    return a, a**2 * psi_slope - a
 
 
 def log_survival(

@@ -40,8 +40,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.semi_markov.gamma_law import ByMeanAndShape, log_discount
 
-#: Law of moves that take one second and have no parameters.
-ONE_SECOND = -1
+#: Law of models whose decisions take a given time.
+NO_LAW = -1
 P = TypeVar("P", bound=Problem)
 
 
@@ -61,8 +61,9 @@ class SemiMarkovModels(OutcomeModels):
     """R rows of M outcome models whose moves take times of D gamma laws.
 
     outcomes: the M models; discount: gamma per second, that of the Mdp. law_of: (M, K) law of each
-    outcome, `ONE_SECOND` where the model has none; stay_s: (M,) seconds after which a decision ends
-    in its own state, 0 where that has a law, too. row_model, log_pace: (R,) model of each row, and
+    outcome, `NO_LAW` where the model has none; stay_s: (M,) seconds after which a decision ends
+    in its own state, 0 where that has a law, too; without a law every decision takes so long, or
+    one second where it is 0. row_model, log_pace: (R,) model of each row, and
     what its log means are moved by; given_s: (R, K) given durations, 0 where there is a law.
     """
 
@@ -248,6 +249,12 @@ class SemiMarkovModels(OutcomeModels):
             found.append(np.log(values))
         return np.concatenate(found)
 
+    def expected_seconds(self, parameters: FloatArray) -> FloatArray:
+        """(S, A) mean dwell time of (N,) parameters; 0 where an action is not available."""
+        laws = self.laws(parameters)
+        by_row = np.sum(laws.probability * laws.mean_s, axis=1)
+        return np.where(self.available, by_row[self.model_of], 0.0)
+
     def require_discount(self, discount: float) -> None:
         """SerdError unless that of an Mdp is the one of the table."""
         if discount != self.discount:
@@ -290,7 +297,8 @@ def semi_markov_problem(
 ) -> P:
     """The same problem with moves that take time, and with its discount per second.
 
-    law_of: (M, K) gamma law of each outcome, from 0, or `ONE_SECOND` for whole models; None for one
+    law_of: (M, K) gamma law of each outcome, from 0, or `NO_LAW` for whole models, whose decisions
+    all take stay_s, or one second where that is not given; None for one
     law per model that a state uses which some action leaves. stay_s: seconds after which a decision
     without a move ends in its own state, of all or of each (M,) model; None where staying has the
     law of its outcome. log_pace: (S,) by which the log means of each state are moved; None for 0.
@@ -344,12 +352,12 @@ def _laws(outcomes: OutcomeModels, law_of: IntArray | None) -> IntArray:
     if law_of is None:
         moving = outcomes.available & ~outcomes.absorbing[:, None]
         used = np.unique(outcomes.model_of[moving])
-        by_model = np.full(outcomes.n_models, ONE_SECOND)
+        by_model = np.full(outcomes.n_models, NO_LAW)
         by_model[used] = np.arange(len(used))
         return np.asarray(np.repeat(by_model[:, None], outcomes.n_outcomes, axis=1))
     laws = int_array("law_of", law_of, (outcomes.n_models, outcomes.n_outcomes))
-    require_each("law_of", laws, laws >= ONE_SECOND, "be a law or -1", "number laws from 0")
-    known = laws == ONE_SECOND
+    require_each("law_of", laws, laws >= NO_LAW, "be a law or -1", "number laws from 0")
+    known = laws == NO_LAW
     mixed = known.any(axis=1) & ~known.all(axis=1)
     fix = "give each outcome of that model a law, or none of them"
     require_each("law_of", laws[:, 0], ~mixed, "be -1 for all outcomes of a model or none", fix)
@@ -366,7 +374,9 @@ def _rows(
     model = np.where(outcomes.available, outcomes.model_of, 0)
     stays = outcomes.successors == np.arange(outcomes.n_states)[:, None, None]
     given = np.where(stays, stay_s[model][..., None], 0.0)
-    given[(laws[model, 0] == ONE_SECOND) | outcomes.absorbing[:, None]] = 1.0
+    without = laws[model, 0] == NO_LAW
+    given[without] = np.where(stay_s > 0, stay_s, 1.0)[model[without], None]
+    given[np.broadcast_to(outcomes.absorbing[:, None], model.shape)] = 1.0
     has_law = np.any(given == 0.0, axis=2)
     pace = np.where(has_law, log_pace[:, None], 0.0)
     columns = np.concatenate([np.stack([model, pace], axis=2), given], axis=2)

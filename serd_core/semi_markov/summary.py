@@ -2,7 +2,16 @@
 
 Of a move that nobody makes the choices reveal little more than mu / P, its mean dwell time over the
 probability of its outcome: slow and unlikely outcomes are avoided alike. So log(mu / P) is given
-with its own standard deviation, which can be far below that of log mu.
+with an interval of its own, which can be far narrower than that of log mu.
+
+What is known of a law is the divergence of its log mean from what was known before, in nats, with
+all other numbers integrated out. Its own dwell times come first, choices after them:
+
+    from dwell times   KLD( p(log mu_d | all dwell times) || p(log mu_d | those of other laws) )
+    from choices       KLD( p(log mu_d | dwell times and choices) || p(log mu_d | all dwell times) )
+
+Each is taken as normal: the first two by Laplace's approximation, the posterior by the mean and
+variance of its draws, as it has a long tail where nobody makes a move.
 
 A robot plans with the posterior mean of K = P E[gamma^tau], in which Bellman's equation is linear;
 the mode is biased where durations are uncertain. The largest of averaged Q-values is no plan: each
@@ -13,13 +22,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_count, require_generator
-from serd_core.bayes.laplace import Laplace, laplace
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.learners.fit_result import FitResult
+from serd_core.arrays import (
+    FloatArray,
+    floored,
+    require_count,
+    require_generator,
+    weighted_counts,
+)
+from serd_core.bayes.draws import PosteriorDraws
+from serd_core.bayes.information import interval, learned_outcomes, named_source
+from serd_core.bayes.laplace import Laplace
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
-from serd_core.semi_markov.models import ONE_SECOND, require_timed
+from serd_core.priors.prior import terms_of
+from serd_core.semi_markov.counted import counted_parameters
+from serd_core.semi_markov.dwell_likelihood import DwellObservations
+from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
 
 #: Draws that the mean takes unless another number is asked for.
 N_DRAWS = 64
@@ -29,65 +48,107 @@ N_DRAWS = 64
 class DwellSummary:
     """Of one block of parameters, with M models, K outcomes and D laws.
 
-    outcome_probabilities: (M, K); mean_s, shape: (D,) at the pace 0.
-    log_mean_deviation: (D,) posterior standard deviation of log mean_s.
-    log_mean_over_probability, its_deviation: (M, K) log(mean_s / P) of each outcome and its
-    posterior standard deviation; NaN for outcomes without a law.
+    mean_s, shape: (D,) of the fit, at the pace 0.
+    mean_interval_s: (3, D) lower end, median and upper end of the central interval.
+    log_mean_over_probability: (3, M, K) the same of log(mean_s / P) of each outcome; NaN for
+    outcomes without a law.
     n_chosen: (M,) decisions in which each model was chosen.
+    n_dwells: (D,) dwell times that inform each law, with those that a command ended.
+    from_dwells, from_choices: (D,) nats.
     weight_correlation: (F, D) posterior correlation of reward weights and log means: near 1 or -1
     the demonstrations cannot distinguish a dislike of moves from their slowness.
     """
 
-    outcome_probabilities: FloatArray
     mean_s: FloatArray
     shape: FloatArray
-    log_mean_deviation: FloatArray
+    mean_interval_s: FloatArray
     log_mean_over_probability: FloatArray
-    its_deviation: FloatArray
     n_chosen: FloatArray
+    n_dwells: FloatArray
+    from_dwells: FloatArray
+    from_choices: FloatArray
     weight_correlation: FloatArray
 
+    def source(self, law: int) -> str:
+        """Where what is known of a law comes from."""
+        return named_source(dwell_times=self.from_dwells[law], choices=self.from_choices[law])
 
-def dwell_summary(
-    problem: Problem, decisions: Decisions, fit: FitResult, block: Block = Block.TRUTH
-) -> DwellSummary:
-    """Laws of dwell times of a fit by `PriorByEvidence`, and what is known of them.
 
-    block: of the world, or `Block.BELIEF`. SerdError where moves of the problem take no time, or
-    the prior of the fit is no density. Deviations are those of Laplace's approximation.
+def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
+    """Laws of dwell times of the world, and what is known of them.
 
-        laws = sc.dwell_summary(timed, decisions, fit)
+    draws: of the posterior; mass: that intervals hold. SerdError where moves take no time, or the
+    fit learned no dynamics.
+
+        found = sc.laplace(timed, decisions, fit)
+        laws = sc.dwell_summary(found, sc.laplace_draws(found, rng, 400))
         unseen = laws.n_chosen == 0
-        print(laws.log_mean_over_probability[unseen], laws.its_deviation[unseen])
+        print(np.exp(laws.log_mean_over_probability[:, unseen]))
     """
-    model = require_timed(problem.mdp.transitions)
-    found, theta = laplace(problem, decisions, fit), fit.parameters.block(block)
-    jacobian = found.coordinates.belief.jacobian(fit.parameters)
-    spread = jacobian @ found.coordinates.table @ found.root
-    weights, dynamics = (
-        spread[fit.parameters.place(Block.REWARD)],
-        spread[fit.parameters.place(block)],
+    model = require_timed(found.problem.mdp.transitions)
+    at = found.coordinates.parameters(found.mode)
+    log_means = draws.truth[:, model.means]
+    outcomes = model.outcomes.local_probabilities(draws.truth)
+    of_outcomes = np.where(model.law_of == NO_LAW, np.nan, log_means[:, model.law_of])
+    seen = found.posterior.observations
+    chosen = weighted_counts(
+        model.row_model[model.model_of].ravel(), seen.state_action.ravel(), model.outcomes.n_models
     )
-    outcomes = model.outcomes.local_probabilities(theta)
-    law, has_law = model.law_of.ravel(), model.law_of.ravel() != ONE_SECOND
-    slopes = -model.outcomes.local_jacobian(theta) / outcomes.reshape(-1, 1)
-    slopes[np.flatnonzero(has_law), model.means.start + law[has_law]] += 1.0
-    means, laws = theta[model.means], dynamics[model.means]
-    ratio = np.append(means, np.nan)[law] - np.log(outcomes.ravel())
-    deviation = np.where(has_law, np.linalg.norm(slopes @ dynamics, axis=1), np.nan)
-    lengths = np.outer(np.linalg.norm(weights, axis=1), np.linalg.norm(laws, axis=1))
-    shown = decisions.select(~decisions.hidden)
-    chosen = model.row_model[model.model_of[shown.state, shown.action]]
+    from_dwells, from_choices = _informed(found, model, log_means)
+    away, weights = (each - each.mean(axis=0) for each in (log_means, draws.reward))
+    lengths = np.outer(np.linalg.norm(weights, axis=0), np.linalg.norm(away, axis=0))
     return DwellSummary(
-        outcome_probabilities=outcomes,
-        mean_s=np.exp(means),
-        shape=np.exp(theta[model.shapes]),
-        log_mean_deviation=np.linalg.norm(laws, axis=1),
-        log_mean_over_probability=ratio.reshape(outcomes.shape),
-        its_deviation=deviation.reshape(outcomes.shape),
-        n_chosen=np.bincount(chosen, minlength=len(outcomes)).astype(np.float64),
-        weight_correlation=(weights @ laws.T) / np.maximum(lengths, np.finfo(np.float64).tiny),
+        mean_s=np.exp(at.truth[model.means]),
+        shape=np.exp(at.truth[model.shapes]),
+        mean_interval_s=np.exp(interval(log_means, mass)),
+        log_mean_over_probability=interval(of_outcomes - np.log(floored(outcomes)), mass),
+        n_chosen=chosen,
+        n_dwells=_n_dwells(model, seen.dwells),
+        from_dwells=from_dwells,
+        from_choices=from_choices,
+        weight_correlation=(weights.T @ away) / np.maximum(lengths, np.finfo(np.float64).tiny),
     )
+
+
+def _n_dwells(model: SemiMarkovModels, dwells: DwellObservations | None) -> FloatArray:
+    """(D,) dwell times that inform each law."""
+    laws = np.zeros(0, dtype=np.int64) if dwells is None else dwells.law[dwells.law >= 0]
+    return np.bincount(laws, minlength=model.n_laws).astype(np.float64)
+
+
+def _informed(
+    found: Laplace, model: SemiMarkovModels, log_means: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(D,) nats about log means from dwell times, and from choices, by (n, D) draws."""
+    outcomes, blocks = learned_outcomes(found)
+    terms = terms_of(found.posterior.prior)
+    (prior,) = (each for each in terms if isinstance(each, DwellPrior) and each.block in blocks)
+    at, dwells = found.coordinates.parameters(found.mode), found.posterior.observations.dwells
+    counted = counted_parameters(model, outcomes.local_probabilities(at.truth), dwells, prior)
+    laws = slice(model.means.start, model.n_parameters)
+    slope, bend = np.zeros(2 * model.n_laws), np.zeros((2 * model.n_laws,) * 2)
+    if dwells is not None:
+        slope, bend = dwells.evaluate(counted)[1][laws], dwells.hessian(counted)[laws, laws]
+    precision, by_law = prior.precision(model)[laws, laws], []
+    variance = np.diag(np.linalg.inv(precision - bend))
+    for law in range(model.n_laws):
+        own = np.isin(np.arange(2 * model.n_laws), [law, law + model.n_laws])
+        without = precision - np.where(own[:, None] | own, 0.0, bend)
+        # Newton's step to the maximum without the dwell times of this law.
+        back = np.linalg.solve(without, np.where(own, slope, 0.0))[law]
+        before = np.linalg.inv(without)[law, law]
+        moved = log_means[:, law].mean() - counted[model.means][law]
+        after = log_means[:, law].var(ddof=1)
+        of_dwells = _divergence(back, variance[law], before)
+        by_law.append((of_dwells, _divergence(moved, after, variance[law])))
+    from_dwells, from_choices = np.array(by_law).T
+    return from_dwells, from_choices
+
+
+def _divergence(moved: float, variance: float, before: float) -> float:
+    """KLD of Normal(moved, variance) from Normal(0, before)."""
+    ratio = variance / before
+    return max(0.0, 0.5 * float(ratio - 1.0 + moved**2 / before - np.log(ratio)))
 
 
 def dynamics_draws(

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, bool_array, float_array, require_each
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array, float_array, require_each
+from serd_core.demonstrations.decisions import COLUMNS, Decisions
+
+TIMED_COLUMNS = (*COLUMNS, "dwell_s", "censored")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,6 +41,12 @@ class TimedDecisions(Decisions):
         require_each("next_state", self.next_state, ~moved, "be the state where censored", fix)
         object.__setattr__(self, "dwell_s", dwell)
         object.__setattr__(self, "censored", censored)
+
+    def select(self, rows: BoolArray | IntArray) -> "TimedDecisions":
+        """The decisions of the given rows (mask (N,) or indices), in that order."""
+        chosen = super().select(rows)
+        assert isinstance(chosen, TimedDecisions)
+        return chosen
 
     def columns(self) -> dict[str, Any]:
         """The columns by name."""

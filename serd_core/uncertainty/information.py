@@ -4,9 +4,10 @@
     outer product (BHHH):   sum over decisions of score score^T    (likelihood only)
 
 The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a), and with a hidden action its
-mean over the actions that explain the move. Both matrices estimate the
-same Fisher information for many decisions under a true model; a large difference between them is
-evidence against the model.
+mean over the actions that explain the move. Where moves take time log P(t|s,a,s') is added, and a
+decision that a command ended has the survival of its dwell time in place of the last two. Both
+matrices estimate the same Fisher information for many decisions under a true model; a large
+difference between them is evidence against the model.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import Assumptions, FitResult
 from serd_core.mdp.problem import Problem
@@ -23,15 +24,19 @@ from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
 from serd_core.posterior.derivatives.posterior_hessian import (
+    Sensitivities,
+    choice_scores,
+    outcome_scores,
     posterior_hessian,
     sensitivities_at,
     transition_scores,
     vector_hessian,
 )
 from serd_core.posterior.hidden_actions import move_scores
-from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 
 def score_sizes(
@@ -57,7 +62,8 @@ class Information:
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
     key: (G,) distinct observed transitions, as in `Observations`.
-    scores: (G + T, n) of these and of the T distinct moves with a hidden action.
+    scores: (G + T, n) of these and of the T distinct moves with a hidden action; of TimedDecisions
+    those of each decision with its action in place of the first.
     """
 
     names: tuple[str, ...]
@@ -90,11 +96,6 @@ def fit_information(
     assumed = _assumptions(fit, policy_model, belief, prior)
     _require_fitting(problem, fit, assumed)
     observations = observe(problem.mdp, decisions)
-    if observations.dwells is not None:
-        raise SerdError(
-            "scores are those of moves that take no time, got decisions with dwell times; use"
-            " laplace or dwell_summary"
-        )
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
@@ -102,9 +103,13 @@ def fit_information(
     hessian = posterior_hessian(posterior, fit.parameters, at, found)
     jacobian = assumed.belief.jacobian(fit.parameters)
     scores = transition_scores(posterior, fit.parameters, at, found)
-    free_scores = np.concatenate([scores, move_scores(at.expected, scores)]) @ jacobian
+    hidden, counts = move_scores(at.expected, scores), observations.group_count
+    if isinstance(decisions, TimedDecisions):
+        scores = _scores_of_timed(posterior, fit.parameters, at, found, decisions)
+        counts = np.ones(len(scores))
+    free_scores = np.concatenate([scores, hidden]) @ jacobian
     sizes = score_sizes(posterior, fit.parameters, at.solution.q, found.by_q)
-    counts = np.concatenate([observations.group_count, observations.hidden.count])
+    counts = np.concatenate([counts, observations.hidden.count])
     observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
     scaling = free_scaling(posterior, fit.parameters, jacobian)
     return Information(
@@ -121,6 +126,28 @@ def fit_information(
         key=observations.key,
         scores=free_scores,
     )
+
+
+def _scores_of_timed(
+    posterior: Posterior,
+    parameters: Parameters,
+    at: PosteriorValue,
+    found: Sensitivities,
+    decisions: TimedDecisions,
+) -> FloatArray:
+    """(n, blocks) scores of each decision whose action is known."""
+    mdp, dwells = posterior.problem.mdp, posterior.observations.dwells
+    truth = parameters.place(Block.TRUTH)
+    scores = np.zeros((len(decisions), len(parameters.vector)))
+    shown = ~decisions.hidden
+    state, action = decisions.state[shown], decisions.action[shown]
+    scores[shown] = choice_scores(posterior, parameters, at, found, state, action)
+    ended = np.flatnonzero(shown & ~decisions.censored)
+    key = taken_transitions(mdp, decisions.select(ended))
+    scores[ended, truth] += outcome_scores(mdp.transitions, parameters.truth, key)
+    if dwells is not None:
+        scores[dwells.row, truth] += dwells.scores(parameters.truth)
+    return scores[shown]
 
 
 def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:

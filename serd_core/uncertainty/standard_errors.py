@@ -47,6 +47,7 @@ from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_core.uncertainty.identifiability import NULL_SHARE, Spectrum, spectrum
 from serd_core.uncertainty.information import Information
 
@@ -107,10 +108,10 @@ def standard_errors(
         _require_optimum(information, found)
     at, model = information.parameters, problem.mdp.transitions
     moved = {block: information.jacobian[at.place(block)] for block in Block}
-    shape = model.local_probabilities(at.truth).shape
+    shape = model.moves.local_probabilities(at.truth).shape
     spread, known = _spread(found, meat), found.directions[~found.null]
-    truth = model.local_jacobian(at.truth) @ moved[Block.TRUTH]
-    belief = model.local_jacobian(at.belief) @ moved[Block.BELIEF]
+    truth = model.moves.local_jacobian(at.truth) @ moved[Block.TRUTH]
+    belief = model.moves.local_jacobian(at.belief) @ moved[Block.BELIEF]
     return StandardErrors(
         names=information.names,
         free=_errors(np.eye(len(matrix)), found, spread),
@@ -171,8 +172,12 @@ def clustered_outer_product(
             "decisions must show their actions where scores are summed by cluster, got"
             f" {int(decisions.hidden.sum())} without; use bootstrap"
         )
-    row = decisions.state * problem.mdp.n_actions + decisions.action
-    place = places_of(row * problem.mdp.n_states + decisions.next_state, information.key)
+    if isinstance(decisions, TimedDecisions):
+        same = len(decisions) == len(information.scores)
+        place = np.arange(len(decisions)) if same else np.full(len(decisions), -1)
+    else:
+        row = decisions.state * problem.mdp.n_actions + decisions.action
+        place = places_of(row * problem.mdp.n_states + decisions.next_state, information.key)
     if (bad := first_index(place < 0)) is not None:
         raise SerdError(
             f"decisions must be those of the information, got decision {bad[0]} with a transition"

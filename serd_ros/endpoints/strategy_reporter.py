@@ -10,7 +10,6 @@ from visualization_msgs.msg import MarkerArray
 
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
-from serd_app.navigation.strategy import Strategy
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import OK, WARN
@@ -24,6 +23,7 @@ from serd_ros.convert.pose import to_goal_area_message, to_path
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import StrategyConfig
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.drivers.strategy import Strategy
 from serd_sim.world.observation import Observation
 
 _LOG_PERIOD_S = 5.0

@@ -1,4 +1,4 @@
-"""A node that drives episodes: resets the world, decides once per period, writes the results.
+"""A node that drives episodes: resets the world, decides once per epoch, writes the results.
 
 The scripted expert and the strategy are this node with different drivers and steering topics.
 """
@@ -25,9 +25,10 @@ from serd_ros.process.progress import Progress, write_progress
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import Ending, EpisodeProgress
 from serd_sim.episodes.result import EpisodeStart, observed_result
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import DecisionClock
 
 Config = TypeVar("Config", bound=DriverConfig)
 _CLOCK_ROUNDING_S = 1e-6
@@ -49,10 +50,10 @@ class EpisodeDriverNode(ManagedNode[Config]):
         """Load the scenario and make the driver."""
         self.scenario: Scenario = load_scenario(self.config.scenario)
         self.driver: Driver = self.make_driver()
-        if self.scenario.period_remark:
-            self.get_logger().warning(self.scenario.period_remark)
+        if self.scenario.patience_remark:
+            self.get_logger().warning(self.scenario.patience_remark)
         self._results: list[EpisodeResult] = []
-        self._periods = DecisionClock(self.scenario)
+        self._epochs = epochs_in(self.scenario, grid_of(self.scenario))
 
     def activate(self) -> None:
         """Wait for the graph, then drive."""
@@ -61,10 +62,12 @@ class EpisodeDriverNode(ManagedNode[Config]):
         self._progress: EpisodeProgress | None = None
         #: With the wall time at which it came.
         self._waiting: tuple[Observation, float] | None = None
-        self._decision: tuple[int, Action] | None = None
+        #: The action of the running epoch, and the tick that was followed last.
+        self._action, self._followed_tick = Action.WAIT, -1
         self._ending: tuple[Ending, Observation] | None = None
         self._reason = ""
-        self._world_report: tuple[int, dict[str, str]] | None = None
+        #: Stamps and counts of the world, from those at the begin of the episode on.
+        self._world_reports = list[tuple[int, dict[str, str]]]()
         self._started_wall_s = 0.0
         self._waited_for = ""
         self.create_subscription(
@@ -112,9 +115,6 @@ class EpisodeDriverNode(ManagedNode[Config]):
     def episode_begun(self) -> None:
         """Called before the first observation of an episode."""
 
-    def episode_observed(self, observation: Observation) -> None:
-        """Called with every observation of an episode, that of its end included."""
-
     def set_scenario(self, scenario: Scenario) -> None:
         """End episodes in the goal area of this scenario from now on, the running one too."""
         self.scenario = scenario
@@ -122,11 +122,14 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self._progress.goal_area_m = scenario.goal_area_m
 
     def clock_jumped(self, jump: Jump) -> None:
-        """A new session ends the drive without a result and begins another episode."""
+        """After a gap it decides anew; a new session ends the drive and begins another episode."""
+        if jump is Jump.FORWARD:
+            self._epochs.lose()
         if jump is Jump.BACKWARD:
             self.get_logger().warning("the clock fell back: the drive begins anew")
             self._clear()
-            self._waiting = self._world_report = None
+            self._waiting = None
+            self._world_reports.clear()
             self._starter.wait()
 
     def _world_topics(self) -> list[str]:
@@ -186,8 +189,8 @@ class EpisodeDriverNode(ManagedNode[Config]):
         self.request_episode()
 
     def _clear(self) -> None:
-        self._running, self._progress, self._decision, self._ending = None, None, None, None
-        self._reason = ""
+        self._running, self._progress, self._ending = None, None, None
+        self._reason, self._followed_tick = "", -1
 
     def request_episode(self) -> None:
         """Request the next episode; a node that does not reset the world calls `begin_episode`."""
@@ -200,6 +203,7 @@ class EpisodeDriverNode(ManagedNode[Config]):
     def _begin_episode(self, episode: EpisodeStart) -> None:
         """Drive from the episode's first observation on, which may be here already."""
         self._running = episode
+        del self._world_reports[:-1]
         self.driver.begin(episode.episode)
         if self._waiting is not None:
             observation, received_s = self._waiting
@@ -216,42 +220,53 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self._waiting = observation, self.wall_s()
             return
         self._waiting = None
-        earlier = observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S
-        if earlier or self._ending is not None:
+        if observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S:
             return
         if self._progress is None:
             self._start(observation)
         assert self._progress is not None
-        self.episode_observed(observation)
-        ending = self._progress.see(observation)
-        if ending is not None:
-            self._ending = ending, observation
-            self._finish_when_reported()
-        elif self._periods.begins(observation):
-            self._decide(observation)
+        if self._ending is None:
+            ending = self._progress.see(observation)
+            self._ending = None if ending is None else (ending, observation)
+        self._follow_epochs(observation)
+        self._finish_when_reported()
 
     def _start(self, observation: Observation) -> None:
         self._progress = EpisodeProgress(self.scenario, observation, self.config.timeout_s)
-        self._periods.begin()
+        self._epochs.begin()
         self.episode_begun()
         self._started_wall_s = self.wall_s()
         self._mark(START, observation)
 
-    def _decide(self, observation: Observation) -> None:
-        """Decide once per decision tick; a tick that comes again gets the same answer."""
-        if self._decision is None or self._decision[0] != observation.tick:
-            self._decision = observation.tick, self.driver.decide(observation)
-            self._reason = self.give_up_reason()
-        if self._reason:
-            self._ending = "aborted", observation
-            self._finish_when_reported()
-        else:
-            self.steer(observation, self._decision[1])
+    def _follow_epochs(self, observation: Observation) -> None:
+        """Decide where an epoch begins.
+
+        A tick that comes again is one that a receiver has missed, and gets the same answer.
+        """
+        begins = self._epochs.begins(observation)
+        is_again = observation.tick == self._followed_tick
+        if begins and not is_again:
+            self._action = self._decided(observation)
+            self._epochs.take(observation.time_s, self._action)
+        self._followed_tick = observation.tick
+        if begins or is_again:
+            self.steer(observation, self._action)
+
+    def _decided(self, observation: Observation) -> Action:
+        """What the driver decides; to wait where it gives up, and until the end is reported."""
+        if self._ending is not None:
+            return Action.WAIT
+        action = self.driver.decide(observation, self._epochs.state)
+        self._reason = self.give_up_reason()
+        if not self._reason:
+            return action
+        self._ending = "aborted", observation
+        return Action.WAIT
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         report = from_world_report(message)
         if report is not None:
-            self._world_report = report
+            self._world_reports.append(report)
             self._finish_when_reported()
 
     def _finish_when_reported(self) -> None:
@@ -274,11 +289,15 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self.finish(0)
 
     def world_report(self, observation: Observation) -> dict[str, str] | None:
-        """The world's counts up to an observation; None while they have not arrived."""
-        if self._world_report is None:
+        """The world's counts at an observation; None while they have not arrived.
+
+        The world reports at each change: those at a tick are the last ones until then.
+        """
+        time_ns = stamp_ns(to_stamp(observation.time_s))
+        if not self._world_reports or self._world_reports[-1][0] < time_ns:
             return None
-        time_ns, report = self._world_report
-        return report if time_ns >= stamp_ns(to_stamp(observation.time_s)) else None
+        until_then = [report for at_ns, report in self._world_reports if at_ns <= time_ns]
+        return until_then[-1] if until_then else self._world_reports[0][1]
 
     def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
         assert self._running is not None

@@ -14,11 +14,10 @@ from std_msgs.msg import String
 
 from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_app.navigation.overlay import ModelOverlay, overlay_of
-from serd_app.navigation.strategy import load_strategy
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import overlay_message, point, world_state
 from serd_app.teleop.session import EpisodeTally
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
@@ -30,6 +29,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
@@ -58,7 +58,6 @@ class PageView:
         self._shown: Observation | None = None
         self._seen_wall_s = -math.inf
         self._ranges: NDArray[np.float32] | None = None
-        self._action = Action.WAIT
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
         self._next_start: tuple[float, float] | None = None
@@ -88,12 +87,11 @@ class PageView:
         if observation is not self._shown:
             self._shown, self._seen_wall_s = observation, wall_s
         ranges, self._ranges = self._ranges, None
-        world = None if observation is None else world_state(observation, self._scenario, ranges)
+        world = None if observation is None else world_state(observation, ranges)
         return {
             "type": "state",
             "world": world,
             "is_stale": observation is None or wall_s - self._seen_wall_s > _STALE_S,
-            "action": self._action.name.lower(),
             "waypoint": point(self._waypoint),
             "episode": episode,
             "mux": self._health.get("teleop_mux"),
@@ -104,7 +102,7 @@ class PageView:
 
     def clear(self) -> None:
         """Discard what was received before a jump of the clock."""
-        self._ranges, self._waypoint, self._action = None, None, Action.WAIT
+        self._ranges, self._waypoint = None, None
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for name in _SHOWN:
@@ -115,11 +113,9 @@ class PageView:
             self._next_start = from_learner_report(message)
 
     def _take_intent(self, message: Vector3Stamped) -> None:
-        _, self._action = from_intent(message)
+        _, action = from_intent(message)
         if self._observation is not None:
-            waits = self._action == Action.WAIT
-            target = waypoint_of_intent(self.grid, self._observation, self._action)
-            self._waypoint = None if waits else target
+            self._waypoint = waypoint_of_intent(self.grid, self._observation, action)
 
 
 class WatchView(PageView):

@@ -51,9 +51,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
-        self._place = Place(
-            grid_of(self._scenario), self._scenario.decision_period_s, self._scenario
-        )
+        place = self._scenario
+        self._place = Place(grid_of(place), place.patience_s, place.wait_s, place)
         require_file_place(Path(self.config.output))
         if self.config.decisions:
             self._require_place_of_decisions(Path(self.config.decisions))
@@ -233,7 +232,11 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
-            self.config.bag, self._place.grid, self._place.period_s, hidden=self._hidden
+            self.config.bag,
+            self._place.grid,
+            self._place.patience_s,
+            self._place.wait_s,
+            hidden=self._hidden,
         )
         decisions = demonstrations.decisions
         text = f"{len(decisions)} decisions from {self.config.bag}: {report}"
@@ -244,12 +247,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _save_decisions(self, demonstrations: Demonstrations) -> None:
         if self.config.decisions:
-            save_learnable(
-                Path(self.config.decisions),
-                self._place,
-                demonstrations.decisions,
-                demonstrations.goal_entry_s,
-            )
+            save_learnable(Path(self.config.decisions), self._place, demonstrations.decisions)
 
     def _show(self, progress: FitProgress) -> None:
         step = progress.step

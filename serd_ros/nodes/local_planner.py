@@ -1,9 +1,9 @@
 """local_planner: follows the current waypoint or intent, as a ROS 2 node.
 
-In lock-step every observation is answered by one command with its stamp; at a decision tick the
-answer waits for the waypoint or intent of that tick. Live, every observation is answered at once,
-and the robot stops when they, or waypoints and intents, stop coming. An engaged e-stop discards
-waypoints and intents.
+In lock-step every observation is answered by one command with its stamp; where a decision epoch
+begins the answer waits for the waypoint or intent of that tick. Live, every observation is answered
+at once, and the robot stops when they, or waypoints and intents, stop coming. An engaged e-stop
+discards waypoints and intents.
 """
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
@@ -26,9 +26,10 @@ from serd_sim.planning.catalogue import make_planner
 from serd_sim.planning.local_planner import PlannerStatus
 from serd_sim.scenario.grid import grid_of
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.directive import FollowedDirective
-from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
+from serd_sim.world.directive import FollowedDirective, resolved
+from serd_sim.world.epochs import epochs_in
+from serd_sim.world.observation import Observation, is_next_episode
+from serd_sim.world.waypoint import Waypoint
 
 
 class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
@@ -49,6 +50,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
         self._followed = FollowedDirective(self._scenario)
+        self._epochs = epochs_in(self._scenario, self._grid)
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
@@ -92,6 +94,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     def _begin_anew(self) -> None:
         self._planner.reset()
         self._followed.stand()
+        self._epochs.begin()
         self._waypoint = None
 
     def _on_scan(self, message: LaserScan) -> None:
@@ -125,7 +128,8 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     def _on_observation(self, observation: Observation) -> None:
         last, self._observation = self._observation, observation
         self._heard_wall_s = self.wall_s()
-        if last is None or self._is_another_episode(last, observation):
+        period_s = self._scenario.control_period_s
+        if last is None or is_next_episode(last, observation, period_s):
             self._begin_anew()
         if self._scans:
             self._scans.take_observation(observation)
@@ -133,10 +137,6 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
             self._answer_tick()
         else:
             self._answer_live(observation)
-
-    def _is_another_episode(self, last: Observation, observation: Observation) -> bool:
-        """Episodes are more than a decision period apart; a live clock may skip a few ticks."""
-        return not 0 <= observation.tick - last.tick <= self._scenario.ticks_per_decision
 
     def _answer_tick(self) -> None:
         """Answer the present tick once all it depends on is here; a repeated one the same way."""
@@ -147,10 +147,11 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
         if self._scans and not self._scans.is_complete(observation):
             return
         if self._answer is None or self._answer[0] != time_ns:
-            if is_decision_tick(observation, self._scenario):
+            if self._epochs.begins(observation):
                 if self._directive is None or self._directive[0] != time_ns:
                     return
-                self._waypoint = self._towards(observation, self._directive[1])
+                action, self._waypoint = resolved(self._grid, observation, self._directive[1])
+                self._epochs.take(observation.time_s, action)
             self._answer = time_ns, self._plan(observation)
         self._send(self._answer[1], observation.time_s)
 
@@ -192,11 +193,6 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
             values = {"status": int(self._status), "recoveries": self._planner.n_recoveries}
             self.report(observation.time_s, values, level=level, message=self._status.name)
         return command
-
-    def _towards(self, observation: Observation, directive: Action | Waypoint) -> Waypoint:
-        if isinstance(directive, Waypoint):
-            return directive
-        return waypoint_of_intent(self._grid, observation, directive)
 
     def _send(self, command: Command, time_s: float) -> None:
         message = to_twist_stamped(command, time_s) if self._stamped else to_twist(command)

@@ -1,4 +1,4 @@
-"""scripted_expert: demonstrates episodes by publishing one intent per decision period."""
+"""scripted_expert: demonstrates episodes by publishing one intent per decision epoch."""
 
 from geometry_msgs.msg import Vector3Stamped
 

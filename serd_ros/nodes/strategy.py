@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
 from serd_app.navigation.arrival_log import ArrivalRecords
-from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
@@ -23,7 +22,7 @@ from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import UNCOUNTED
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
-from serd_ros.convert.stamp import Jump, to_stamp
+from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.driver import EpisodeDriverNode
@@ -33,14 +32,14 @@ from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.result import ANYWHERE, EpisodeStart
 from serd_sim.world.directive import REPEAT_PERIOD_S
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import heading_to
+from serd_sim.world.waypoint import Waypoint, heading_to, waypoint_of_intent
 
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
-    """Steers by `waypoint`: the centre of the cell the policy chooses next."""
+    """Steers by `waypoint`: straight ahead in the direction that the policy chooses."""
 
     needs_people: ClassVar[bool] = False  # the policy depends on the robot's cell alone
     _navigator: Navigator
@@ -49,7 +48,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         """Read the model and plan."""
         super().configure()
         output = Path(self.config.output) if self.config.output else None
-        self._records, self._crossings = ArrivalRecords(output), CrossingLog(output)
+        self._records = ArrivalRecords(output)
         self._goal_waits = bool(self.config.goal)
         self._path = self.config.model
         self._watch = FileWatch(self._path)
@@ -58,7 +57,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         """Drive to the goals that come, by the newest model."""
         super().activate()
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
-        self._steered: PoseStamped | None = None
+        self._waypoint: Waypoint | None = None
         if not self.config.lockstep:
             self.create_timer(REPEAT_PERIOD_S, self._repeat_waypoint)
         self._reporter = StrategyReporter(self)
@@ -94,40 +93,41 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
-        waypoint = self._navigator.waypoint_of(observation, action)
-        heading_rad = heading_to(waypoint, observation)
-        self._steered = to_waypoint_message(waypoint, observation.time_s, heading_rad)
-        self._waypoints.publish(self._steered)
+        grid = self._navigator.strategy.problem.grid
+        self._waypoint = waypoint_of_intent(grid, observation, action)
+        self._publish_waypoint(observation)
         self._records.note_decision(self._navigator, observation)
-        self._crossings.note_decision(observation, action)
         self._reporter.report_decision(self._navigator, observation)
+
+    def _publish_waypoint(self, observation: Observation) -> None:
+        """To stand, the place of the robot is its waypoint."""
+        here = Waypoint(observation.x_m, observation.y_m)
+        waypoint = self._waypoint if self._waypoint is not None else here
+        heading_rad = heading_to(waypoint, observation)
+        message = to_waypoint_message(waypoint, observation.time_s, heading_rad)
+        self._waypoints.publish(message)
 
     def _repeat_waypoint(self) -> None:
         """Publish the waypoint again with the newest stamp, so that silence means an end."""
-        if self.driving and self._steered is not None and self.observation is not None:
-            self._steered.header.stamp = to_stamp(self.observation.time_s)
-            self._waypoints.publish(self._steered)
+        if self.driving and self.observation is not None:
+            self._publish_waypoint(self.observation)
 
     def give_up_reason(self) -> str:
         """The reason of the navigator."""
         return self._navigator.reason
 
     def episode_ended(self, result: EpisodeResult) -> None:
-        """Append prediction and measurement to the log of arrivals, and the times in cells."""
+        """Append prediction and measurement to the log of arrivals; the robot stands."""
         self._records.note_result(result)
-        ahead = self.config.lookahead_cells
-        self._crossings.note_result(self._navigator.strategy, ahead, result)
+        self._waypoint = None
+        if not self.config.lockstep and self.observation is not None:
+            self._publish_waypoint(self.observation)
         if result.reason:
             self._reporter.report_give_up(result.reason)
 
     def episode_begun(self) -> None:
-        """Discard what was noted of an episode that was discarded."""
-        self._steered = None
-        self._crossings.begin()
-
-    def episode_observed(self, observation: Observation) -> None:
-        """Keep where the robot was."""
-        self._crossings.note_pose(observation)
+        """Stand until the first decision."""
+        self._waypoint = None
 
     @property
     def resets_world(self) -> bool:

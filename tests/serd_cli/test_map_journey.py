@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_app.learning.learning_files import read_learning_files
-from serd_app.navigation.strategy import load_strategy
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
@@ -61,7 +61,7 @@ def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, place
     read = serd("demos", bag, *words).values
     (counts,) = read["bags"]
     assert counts["n_episodes"] == 6
-    assert counts["dropped"]["on the way back from the goal"] > 0.4 * counts["n_intents"]
+    assert counts["dropped"]["on the way back from the goal"] >= 6  # commands, of each lap
     files = read_learning_files(Path("decisions.csv"), discount=0.99)
     assert (files.n_after_goal, files.n_reaching_goal) == (0, 6)
     place = load_scenario(scenario)

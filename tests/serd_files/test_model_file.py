@@ -19,7 +19,9 @@ from serd_files.model_file import (
 from serd_files.yaml_config import save_yaml_model
 
 GRID = Grid((0.0, 0.0), 1.0, np.ones((2, 3), dtype=bool))
-ROW = (0.1, 0.6, 0.1, 0.1, 0.1)
+ROW, STAY = (0.1, 0.6, 0.1, 0.1, 0.1), (1.0, 0.0, 0.0, 0.0, 0.0)
+#: Draws of the one law: waiting has none.
+TIMES = {"mean_s": ((1.1,),), "shape": ((4.5,),)}
 
 
 def model(**changes):
@@ -30,11 +32,18 @@ def model(**changes):
         "prior": "KLD, weight 1",
         "discount": 0.99,
         "beta": 1.0,
-        "decision_period_s": 2.0,
+        "patience_s": 4.0,
         "reward_weights": {"goal": 1 / 3, "social_norm": -1e-5},
         "outcome_names": ("stay", "forward", "right", "back", "left"),
         "outcome_models": (
-            OutcomeModel(name="with_flow", learned=ROW, believed=ROW[::-1], initial=(0.2,) * 5),
+            OutcomeModel(
+                name="with_flow", learned=ROW, believed=ROW[::-1], initial=(0.2,) * 5,
+                mean_s=1 / 3, believed_mean_s=0.7, shape=6.1,
+            ),
+            OutcomeModel(
+                name="waiting", learned=STAY, believed=STAY, initial=STAY, mean_s=1.2,
+                believed_mean_s=1.2,
+            ),
         ),
         "grid": GridSummary.of(GRID),
         "fit": FitRecord(
@@ -52,24 +61,32 @@ def test_a_model_survives_a_round_trip(tmp_path):
     assert loaded == model()
     assert loaded.feature_names == ("goal", "social_norm")
     assert loaded.weights.tolist() == [1 / 3, -1e-5]
-    assert loaded.outcome_probabilities.tolist() == [list(ROW)]
-    assert loaded.believed_outcome_probabilities.tolist() == [list(ROW[::-1])]
-    assert loaded.initial_outcome_probabilities.tolist() == [[0.2] * 5]
+    assert loaded.outcome_probabilities.tolist() == [list(ROW), list(STAY)]
+    assert loaded.believed_outcome_probabilities.tolist() == [list(ROW[::-1]), list(STAY)]
+    assert loaded.initial_outcome_probabilities.tolist() == [[0.2] * 5, list(STAY)]
+    assert loaded.wait_s == 1.2
 
 
 def test_draws_survive_a_round_trip(tmp_path):
-    draws = ModelDraws(reward_weights=((1 / 3, 2.0), (0.1, -1e-7)), learned=((ROW,), (ROW[::-1],)))
-    save_yaml_model(tmp_path / "model.yaml", model(draws=draws))
-    assert load_model(tmp_path / "model.yaml").draws == draws
+    draws = ModelDraws(
+        reward_weights=((1 / 3, 2.0), (0.1, -1e-7)),
+        learned=((ROW, STAY), (ROW[::-1], STAY)),
+        mean_s=((1 / 7,), (2.0,)),
+        shape=((0.3,), (1e3,)),
+    )
+    pace = (1 / 3, 1.0, 1.0, 0.5, 2.0, 1.0)
+    save_yaml_model(tmp_path / "model.yaml", model(draws=draws, pace=pace))
+    loaded = load_model(tmp_path / "model.yaml")
+    assert (loaded.draws, loaded.pace) == (draws, pace)
 
 
 def test_a_feature_that_does_not_count_leaves_weights_and_draws_together():
-    draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW,),))
+    draws = ModelDraws(reward_weights=((1.0, 2.0),), learned=((ROW, STAY),), **TIMES)
     whole = model(draws=draws)
     left = whole.with_features(("goal", "inverse_wall_distance"))
     assert left.reward_weights == {"goal": 1 / 3}
     assert left.draws.reward_weights == ((1.0,),)
-    assert left.draws.learned == draws.learned
+    assert left.draws == draws.model_copy(update={"reward_weights": ((1.0,),)})
     assert ModelFile(**left.model_dump()) == left
     assert whole.with_features(("social_norm", "goal")) is whole
 
@@ -82,18 +99,28 @@ def test_a_model_was_learned_without_flow_where_its_picture_has_no_direction(flo
 
 
 @pytest.mark.parametrize(
-    ("weights", "learned", "sentence"),
+    ("changes", "sentence"),
     [
-        (((1.0, 2.0),), (), "as many reward_weights as learned tables"),
-        (((1.0,),), ((ROW,),), "a weight per feature"),
-        (((1.0, 2.0),), ((ROW, ROW),), "a row per outcome model"),
-        (((1.0, 2.0),), (((0.5, 0.6, 0, 0, 0),),), "must sum to 1, got 1.1"),
-        (((1.0, 2.0),), (((0.5, 0.5),),), "one probability per outcome"),
+        ({"learned": ()}, "as many reward_weights as learned, mean_s and shape"),
+        ({"shape": ()}, "as many reward_weights as learned, mean_s and shape"),
+        ({"reward_weights": ((1.0,),)}, "a weight per feature"),
+        ({"learned": ((ROW,),)}, "a row per outcome model"),
+        ({"learned": (((0.5, 0.6, 0, 0, 0), STAY),)}, "must sum to 1, got 1.1"),
+        ({"learned": (((0.5, 0.5), STAY),)}, "one probability per outcome"),
+        ({"mean_s": ((1.0, 1.0),)}, "draws.mean_s and draws.shape must have a number per law"),
+        ({"shape": ((),)}, "draws.mean_s and draws.shape must have a number per law"),
     ],
 )
-def test_draws_that_do_not_fit_the_model_are_rejected(weights, learned, sentence):
+def test_draws_that_do_not_fit_the_model_are_rejected(changes, sentence):
+    values = {"reward_weights": ((1.0, 2.0),), "learned": ((ROW, STAY),), **TIMES}
+    model(draws=ModelDraws(**values))
     with pytest.raises(ValueError, match=sentence):
-        model(draws=ModelDraws(reward_weights=weights, learned=learned))
+        model(draws=ModelDraws(**(values | changes)))
+
+
+def test_paces_are_of_all_cells_or_none():
+    with pytest.raises(ValueError, match=r"pace must have a number per cell \(6\)"):
+        model(pace=(1.0, 2.0))
 
 
 @pytest.mark.parametrize(
@@ -120,7 +147,20 @@ def test_another_kind_of_file_is_named_as_such(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("format_version: 1", "format_version: 2", "format_version must be 1, got 2"),
+        (
+            "format_version: 2",
+            "format_version: 3",
+            "format_version must be 2, got 3 of another version",
+        ),
+        (
+            "format_version: 2",
+            "format_version: 1",
+            "format_version must be 2, got 1 of another version; run 'serd demos' and then"
+            " 'serd learn' again",
+        ),
+        ("patience_s: 4.0", "patience_s: 0.0", "patience_s must be greater than 0, got 0.0"),
+        ("mean_s: 1.2", "mean_s: -1.0", r"outcome_models\[1\].mean_s must be greater than 0"),
+        ("shape: 6.1", "shape: 0.0", r"outcome_models\[0\].shape must be greater than 0"),
         ("beta: 1.0", "beta: 0.0", "beta must be greater than 0, got 0.0"),
         ("discount: 0.99", "discont: 0.99", "discont is not a known key; did you mean 'discount'"),
         ("0.6", "0.7", "with_flow.learned must sum to 1"),
@@ -140,3 +180,18 @@ def test_a_wrong_model_gets_a_sentence(tmp_path, old, new, sentence):
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(FileError, match=sentence):
         load_model(path)
+
+
+def test_a_model_of_decisions_with_a_period_is_refused_by_its_version_alone(tmp_path):
+    """Its keys that left are not what is wrong with it."""
+    path = tmp_path / "model.yaml"
+    save_yaml_model(path, model())
+    older = path.read_text().replace("format_version: 2", "format_version: 1")
+    older = older.replace("patience_s: 4.0", "decision_period_s: 2.0\ngoal_entry_s: [0.5]")
+    path.write_text("\n".join(line for line in older.splitlines() if "mean_s" not in line))
+    with pytest.raises(FileError) as refused:
+        load_model(path)
+    assert str(refused.value) == (
+        f"{path}: format_version must be 2, got 1 of another version; run 'serd demos' and then"
+        " 'serd learn' again"
+    )

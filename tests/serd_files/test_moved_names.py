@@ -24,6 +24,8 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
         (["demos", "bag", "--lerobot", "folder"], "python -m lab lerobot"),
         (["learn", "decisions.csv", "--density"], "it improved no forecast"),
         (["navigate", "model.yaml", "--expert=2"], "serd_core.choose_expert_types"),
+        (["learn", "decisions.csv", "--times", "crossings.csv"], "learns how long moves take"),
+        (["navigate", "model.yaml", "--lookahead", "2"], "waypoints are straight ahead"),
         (["teleop", "--keyboard"], "any publisher of cmd_vel_teleop"),
         (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
     ],
@@ -53,6 +55,8 @@ def test_a_key_says_where_it_went():
         yaml_model(with_pillar(mass_kg=3.0), Scenario, name="place.yaml")
     with pytest.raises(FileError, match="no node read it"):
         yaml_model(with_pillar() + "imu: {gyroscope_bias_walk: 1.0}\n", Scenario, name="a.yaml")
+    with pytest.raises(FileError, match="may have patience_s and wait_s instead"):
+        yaml_model(with_pillar() + "decision_period_s: 2.0\n", Scenario, name="a.yaml")
 
 
 def test_a_scenario_that_the_version_before_wrote_is_read():

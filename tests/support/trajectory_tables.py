@@ -20,11 +20,11 @@ def read(folder: Path, frame: pd.DataFrame, wanted: TableColumns | None = None) 
 
 
 def drives(folder: Path, frame: pd.DataFrame, mapping: str = "") -> TableDrives:
-    """Drives of a file of the frame, in periods of 1 s; mapping: its text."""
+    """Drives of a file of the frame; mapping: its text."""
     path = folder / "table.csv"
     frame.to_csv(path, index=False)
     chosen = yaml_model(mapping, TableMapping, name="mapping") if mapping else TableMapping()
-    return drives_of_table(path, chosen, 1.0)
+    return drives_of_table(path, chosen)
 
 
 def mappings_in(error: BaseException) -> list[str]:

@@ -42,7 +42,7 @@ def table_without_source(path: Path) -> list[str]:
 
 def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, bag, tmp_path):
     hallway = load_scenario("hallway")
-    offline, _ = demonstrations_of_bag(bag, grid_of(hallway), hallway.decision_period_s)
+    offline, _ = demonstrations_of_bag(bag, grid_of(hallway), hallway.patience_s, hallway.wait_s)
     save_decisions(tmp_path / "offline.csv", offline.decisions)
     received = tmp_path / "received.csv"
     started = nodes.start_stack(
@@ -64,7 +64,6 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
     # What `serd learn` reads of the table is beside it.
     files = read_learning_files(received, discount=0.9)
     assert files.scenario == hallway
-    assert files.demonstrations.goal_entry_s == offline.goal_entry_s
 
 
 def test_every_recorded_pose_arrives_bit_for_bit_at_a_high_rate(probe, replay, bag):
@@ -121,8 +120,9 @@ def test_a_damaged_bag_ends_the_replay_with_the_way_to_repair_it(
     broken.mkdir()
     file = next(bag.glob("*.mcap"))
     content = bytearray(file.read_bytes())
-    middle = len(content) // 2
-    content[middle : middle + 64] = bytes(64)
+    for tenth in (4, 5, 6):  # at least one of them is in the data of a chunk
+        place = len(content) * tenth // 10
+        content[place : place + 64] = bytes(64)
     (broken / file.name).write_bytes(content)
     (broken / "metadata.yaml").write_bytes((bag / "metadata.yaml").read_bytes())
     sound = list(BagReader(broken, tolerant=True).messages({"/robot_pose"}))

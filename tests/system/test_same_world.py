@@ -65,7 +65,9 @@ def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_
     assert len(recording.poses) == EPISODES
     for driven, expected in zip(recording.poses, expected_poses, strict=True):
         # Positions are doubles all the way and equal to the last bit; the yaw went through a
-        # quaternion, so it is compared in the single precision that observations carry.
+        # quaternion, so it is compared in the single precision that observations carry. The world
+        # goes on after a time-out until the next reset.
+        driven = driven[: len(expected)]
         assert np.array_equal(driven[:, :2], expected[:, :2])
         assert np.array_equal(driven[:, 2].astype(np.float32), expected[:, 2].astype(np.float32))
     assert_nothing_was_lost(bag, sum(len(poses) for poses in expected_poses))

@@ -10,7 +10,6 @@ from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
-from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.drives.episode_spans import END
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
@@ -28,7 +27,16 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 EAST_END = (12.0, 18.0)
 _STAYS = (1.0, 0.0, 0.0, 0.0, 0.0)
 UNMOVED = tuple(
-    OutcomeModel(name=name, learned=_STAYS, believed=_STAYS, initial=_STAYS) for name in MODEL_NAMES
+    OutcomeModel(
+        name=name,
+        learned=_STAYS,
+        believed=_STAYS,
+        initial=_STAYS,
+        mean_s=1.0,
+        believed_mean_s=1.0,
+        shape=4.0,
+    )
+    for name in MODEL_NAMES
 )
 
 
@@ -187,7 +195,7 @@ def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_o
         seed=4,
         episodes=2,
         model=str(model),
-        patience_periods=4,
+        patience_decisions=4,
         strategy__output=str(tmp_path),
     )
     watch.spin_until(lambda: len(watch.ends) == 2)
@@ -197,12 +205,6 @@ def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_o
     assert [(row.outcome, row.reason) for row in rows] == [("aborted", "no progress")] * 2
     assert all(math.isnan(row.time_of_arrival_s) for row in rows)
     assert all(row.reason == "no progress" for row in arrivals(tmp_path))
-
-
-def crossings(folder):
-    """Rows of the times in cells so far."""
-    path = folder / "crossings.csv"
-    return load_crossings(path) if path.exists() else ()
 
 
 def test_the_predicted_arrival_decreases_and_rows_survive_a_kill_of_the_strategy(
@@ -224,14 +226,10 @@ def test_the_predicted_arrival_decreases_and_rows_survive_a_kill_of_the_strategy
     watch.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
     stack["strategy"].kill()
     stack["strategy"].wait()
-    kept, crossed = arrivals(tmp_path), crossings(tmp_path)
+    kept = arrivals(tmp_path)
     nodes.start(list(stack["strategy"].args), "strategy")
     watch.spin_until(lambda: len(arrivals(tmp_path)) > len(kept))
     assert arrivals(tmp_path)[: len(kept)] == kept
-    watch.spin_until(lambda: len(crossings(tmp_path)) > len(crossed))
-    assert crossings(tmp_path)[: len(crossed)] == crossed
-    further = {row.episode for row in crossings(tmp_path)[len(crossed) :]}
-    assert min(further) > max((row.episode for row in crossed), default=-1)
 
 
 def test_without_resets_it_drives_from_goal_to_goal_in_real_time(
@@ -261,7 +259,6 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
         seed=21,
         episodes=2,
         transfer=True,
-        lookahead_cells=2,
     )
     given = settings.model_dump(include=set(NavigationSettings.model_fields))
     stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path / "ros"))
@@ -276,9 +273,3 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     assert load_arrivals(tmp_path / "ros/arrivals.csv") == load_arrivals(
         tmp_path / "here/arrivals.csv"
     )
-    ros, own = crossings(tmp_path / "ros"), crossings(tmp_path / "here")
-    assert [row.dwell_s for row in ros] == pytest.approx([row.dwell_s for row in own])
-    assert [(row.episode, row.state, row.action, row.kind) for row in ros] == [
-        (row.episode, row.state, row.action, row.kind) for row in own
-    ]
-    assert {row.episode for row in ros} == {0, 1}

@@ -39,9 +39,14 @@ class Session:
     def wait_for(self, words):
         wait_until(lambda: words in self.output, seen=lambda: self.output)
 
+    @property
+    def url(self):
+        (url,) = set(re.findall(r"http://[^\s\x1b]+", self.output))
+        return url
+
     def request(self, do):
         """Start, save or discard an episode, as the page's buttons do."""
-        (url,) = set(re.findall(r"http://[^\s\x1b]+", self.output))
+        url = self.url
 
         async def send():
             async with ClientSession() as session:
@@ -104,3 +109,31 @@ def test_a_page_starts_saves_and_discards_and_a_second_run_is_apart(probe, ros_e
         else:
             assert "1 episode kept (1 saved), 1 discarded" in session.output
         assert [span.outcome for span in read_drives(bag)[0].episodes] == ["saved", "discarded"]
+
+
+async def hold_from_the_start(url, n_decisions):
+    """Start an episode and hold north all the time, until so many decisions were taken."""
+    async with ClientSession() as client:
+        origin = {"Origin": url.rstrip("/")}
+        async with client.ws_connect(f"{url}socket", headers=origin) as socket:
+            await socket.send_json({"type": "episode", "do": "start"})
+            async for message in socket:
+                state = json.loads(message.data)
+                if state["type"] == "state" and state["episode"]["decisions"] >= n_decisions:
+                    return state
+                await socket.send_json({"type": "hold", "direction": "north"})
+    raise AssertionError("the page's server ended")
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_direction_held_while_the_stack_starts_drives_once_it_runs(ros_env, tmp_path):
+    session = Session(tmp_path, ros_env, "--port", "0", "--people", "0", "--seed", "2")
+    try:
+        session.wait_for("drive at")
+        state = asyncio.run(asyncio.wait_for(hold_from_the_start(session.url, 4), PATIENCE_S))
+        assert state["episode"]["phase"] == "running"
+        assert state["choice"] == "north"
+        assert session.end() == 0
+    finally:
+        session.close()

@@ -27,6 +27,7 @@ from serd_core.grid.grid import Action, Grid
 
 _N_POSES = 200_000
 _PERIOD_S = 2.0
+_PATIENCE_S, _WAIT_S = 4.0, 1.0
 _POSE_PERIOD_S = 0.05
 _GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 24), dtype=bool))
 _POSE = "geometry_msgs/msg/PoseStamped"
@@ -73,9 +74,8 @@ def _count(messages: object) -> int:
 
 
 def _discretise(drive: Path) -> None:
-    found, report = demonstrations_of_bag(drive, _GRID, _PERIOD_S)
-    decisions = found.decisions
-    assert len(decisions) == report.n_intents
+    found, report = demonstrations_of_bag(drive, _GRID, _PATIENCE_S, _WAIT_S)
+    assert len(found.decisions) == report.n_decisions > 0
 
 
 def _read_with_rosbags(drive: Path, *, decode: bool) -> None:

@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from lab.experiments.study.settings import StudySettings, WorldSettings
-from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.navigation import NavigationProblem, with_dwell_times
+from serd_core.semi_markov.models import require_timed
+from serd_sim.drivers.strategy import start_distribution
 from serd_sim.scenario.grid import navigation_problem_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
@@ -41,6 +44,17 @@ class StudyWorld:
     def problem(self) -> NavigationProblem:
         """The decision problem (section 5.1) on that scenario."""
         return navigation_problem_of(self.scenario, self.settings.discount)
+
+    @cached_property
+    def timed(self) -> NavigationProblem:
+        """The same problem with decisions that take time."""
+        place = self.scenario
+        return with_dwell_times(self.problem, patience_s=place.patience_s, wait_s=place.wait_s)
+
+    def laws_of(self, decisions: Decisions) -> FloatArray:
+        """Parameters of the laws of dwell times that are counted in `TimedDecisions`."""
+        laws = require_timed(self.timed.mdp.transitions).means.start
+        return estimate_dynamics(self.timed, decisions)[laws:]
 
     @cached_property
     def starts(self) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from serd_app.demonstrations.grid.fitted_grid import grid_around
+from serd_app.demonstrations.grid.resolution import cell_size_at_m
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
 from serd_app.drives.mapped.drive import MappedMessages, mapped_messages
@@ -22,8 +23,6 @@ from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, Topic, topics_named
 
-PERIOD_S = 1.0
-_CELL_SIZES_M = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
 _MOST = 6
 _FEWEST_POSES = 10
 _SHORTEST_WAY_M = 0.2
@@ -97,13 +96,13 @@ class Candidates:
         ]
         return [each for each in found if each is not None]
 
-    def drive(self, mapping: BagMapping, period_s: float) -> RecordedDrive:
+    def drive(self, mapping: BagMapping) -> RecordedDrive:
         """What `serd demos` takes from the bag by one of these mappings; BagError where it cannot,
         as with a damaged message."""
         messages = self.own if self.own and mapping == self.own.mapping else self._mapped(mapping)
         for name in sorted(self._damaged.keys() & messages.topics):
             raise self._damaged[name]
-        return messages.drive(period_s)
+        return messages.drive()
 
     def _mapped(self, mapping: BagMapping) -> MappedMessages:
         poses = self._poses[mapping.pose_topic].under(mapping)
@@ -213,9 +212,8 @@ def minimum_speed_mps(track: PoseTrack) -> float:
 
 
 def cell_size_m(track: PoseTrack) -> float:
-    """Of a cell that the robot crosses in about a period."""
-    way_m = _speed_mps(track) * PERIOD_S
-    return min(_CELL_SIZES_M, key=lambda size_m: abs(np.log(size_m / way_m)))
+    """Of a cell that the robot crosses in about a second."""
+    return cell_size_at_m(_speed_mps(track))
 
 
 def pose_candidates(topics: Iterable[Topic]) -> list[Topic]:

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid
+from serd_app.demonstrations.grid.resolution import USUAL_PATIENCE_S, USUAL_WAIT_S
 from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.candidates import (
-    PERIOD_S,
     Candidates,
     PoseCandidate,
     cell_size_m,
@@ -37,14 +37,12 @@ from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, topics_named
 
-#: Periods with which a mapping is tested: the suggested and the usual one.
-_PERIODS_S = (PERIOD_S, 2.0)
 _MOST_DISAGREEMENT = 0.25
 #: Pairs that disagree more than the best one by less than this are taken by their names.
 _EQUAL = 0.03
 _STILL = 0.98
-_MOTION = ("(motion: the displacement within the period is the action)",)
-#: Of the usual minimum speed: a period of little motion is then no wait.
+_MOTION = ("(motion: the displacement of the next second is the action)",)
+#: Of the usual minimum speed: a second of little motion is then no wait.
 _SPEED_SHARES = (1.0, 0.4, 0.2)
 
 
@@ -52,13 +50,13 @@ _SPEED_SHARES = (1.0, 0.4, 0.2)
 class Suggestion:
     """comments: by key of the mapping, or of the whole file where the key is empty.
 
-    reports: what the mapping gives, by decision period in s, on cells of cell_size_m.
+    report: what the mapping gives on cells of cell_size_m; None where that is no decision.
     """
 
     bag: Path
     mapping: BagMapping
     comments: dict[str, tuple[str, ...]]
-    reports: dict[float, DiscretisationReport]
+    report: DiscretisationReport | None
     cell_size_m: float
 
     def command(self, mapping: Path) -> str:
@@ -105,7 +103,7 @@ def suggest_mapping(bag: Path) -> Suggestion:
     if collected.own:
         own = {**comments, "pose_topic": ("as the recorder of this project writes it",)}
         found = search.tested(collected.own.mapping, own, poses[0])
-        if found.reports:
+        if found.report is not None:
             return found
     return search.by_velocity() or search.by_poses()
 
@@ -167,8 +165,8 @@ class _Search:
         shares = []
         for mapping in _velocity_mappings(pose, name, fit):
             found = self.tested(mapping, {**self.comments, **_hold_comments(fit)}, pose)
-            if found.reports:
-                shares.append(_moving_waits(found))
+            if found.report is not None:
+                shares.append(found.report.n_moving_waits / found.report.n_decisions)
                 if shares[-1] <= MOST_MOVING_WAITS:
                     return found
         reason = "they give no decision"
@@ -182,10 +180,10 @@ class _Search:
         """By the likeliest pose; AppError where no pose gives a decision."""
         for pose in self.poses:
             found = self.tested(_poses_alone(pose), self.comments, pose)
-            if found.reports:
+            if found.report is not None:
                 return found
         raise AppError(
-            f"bag {self.bag} must hold a drive of at least {PERIOD_S:g} s without gaps, its poses"
+            f"bag {self.bag} must hold a drive without gaps of at least a second, its poses"
             f" ({', '.join(each.topic.name for each in self.poses)}) give no decision; record a"
             " longer one"
         )
@@ -193,23 +191,19 @@ class _Search:
     def tested(
         self, mapping: BagMapping, comments: Mapping[str, tuple[str, ...]], pose: PoseCandidate
     ) -> Suggestion:
-        """The mapping as `serd demos` uses it; without reports where it gives no decision."""
+        """The mapping as `serd demos` uses it; without report where it gives no decision."""
         if mapping.frame:
             moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
             comments = {**comments, "frame": (moved,)}
-        reports, size_m = {}, cell_size_m(pose.track)
-        for period_s in _PERIODS_S:
-            try:
-                drive = self.collected.drive(mapping, period_s)
-                recording = Recording(self.bag, (drive,), (), Losses())
-                grid = fitted_grid([recording], size_m)
-                (found,) = demonstrations_of_all([recording], grid, period_s)
-            except (BagError, AppError) as error:
-                comments = {**comments, "": (*comments.get("", ()), str(error))}
-                continue
-            if found.report.n_decisions:
-                reports[period_s] = found.report
-        return Suggestion(self.bag, mapping, dict(comments), reports, size_m)
+        report, size_m = None, cell_size_m(pose.track)
+        try:
+            recording = Recording(self.bag, (self.collected.drive(mapping),), (), Losses())
+            grid = fitted_grid([recording], size_m)
+            (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
+            report = found.report if found.report.n_decisions else None
+        except (BagError, AppError) as error:
+            comments = {**comments, "": (*comments.get("", ()), str(error))}
+        return Suggestion(self.bag, mapping, dict(comments), report, size_m)
 
 
 def _fitted(
@@ -255,10 +249,6 @@ def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
 def _poses_alone(pose: PoseCandidate) -> BagMapping:
     values = {"action_from": "hidden", "minimum_speed_mps": minimum_speed_mps(pose.track)}
     return pose.mapping.model_copy(update=values)
-
-
-def _moving_waits(found: Suggestion) -> float:
-    return max(each.n_moving_waits / each.n_decisions for each in found.reports.values())
 
 
 def _comment(line: str) -> str:

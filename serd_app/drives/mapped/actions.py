@@ -1,11 +1,13 @@
 """Actions by a mapping: intents, or directions of commands, of waypoints or of the motion itself.
 
 Velocity: a command acts after `delay_s` and holds until the next, at most `hold_s`. Turned by the
-robot's heading and averaged over a decision period it is the direction of the action, WAIT below
-`minimum_speed_mps`. A period in which no command holds has no action, which need not mean to wait.
+robot's heading and averaged over the second that follows, as far as commands hold in it, it is the
+direction of the action, WAIT below `minimum_speed_mps`. While no command holds there is no action,
+which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
-Motion: the direction from the place of the robot to that one period later, WAIT below
-`minimum_speed_mps` on average. Hidden: no action, at the same times.
+Motion: the direction from the place of the robot to that one second later, WAIT below
+`minimum_speed_mps` on average. Hidden: no action. What velocities and motion mean is computed ten
+times a second, and stated as an intent where it changes.
 """
 
 from array import array
@@ -16,16 +18,21 @@ import numpy as np
 
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
-from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive, actions_of_directions
+from serd_app.drives.recorded_drive import (
+    NOT_FINITE,
+    SILENCE,
+    RecordedDrive,
+    actions_of_directions,
+)
 from serd_bag.errors import BagError
 from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, action_of_direction
 
-NO_COMMAND = "no command recorded then"
+_AHEAD_S, _STEP_S = 1.0, 0.1
 _STAMP_TOLERANCE_S = 1e-6
 _CARRIED = {
     "intent": (VECTORS, "a vector"),
@@ -56,10 +63,11 @@ class PoseTrack:
 
 @dataclass(frozen=True, eq=False)
 class MappedIntents:
-    """time_s, action (N,); dropped and n_bad_commands: see `RecordedDrive`."""
+    """time_s, action (N,); hold_s, dropped and n_bad_commands: see `RecordedDrive`."""
 
     time_s: FloatArray
     action: IntArray
+    hold_s: float | None = None
     dropped: dict[str, int] = field(default_factory=dict)
     n_bad_commands: int = 0
 
@@ -90,38 +98,31 @@ class MappedActions:
         times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
         self._rows.extend((*times_s, x, others[0] if others else 0.0))
 
-    def intents(
-        self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
-    ) -> MappedIntents:
-        """The decisions; BagError where the topic has no message."""
+    def intents(self, track: PoseTrack, spans: tuple[EpisodeSpan, ...]) -> MappedIntents:
+        """The intents; BagError where the topic has no message."""
         if self._read is None:
-            return posed_intents(self._mapping, track, spans, period_s)
+            return posed_intents(self._mapping, track, spans)
         mapping = self._mapping
         at_s, vectors, n_unclear = self.stated(track)
-        if mapping.action_from != "velocity":
-            dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
-            if mapping.action_from == "intent":
-                return MappedIntents(at_s, actions_of_directions(vectors), dropped)
-            actions = actions_of_waypoints(
-                position_m=track.at(at_s), waypoint_m=vectors, reached_m=mapping.waypoint_reached_m
+        if mapping.action_from == "velocity":
+            found = intents_of_velocities(
+                spans,
+                command_time_s=at_s + mapping.delay_s,
+                command_mps=vectors,
+                pose_time_s=track.time_s,
+                yaw_rad=track.poses[:, 2],
+                hold_s=mapping.hold_s or np.inf,
+                minimum_speed_mps=mapping.minimum_speed_mps,
+                waits_in_silence=mapping.silence == "wait",
             )
-            return MappedIntents(at_s, actions, dropped)
-        decided_s = decision_times(spans, period_s)
-        actions, commanded = actions_of_velocities(
-            decision_time_s=decided_s,
-            period_s=period_s,
-            command_time_s=at_s + mapping.delay_s,
-            command_mps=vectors,
-            pose_time_s=track.time_s,
-            yaw_rad=track.poses[:, 2],
-            hold_s=mapping.hold_s or np.inf,
-            minimum_speed_mps=mapping.minimum_speed_mps,
+            return replace(found, n_bad_commands=n_unclear)
+        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+        if mapping.action_from == "intent":
+            return MappedIntents(at_s, actions_of_directions(vectors), dropped=dropped)
+        actions = actions_of_waypoints(
+            position_m=track.at(at_s), waypoint_m=vectors, reached_m=mapping.waypoint_reached_m
         )
-        if mapping.silence == "wait":
-            commanded = np.ones_like(commanded)
-        n_silent = int((~commanded).sum())
-        dropped = {NO_COMMAND: n_silent} if n_silent else {}
-        return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_unclear)
+        return MappedIntents(at_s, actions, dropped=dropped)
 
     @property
     def n_taken(self) -> int:
@@ -148,85 +149,112 @@ class MappedActions:
 
 
 def posed_intents(
-    mapping: BagMapping | TableMapping,
-    track: PoseTrack,
-    spans: tuple[EpisodeSpan, ...],
-    period_s: float,
+    mapping: BagMapping | TableMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
 ) -> MappedIntents:
-    """Decisions of poses alone: hidden, or by the motion, which is where the robot is at the end of
-    the period or of its episode."""
+    """Intents of poses alone: hidden, or by the motion."""
     if mapping.action_from == "hidden":
-        return hidden_intents(spans, period_s)
-    ends = [np.full(len(decision_times((span,), period_s)), span.end_s) for span in spans]
-    start_s = decision_times(spans, period_s)
-    end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
-    actions = actions_of_waypoints(
-        position_m=track.at(start_s),
-        waypoint_m=track.at(end_s),
-        reached_m=mapping.minimum_speed_mps * period_s,
+        return hidden_intents(spans)
+    asked = _Seconds(spans)
+    if not len(asked.begin_s):
+        return MappedIntents(np.zeros(0), np.zeros(0, dtype=np.int64))
+    moved_m = track.at(asked.end_s) - track.at(asked.begin_s)
+    least_m = mapping.minimum_speed_mps * (asked.end_s - asked.begin_s)
+    return asked.intents(actions_of_ways(moved_m, least_m))
+
+
+def hidden_intents(spans: tuple[EpisodeSpan, ...]) -> MappedIntents:
+    """An intent for each episode, without its action."""
+    starts_s = np.array([span.start_s for span in spans], dtype=np.float64)
+    return MappedIntents(starts_s, np.full(len(spans), HIDDEN, dtype=np.int64), np.inf)
+
+
+def with_hidden_actions(drive: RecordedDrive) -> RecordedDrive:
+    """The drive with hidden actions in place of its intents."""
+    found = hidden_intents(drive.episodes)
+    return replace(
+        drive,
+        intent_time_s=found.time_s,
+        intent_action=found.action,
+        intent_hold_s=found.hold_s,
+        dropped={},
     )
-    return MappedIntents(start_s, actions)
 
 
-def hidden_intents(spans: tuple[EpisodeSpan, ...], period_s: float) -> MappedIntents:
-    """A decision every period, without its action."""
-    time_s = decision_times(spans, period_s)
-    return MappedIntents(time_s, np.full(len(time_s), HIDDEN, dtype=np.int64))
+class _Seconds:
+    """begin_s, end_s (N,): the second that follows each time at which actions are computed.
+
+    It ends with its episode.
+    """
+
+    def __init__(self, spans: tuple[EpisodeSpan, ...]) -> None:
+        begins_s = [
+            np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, _STEP_S) for span in spans
+        ]
+        counts = [len(each) for each in begins_s]
+        self.begin_s = np.concatenate([np.zeros(0), *begins_s])
+        ends_s = np.repeat([span.end_s for span in spans], counts)
+        self.end_s = np.minimum(self.begin_s + _AHEAD_S, ends_s)
+        self._episode = np.repeat(np.arange(len(spans)), counts)
+
+    def intents(self, action: IntArray) -> MappedIntents:
+        """Of the actions (N,), those that are another one than before, or the first of an episode;
+        each is in force until the next."""
+        changed = np.diff(action, prepend=SILENCE - 1) != 0
+        changed |= np.diff(self._episode, prepend=-1) != 0
+        return MappedIntents(self.begin_s[changed], action[changed], np.inf)
 
 
-def with_hidden_actions(drive: RecordedDrive, period_s: float) -> RecordedDrive:
-    """The drive without its intents: a decision every period from the start of each episode."""
-    found = hidden_intents(drive.episodes, period_s)
-    return replace(drive, intent_time_s=found.time_s, intent_action=found.action, dropped={})
-
-
-def decision_times(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
-    """(N,) every period from the start of each episode."""
-    ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
-    return np.concatenate(ticks) if ticks else np.zeros(0)
-
-
-def actions_of_velocities(
+def intents_of_velocities(
+    spans: tuple[EpisodeSpan, ...],
     *,
-    decision_time_s: FloatArray,
-    period_s: float,
     command_time_s: FloatArray,
     command_mps: FloatArray,
     pose_time_s: FloatArray,
     yaw_rad: FloatArray,
     hold_s: float = 0.5,
     minimum_speed_mps: float = 0.05,
-) -> tuple[IntArray, BoolArray]:
-    """(N,) action of the period that begins at each decision time, (N,) whether a command held.
+    waits_in_silence: bool = False,
+) -> MappedIntents:
+    """What velocity commands mean; without one the robot stands, if it waits in silence.
 
     command_mps (C, 2): forward and left in the robot's frame; yaw_rad (T,) at pose_time_s.
     """
-    unwrapped_rad = np.unwrap(yaw_rad)
+    asked = _Seconds(spans)
+    if not len(asked.begin_s):
+        return MappedIntents(np.zeros(0), np.zeros(0, dtype=np.int64))
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
-    actions, commanded = [], []
-    for start_s in decision_time_s:
-        first_s = np.maximum(command_time_s, start_s)
-        last_s = np.minimum(until_s, start_s + period_s)
-        held = last_s > first_s
-        commanded.append(bool(held.any()))
-        # A robot that turns under a long command has another heading in each period.
-        middle_s = (first_s[held] + last_s[held]) / 2.0
-        yaw = np.interp(middle_s, pose_time_s, unwrapped_rad)
-        share = (last_s - first_s)[held] / period_s
-        ahead, left = command_mps[held].T
-        east = float(share @ (np.cos(yaw) * ahead - np.sin(yaw) * left))
-        north = float(share @ (np.sin(yaw) * ahead + np.cos(yaw) * left))
-        actions.append(_action(east, north, minimum_speed_mps))
-    return np.array(actions, dtype=np.int64), np.array(commanded, dtype=bool)
+    # Between two edges one command acts; a robot that turns has another heading between the next.
+    edges_s = np.unique(np.concatenate([asked.begin_s, asked.end_s, command_time_s, until_s]))
+    edges_s = edges_s[np.isfinite(edges_s)]
+    middle_s = (edges_s[:-1] + edges_s[1:]) / 2.0
+    row = np.searchsorted(command_time_s, middle_s, side="right")  # counted from 1, 0: before all
+    held = middle_s < np.append(-np.inf, until_s)[row]
+    ahead, left = np.where(held[:, None], np.vstack([np.zeros(2), command_mps])[row], 0.0).T
+    yaw = np.interp(middle_s, pose_time_s, np.unwrap(yaw_rad))
+    mps = np.stack(
+        [np.cos(yaw) * ahead - np.sin(yaw) * left, np.sin(yaw) * ahead + np.cos(yaw) * left], 1
+    )
+    way_m = np.vstack([np.zeros(2), np.cumsum(mps * np.diff(edges_s)[:, None], axis=0)])
+    begin, end = (np.searchsorted(edges_s, each) for each in (asked.begin_s, asked.end_s))
+    held |= waits_in_silence
+    held_s = np.append(0.0, np.cumsum(np.diff(edges_s) * held))
+    actions = actions_of_ways(
+        way_m[end] - way_m[begin], minimum_speed_mps * (held_s[end] - held_s[begin])
+    )
+    return asked.intents(np.where(held[begin], actions, SILENCE))
 
 
 def actions_of_waypoints(
     *, position_m: FloatArray, waypoint_m: FloatArray, reached_m: float
 ) -> IntArray:
     """(N,) action for the robot at (N, 2) sent to the waypoints (N, 2)."""
-    offsets = waypoint_m - position_m
-    actions = [_action(float(east), float(north), reached_m) for east, north in offsets]
-    return np.array(actions, dtype=np.int64)
+    return actions_of_ways(waypoint_m - position_m, np.full(len(position_m), reached_m))
+
+
+def actions_of_ways(way_m: FloatArray, least_m: FloatArray) -> IntArray:
+    """(N,) action of each way (N, 2) east and north, WAIT where it is shorter than least_m (N,)."""
+    rows = zip(*way_m.T.tolist(), least_m.tolist(), strict=True)
+    return np.array([_action(*row) for row in rows], dtype=np.int64)
 
 
 def _action(east: float, north: float, least: float) -> Action:

@@ -23,14 +23,12 @@ from serd_bag.topic import RawMessage, Topic, topic_named
 from serd_core.arrays import FloatArray
 
 
-def mapped_drive_in(
-    reader: BagReader, mapping: BagMapping, decision_period_s: float
-) -> RecordedDrive:
+def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
     """The drive in an opened bag; the reader's `damage` then lists what could not be read."""
     collected = mapped_messages(reader.topics, mapping, source_of(reader.path))
     for message in reader.messages(collected.topics & set(reader.topics)):
         collected.take(message)
-    return collected.drive(decision_period_s)
+    return collected.drive()
 
 
 def mapped_messages(
@@ -103,14 +101,14 @@ class MappedMessages:
             pressed = state[0] if state else 1.0
             self.states.append((message.log_time_ns / 1e9, header.stamp_ns / 1e9, pressed))
 
-    def drive(self, period_s: float) -> RecordedDrive:
-        """The drive, with the intents of decision periods of that length."""
+    def drive(self) -> RecordedDrive:
+        """The drive of all messages so far."""
         times_s, poses = self.poses.rows()
         placed = np.isfinite(poses).all(axis=1)
         track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
         longest_gap_s = self.mapping.longest_gap_s or usual_gap_s(times_s[:, 1])
         spans, cuts = self._spans(track, longest_gap_s)
-        intents = self.actions.intents(track, spans, period_s)
+        intents = self.actions.intents(track, spans)
         return RecordedDrive(
             pose_time_s=track.time_s,
             position_m=track.poses[:, :2],
@@ -122,6 +120,7 @@ class MappedMessages:
             n_unplaced_poses=int((~placed).sum()),
             n_bad_commands=intents.n_bad_commands,
             dropped=intents.dropped,
+            intent_hold_s=intents.hold_s,
             longest_gap_s=longest_gap_s,
             minimum_speed_mps=self.mapping.minimum_speed_mps,
             cuts=cuts,

@@ -25,7 +25,7 @@ class DriveMapping(StrictModel):
     """What holds for every recording without marks of episodes."""
 
     minimum_speed_mps: float = setting(
-        0.05, "mean speed of a period below which it is a wait", unit="m/s", ge=0
+        0.05, "mean speed of a second below which it is a wait", unit="m/s", ge=0
     )
     longest_gap_s: float | None = setting(
         None,
@@ -108,7 +108,7 @@ class BagMapping(DriveMapping):
         "intent",
         "what the action topic holds: intent, a vector; velocity, a twist or the speed of a steered"
         " vehicle; waypoint, a pose. Without a topic hidden (the states alone are learned from) or"
-        " motion (the displacement of the period is its action)",
+        " motion (the displacement of the next second is the action)",
     )
     action_topic: str = setting("intent", "topic of the actions")
     action_fields: tuple[str, ...] = setting(
@@ -142,7 +142,7 @@ class BagMapping(DriveMapping):
     )
     silence: Literal["unknown", "wait"] = setting(
         "unknown",
-        "what a period without any velocity command means: unknown, it is left out and counted;"
+        "what time without any velocity command means: unknown, it is left out and counted;"
         " wait, where the robot is known to stop when nothing is sent",
     )
     waypoint_reached_m: float = setting(

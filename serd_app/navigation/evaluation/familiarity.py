@@ -25,18 +25,19 @@ from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files
-from serd_app.navigation.strategy import outcome_probabilities_of, require_same_scale
 from serd_app.places.kept_scenario import scenario_beside
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from serd_core.semi_markov.models import require_timed
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile, load_model
+from serd_sim.drivers.strategy import learned_dynamics, require_same_scale
 from serd_sim.scenario.model_problem import model_in_flow
 from serd_sim.scenario.scenario import load_scenario
 
@@ -64,13 +65,14 @@ class ScoredEpisode:
 
 @dataclass(frozen=True, eq=False)
 class Familiarity:
-    """files: of the decisions up to the goal; tails: (N,) probabilities of these; scores: of the
-    episodes.
+    """files: of the recording; decisions: (N,) up to the goal, with their outcome; tails: (N,)
+    probabilities of these; scores: of the episodes.
 
     discretised: what became of the recording, empty for a table of decisions.
     """
 
     files: LearningFiles
+    decisions: TimedDecisions
     tails: FloatArray
     scores: EpisodeScores
     discretised: str
@@ -79,11 +81,6 @@ class Familiarity:
     def problem(self) -> NavigationProblem:
         """In which they were scored."""
         return self.files.task.problem
-
-    @property
-    def decisions(self) -> Decisions:
-        """(N,) on the cells of the grid."""
-        return self.files.demonstrations.decisions
 
     @cached_property
     def surprising(self) -> BoolArray:
@@ -158,28 +155,24 @@ def familiarity_of(
 
     trajectories: a table of decisions, or bags or tables of trajectories of one place.
     scenario: name or file, in place of the one that the decisions or else the model name. FileError
-    where cells or periods differ from those of the model.
+    where cells are not as long as those of the model.
     """
     file = load_model(model)
     files, discretised = _files(model, file, trajectories, mapping, scenario)
     task, decisions = files.task, files.demonstrations.decisions
+    decisions = decisions.select(~decisions.censored)  # of which no outcome is known
     grid = task.problem.grid
-    require_same_scale(model, file, trajectories[0], grid.cell_size_m, task.decision_period_s)
+    require_same_scale(model, file, trajectories[0], grid.cell_size_m)
     if not len(decisions):
         raise AppError(
             f"{_in_words(trajectories)} must hold a decision before the goal of the model, got"
             " none; give others"
         )
     policy, outcomes = _policy(model, file, task.problem)
-    scores = episode_scores(
-        task.problem,
-        decisions,
-        policy,
-        outcomes,
-        rng=np.random.default_rng(0),
-    )
-    tails = tail_probabilities(task.problem, decisions, policy, outcomes)
-    return Familiarity(files, tails, scores, discretised)
+    problem = task.problem.by_decisions
+    scores = episode_scores(problem, decisions, policy, outcomes, rng=np.random.default_rng(0))
+    tails = tail_probabilities(problem, decisions, policy, outcomes)
+    return Familiarity(files, decisions, tails, scores, discretised)
 
 
 def _policy(
@@ -192,16 +185,15 @@ def _policy(
     """
     weights_of = model_in_flow(file, problem.flow).reward_weights
     weights = np.array([weights_of.get(name, 0.0) for name in problem.feature_names])
-    believed, learned = (
-        outcome_probabilities_of(model, file, problem, rows)
-        for rows in (
-            tuple(each.believed for each in file.outcome_models),
-            tuple(each.learned for each in file.outcome_models),
-        )
-    )
+    timed = require_timed(problem.mdp.transitions)
+    learned = learned_dynamics(model, file, problem)
+    believed = timed.local_probabilities(learned_dynamics(model, file, problem, believed=True))
+    outcomes = timed.outcomes.local_probabilities(learned)
     if file.method in _OF_OPTIMAL_VALUES:
-        return boltzmann_policy(problem, weights, believed, file.temperature).probabilities, learned
-    return soft_policy(problem, weights, believed).probabilities, learned
+        policy = boltzmann_policy(problem, weights, believed, file.temperature)
+    else:
+        policy = soft_policy(problem, weights, believed)
+    return policy.probabilities, outcomes
 
 
 def _files(
@@ -250,11 +242,10 @@ def _discretise(
     """Write decisions on the model's grid, with the people of the recording or the model's flow."""
     require_beside(model, outcome_files(model)["grid"])
     grid = load_grid(outcome_files(model)["grid"])
-    place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
-    recordings = read_recordings(
-        trajectories, file.decision_period_s, mapping=mapping, scenario=place.scenario
-    )
-    found = demonstrations_of_all(recordings.all, grid, file.decision_period_s)
+    known = load_scenario(scenario) if scenario else None
+    place = Place(grid, file.patience_s, file.wait_s, known)
+    recordings = read_recordings(trajectories, mapping=mapping, scenario=place.scenario)
+    found = demonstrations_of_all(recordings.all, grid, file.patience_s, file.wait_s)
     report = joined_reports([each.report for each in found])
     if not report.n_decisions:
         raise AppError(

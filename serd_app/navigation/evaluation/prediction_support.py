@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.bands import binomial_tail, clopper_pearson
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_sim.drivers.strategy import Strategy, start_distribution
 
 #: Demonstrations that a prediction takes, and drives by the policy that count in their place.
 FEWEST_DRIVES = 3
@@ -45,23 +45,22 @@ class Starts:
     n_trapped: int
 
 
-def recorded_times(strategy: Strategy, decisions: Decisions, reaching: IntArray) -> RecordedTimes:
+def recorded_times(
+    strategy: Strategy, decisions: TimedDecisions, reaching: IntArray
+) -> RecordedTimes:
     """The times of arrival of the recorded episodes that reach the goal, beside their prediction.
 
-    decisions: up to the goal; reaching: (E,) numbers of these episodes. Within its last decision
-    period an episode arrives at the usual entry into the goal area, or without entries at the end.
-    It is outside the band where it is farther from it than a decision period: demonstrations are
-    cut into whole ones, and a person does not take the fewest.
+    decisions: up to the goal; reaching: (E,) numbers of these episodes, which arrive where their
+    last decision ends.
     """
-    period_s = strategy.scenario.decision_period_s
-    entry_s = float(np.median(strategy.entry_times_s or (period_s,)))
     times_s, outside = [], []
     for episode in reaching:
         rows = np.flatnonzero(decisions.episode == episode)
-        time_s = float(decisions.time_s[rows[-1]] - decisions.time_s[rows[0]]) + entry_s
+        ends_s = decisions.time_s[rows[-1]] + decisions.dwell_s[rows[-1]]
+        time_s = float(ends_s - decisions.time_s[rows[0]])
         law = strategy.law_of_cell(int(decisions.state[rows[0]]))
         times_s.append(time_s)
-        outside.append(bool(outside_band(law, time_s, period_s)))
+        outside.append(bool(outside_band(law, time_s)))
     return RecordedTimes(np.array(times_s), np.array(outside, dtype=np.bool_))
 
 
@@ -71,15 +70,15 @@ def starts_of(strategy: Strategy, start_area: str) -> Starts:
     return Starts(len(cells), int(np.isin(cells, strategy.driven.learned_traps.states).sum()))
 
 
-def outside_band(law: ArrivalLaw, times_s: ArrayLike, tolerance_s: float = 0.0) -> BoolArray:
-    """Whether times, inf without an arrival, are outside the central 90 % by more than a tolerance.
+def outside_band(law: ArrivalLaw, times_s: ArrayLike) -> BoolArray:
+    """Whether times, inf without an arrival, are outside the central 90 %.
 
     An end of the band that is never reached is at infinity.
     """
     low_s, high_s = (law.quantile_s(share) for share in BAND)
-    times, slack_s = np.asarray(times_s, dtype=np.float64), tolerance_s + SAME_TIME_S
-    below = times < (np.inf if low_s is None else low_s) - slack_s
-    above = times > (np.inf if high_s is None else high_s) + slack_s
+    times = np.asarray(times_s, dtype=np.float64)
+    below = times < (np.inf if low_s is None else low_s) - SAME_TIME_S
+    above = times > (np.inf if high_s is None else high_s) + SAME_TIME_S
     return np.asarray(below | above)
 
 

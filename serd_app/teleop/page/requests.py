@@ -9,7 +9,7 @@ from serd_app.teleop.direction_choice import Mode
 from serd_files.yaml_config import StrictModel
 
 LARGEST_REQUEST_BYTES = 4096
-Direction = Literal["north", "east", "south", "west", "wait"]
+Direction = Literal["north", "east", "south", "west"]
 _Share = Annotated[float, Field(ge=-1.0, le=1.0)]
 
 

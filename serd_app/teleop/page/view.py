@@ -29,7 +29,6 @@ def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
         "start_m": scenario.start_areas_m["train"],
         "cells_m": grid.centers_m.tolist(),
         "cell_size_m": grid.cell_size_m,
-        "decision_period_s": scenario.decision_period_s,
         "robot_radius_m": scenario.robot.radius_m,
         "person_radius_m": model_named(scenario.pedestrians.model).body_radius_m,
         "scan_start_rad": scenario.lidar.angle_min_rad,
@@ -42,15 +41,11 @@ def watched_scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
     return {**scene_of(scenario, grid), "watch": True}
 
 
-def world_state(
-    observation: Observation, scenario: Scenario, ranges_m: NDArray[np.float32] | None
-) -> dict[str, Any]:
-    """Robot, people and scan; decided: the elapsed share of the decision period, in [0, 1)."""
-    ticks = scenario.ticks_per_decision
+def world_state(observation: Observation, ranges_m: NDArray[np.float32] | None) -> dict[str, Any]:
+    """Robot, people and scan."""
     people = np.concatenate([observation.people_position_m, observation.people_velocity_mps], 1)
     return {
         "time_s": round(observation.time_s, _CENTIMETRES),
-        "decided": round(observation.tick % ticks / ticks, _MILLIRADIANS),
         "robot": _rounded([*observation.pose, observation.speed_mps, observation.yaw_rate_radps]),
         "people": np.round(people, _CENTIMETRES).tolist(),
         "scan_m": None if ranges_m is None else _scan_values(ranges_m),

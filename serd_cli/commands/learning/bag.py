@@ -9,6 +9,7 @@ import typer
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
 from serd_bag.command.commands import (
     Page,
@@ -126,24 +127,24 @@ def suggest(
     text = found.yaml(output)
     atomic_write_text(output, text)
     if as_json:
-        reports = {str(period_s): each.model_dump() for period_s, each in found.reports.items()}
+        report = None if found.report is None else found.report.model_dump()
         values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
-        print_json({**values, "comments": found.comments, "reports": reports, "file": output})
+        print_json({**values, "comments": found.comments, "report": report, "file": output})
         return
     console.print(text, soft_wrap=True)
-    for line in _given(found):
-        console.print(line, soft_wrap=True)
+    if found.report is not None:
+        console.print(_given(found, found.report), soft_wrap=True)
     console.print(f"mapping: {output.resolve()}", soft_wrap=True)
     console.print(f"next: {found.command(output)}", soft_wrap=True)
 
 
-def _given(found: Suggestion) -> list[str]:
-    """What the mapping gives with each decision period."""
-    return [
-        f"with a period of {period_s:g} s: {counted(each.n_decisions, 'decision')},"
-        f" {each.n_moving_waits} of them waits while the robot moves"
-        for period_s, each in found.reports.items()
-    ]
+def _given(found: Suggestion, report: DiscretisationReport) -> str:
+    """What the mapping gives."""
+    return (
+        f"on cells of {found.cell_size_m:g} m: {counted(report.n_decisions, 'decision')},"
+        f" {report.n_censored} of them without outcome, {report.n_moving_waits} waits"
+        " while the robot moves"
+    )
 
 
 class RichScreen:

@@ -3,28 +3,27 @@
 import math
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 import shapely
 import typer
 
-from serd_app.demonstrations.crossing_table import Crossing
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.grid.fitted_grid import fitted_grid, grid_of_area
 from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
-from serd_app.demonstrations.grid.resolution import ResolutionAdvice, fitting_cell_size_m
+from serd_app.demonstrations.grid.resolution import (
+    USUAL_WAIT_S,
+    fitting_cell_size_m,
+    fitting_patience_s,
+)
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
-    advice_of_all,
     demonstrations_of_all,
     files_beside,
     save_demonstrations,
 )
-from serd_app.demonstrations.recorded_crossings import crossings_of_recordings
 from serd_app.demonstrations.recordings import Recordings, read_recordings
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
@@ -39,16 +38,9 @@ from serd_cli.output.demonstrations import (
     save_pictures,
 )
 from serd_cli.output.terminal import console, print_json
-from serd_core.grid.grid import Grid
-from serd_core.grid.navigation import NO_FLOW
-from serd_files.table import write_rows
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.rules import LEAST_PERIOD_S
-from serd_sim.scenario.scenario import load_scenario
-
-#: Decision periods where none is given: with cells that fit them, and with given cells.
-_FITTED_PERIOD_S, _USUAL_PERIOD_S = 1.0, 2.0
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 
 def demos(
@@ -73,12 +65,6 @@ def demos(
         typer.Option(
             help="without a scenario: walkable area in place of where the robot was, .wkt or"
             " .geojson in metres"
-        ),
-    ] = None,
-    period_s: Annotated[
-        float | None,
-        typer.Option(
-            help="without a scenario: decision period; by default 1 s, or 2 s with --cell-size-m"
         ),
     ] = None,
     output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
@@ -110,11 +96,13 @@ def demos(
 
     Where people were recorded, decisions.flow.csv and .flow.png show which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
-    decisions.crossings.csv has the times in cells for 'serd learn --times'.
 
-    A place without a scenario gets a grid of cells in which the robot moves
-    about one cell in a period; --cell-size-m and --period-s set others, --area
-    what is walkable.
+    A decision ends where the robot enters another cell, where another command
+    has been given for 0.3 s, or after the patience of the scenario.
+
+    A place without a scenario gets a grid of cells each of which the robot
+    crosses in about a second; --cell-size-m sets others, --area what is
+    walkable.
 
     A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
     A bag of poses alone needs none: its actions are hidden, and 'serd learn'
@@ -132,74 +120,66 @@ def demos(
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or "", area or ""))
-    _require_place(scenario, cell_size_m, area, period_s)
+    _require_place(scenario, cell_size_m, area)
     known = load_scenario(scenario) if scenario else None
     area_m = read_area_m(area) if area else None
-    usual_s = _FITTED_PERIOD_S if cell_size_m is None else _USUAL_PERIOD_S
-    period = known.decision_period_s if known else (period_s or usual_s)
     kinds = {TableMapping if is_table(bag) else BagMapping for bag in bags}
     if mapping and len(kinds) > 1:
         raise UsageError(f"--mapping must be for bags or for tables, got {mapping} for both")
     chosen = load_yaml_model(mapping, kinds.pop()) if mapping else None
     recordings = read_recordings(
-        bags, period, mapping=chosen, scenario=known, tolerant=tolerant, hidden=actions == "hidden"
+        bags, mapping=chosen, scenario=known, tolerant=tolerant, hidden=actions == "hidden"
     )
     if known is None and cell_size_m is None and area is None:
         _require_no_own(recordings)
-    grid = grid_of(known) if known else _grid(recordings, cell_size_m, area_m, period)
-    found = demonstrations_of_all(recordings.all, grid, period)
+    place = _place(recordings, known, cell_size_m, area_m)
+    found = demonstrations_of_all(recordings.all, place.grid, place.patience_s, place.wait_s)
     _require_decisions(found)
-    sightings = recordings.sightings()
-    flow = flow_from_recordings(recordings.all, sightings, grid)
-    place = Place(grid, period, known)
-    advice = advice_of_all(found, place)
-    save_demonstrations(output, place, found, flow, advice)
-    recorded_flow = np.full(grid.n_states, NO_FLOW) if flow is None else flow.flow
-    own_flow = recorded_flow if place.flow is None else place.flow
-    crossed = crossings_of_recordings(found, sightings, grid, own_flow)
-    write_rows(files_beside(output)["crossings"], Crossing, crossed)
-    save_pictures(output, place, found, flow, advice)
+    flow = flow_from_recordings(recordings.all, recordings.sightings(), place.grid)
+    save_demonstrations(output, place, found, flow)
+    save_pictures(output, place, found, flow)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
     if as_json:
-        moves = {} if advice is None else {"used": asdict(advice.used), "best": asdict(advice.best)}
         values = {
             "bags": [each.values() for each in found],
             "flow": flow_values(flow, place.flow),
-            "resolution": moves,
+            "cell_size_m": place.grid.cell_size_m,
+            "patience_s": place.patience_s,
+            "wait_s": place.wait_s,
             "files": {name: str(path.resolve()) for name, path in files.items()},
         }
         print_json(values)
         return
-    _print(found, place, flow, advice)
+    _print(found, place, flow)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", soft_wrap=True)
     console.print(f"next: serd learn {shlex.quote(str(output))} --report report", soft_wrap=True)
 
 
-def _grid(
+def _place(
     recordings: Recordings,
+    scenario: Scenario | None,
     cell_size_m: float | None,
     area_m: shapely.Polygon | None,
-    period_s: float,
-) -> Grid:
-    """Fitted to where the robot was, or of an area."""
-    size_m = cell_size_m or fitting_cell_size_m(recordings.drives, period_s)
-    return fitted_grid(recordings.all, size_m) if area_m is None else grid_of_area(area_m, size_m)
+) -> Place:
+    """Of a scenario, else with a grid that is fitted to where the robot was, or of an area."""
+    if scenario:
+        return Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
+    drives = recordings.drives
+    size_m = cell_size_m or fitting_cell_size_m(drives)
+    grid = fitted_grid(recordings.all, size_m) if area_m is None else grid_of_area(area_m, size_m)
+    return Place(grid, fitting_patience_s(drives, size_m), USUAL_WAIT_S)
 
 
-def _print(
-    found: Sequence[RecordedDemonstrations],
-    place: Place,
-    flow: FlowField | None,
-    advice: ResolutionAdvice | None,
-) -> None:
+def _print(found: Sequence[RecordedDemonstrations], place: Place, flow: FlowField | None) -> None:
     console.print(decisions_table(found))
     for line in remarks(found):
         console.print(line, style="yellow", soft_wrap=True)
-    if advice is not None:
-        style = "yellow" if advice.too_fine else None
-        for line in advice.sentences():
-            console.print(line, style=style, soft_wrap=True)
+    console.print(
+        f"cells of {place.grid.cell_size_m:g} m; a decision that leads to no other cell ends after"
+        f" {place.patience_s:g} s, one to wait after {place.wait_s:g} s",
+        soft_wrap=True,
+    )
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
 
 
@@ -221,9 +201,7 @@ def _require_no_own(recordings: Recordings) -> None:
             )
 
 
-def _require_place(
-    scenario: str, cell_size_m: float | None, area: Path | None, period_s: float | None
-) -> None:
+def _require_place(scenario: str, cell_size_m: float | None, area: Path | None) -> None:
     for name, value in (("--cell-size-m", cell_size_m), ("--area", area)):
         if scenario and value is not None:
             raise UsageError(
@@ -232,12 +210,5 @@ def _require_place(
             )
     if area is not None:
         require_area_file(area)
-    if scenario and period_s is not None:
-        raise UsageError(
-            f"--period-s must be left out with --scenario, got {period_s:g}; the scenario sets it"
-        )
-    for name, value in (("--cell-size-m", cell_size_m), ("--period-s", period_s)):
-        if value is not None and not 0 < value < math.inf:
-            raise UsageError(f"{name} must be finite and above 0, got {value:g}; try 1")
-    if period_s is not None and period_s < LEAST_PERIOD_S:
-        raise UsageError(f"--period-s must be at least {LEAST_PERIOD_S:g}, got {period_s:g}; try 1")
+    if cell_size_m is not None and not 0 < cell_size_m < math.inf:
+        raise UsageError(f"--cell-size-m must be finite and above 0, got {cell_size_m:g}; try 1")

@@ -1,6 +1,5 @@
 """`serd learn`: a table of decisions into a model file, without any ROS."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,7 +7,6 @@ import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from serd_app.demonstrations.recorded import files_beside
-from serd_app.learning.crossing_times import load_times
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.knowledge import certainty_of
 from serd_app.learning.learning_files import (
@@ -53,12 +51,6 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    times: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="crossings.csv of drives, repeat; times of arrival follow from them", exists=True
-        ),
-    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")
     ] = None,
@@ -71,22 +63,19 @@ def learn(
 
     What 'serd demos' wrote beside the table must still be there.
     model.grid.yaml and model.learning.csv are written beside the model; with
-    a prior by evidence also model.posterior.csv, and the information that a
-    demonstration from each cell is expected to add:
+    a prior by evidence also model.posterior.csv and model.durations.csv, and
+    the information that a demonstration from each cell is expected to add:
     model.next_demonstration.csv and .png.
 
-    Rewards and dynamics: mdce_serd_evidence (the expert knows the
-    dynamics; prior by evidence, predictions averaged over the posterior),
-    mdce_serd_belief_evidence (evidence also decides whether the expert's
-    belief is the truth, near it or independent of it), mdce_serd
-    (divergence prior, its weight by validation), its variants _coupled and
-    _free (the expert's belief differs), pm_serd (Boltzmann policy). Rewards
-    under counted dynamics: mdce_irl, mdce_irl_entropy, maxent_irl,
-    policy_matching, relative_entropy_irl.
-
-    --times: tables of crossings, which 'serd navigate --output' writes.
-    Arrivals of drives with their look-ahead are then predicted by the times
-    in cells, others by decision periods.
+    Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
+    knows the dynamics; prior by evidence, predictions averaged over the
+    posterior), mdce_serd_belief_evidence (evidence also decides whether the expert's
+    belief is the truth, near it or independent of it). Rewards and outcomes,
+    with durations that are counted: mdce_serd (divergence prior, its weight
+    by validation), its variants _coupled and _free (the expert's belief
+    differs), pm_serd (Boltzmann policy). Rewards under counted dynamics:
+    mdce_irl, mdce_irl_entropy, maxent_irl, policy_matching,
+    relative_entropy_irl.
     """
     if table.is_dir() or table.suffix in (".mcap", ".db3", ".bag"):
         raise UsageError(
@@ -96,13 +85,12 @@ def learn(
     require_apart(
         output,
         outcome_files(output).values(),
-        (*files_beside(table).values(), scenario, *(times or ())),
+        (*files_beside(table).values(), scenario),
     )
     require_file_place(output)
     if report is not None:
         require_folder(report)
     settings = validated(LearningSettings, **options)
-    measured = load_times(times or [])
     files = read_learning_files(
         table,
         discount=settings.discount,
@@ -114,8 +102,6 @@ def learn(
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
     outcome = _fitted(files, settings)
-    model = outcome.model.model_copy(update={"crossing_times": measured})
-    outcome = replace(outcome, model=model)
     save_outcome(output, outcome, problem.grid)
     if outcome.knowledge is not None and can_draw():
         from serd_app.report.figures.maps import draw_gain
@@ -131,7 +117,7 @@ def learn(
         page = write_report(
             inputs_of_model(output, scenario=scenario, demonstrations=[table]), report
         )
-    certainty = certainty_of(problem, decisions, outcome.fit)
+    certainty = certainty_of(outcome.problem, decisions, outcome.fit)
     if as_json:
         reported = {} if page is None else {"report": str(page)}
         print_json(learned_values(files, outcome, certainty, output) | reported)

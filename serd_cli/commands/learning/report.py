@@ -43,7 +43,7 @@ def report(
 ) -> None:
     """Write the HTML page of a learned model.
 
-    It shows policy, value, flow, outcomes, forecast and advice, and how usual
+    It shows policy, value, flow, outcomes and forecast, and how usual
     demonstrations are for the model (compared.csv has a row for each).
 
     serd report model.yaml --demonstrations decisions.csv
@@ -77,6 +77,4 @@ def report(
     console.print(headline_of(summary), soft_wrap=True)
     for what, value in summary_rows(summary):
         console.print(f"{what}: {value}", soft_wrap=True)
-    for line in () if inputs.advice is None else inputs.advice.sentences():
-        console.print(line, soft_wrap=True)
     console.print(f"report: {page}", soft_wrap=True)

@@ -63,7 +63,7 @@ def show(
     _save_plan(loaded, picture)
     values = _values(scenario, loaded) | {"picture": str(picture.resolve())}
     if as_json:
-        values["remark"] = loaded.period_remark
+        values["remark"] = loaded.patience_remark
         print_json(values)
         return
     table = Table(show_header=False)
@@ -73,8 +73,8 @@ def show(
     for name, value in values.items():
         table.add_row(name.replace("_", " "), _text(value))
     console.print(table)
-    if loaded.period_remark:
-        console.print(loaded.period_remark, soft_wrap=True)
+    if loaded.patience_remark:
+        console.print(loaded.patience_remark, soft_wrap=True)
     print(f"picture: {path}")  # in one piece, however long
 
 
@@ -200,7 +200,7 @@ def _sentence(values: dict[str, Any]) -> str:
         f"a free area of {values['free_area_m2']:g} m2"
         f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
         f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
-        f" {values['cells_area_m2']:g} m2; a decision every {values['decision_period_s']:g} s"
+        f" {values['cells_area_m2']:g} m2; a patience of {values['patience_s']:g} s"
     )
 
 
@@ -226,7 +226,8 @@ def _values(name: str, scenario: Scenario) -> dict[str, Any]:
         "loops": [loop.name for loop in scenario.pedestrians.loops],
         "flow_convention": scenario.flow_convention,
         "start_areas": list(scenario.start_areas_m),
-        "decision_period_s": scenario.decision_period_s,
+        "patience_s": scenario.patience_s,
+        "wait_s": scenario.wait_s,
         "episode_timeout_s": scenario.episode_timeout_s,
     }
 

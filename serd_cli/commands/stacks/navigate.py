@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from serd_app.learning.crossing_times import unseen_sentence
-from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings, claim_folder, drive, finished_episodes
 from serd_app.navigation.evaluation.comparison import Comparison, compare, predicted_law
 from serd_app.navigation.evaluation.prediction_support import reasons_text
 from serd_app.navigation.settings import NavigationSettings
-from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_bag.files import require_folder
 from serd_bag.quantities import counted
@@ -26,10 +23,12 @@ from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import console, counting_bar, print_json, results_kept_in
 from serd_cli.processes.stack_run import run_stack, stack_environment
 from serd_files.episode_table import EpisodeResult, load_episodes
-from serd_files.model_file import CrossingTimes, load_model
+from serd_files.model_file import load_model
+from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.goal import with_goal
 from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,8 +36,7 @@ if TYPE_CHECKING:
 
 @with_settings(
     DriveSettings,
-    lookahead_cells="--lookahead",
-    patience_periods="--patience",
+    patience_decisions="--patience",
     minimum_arrival_probability="--minimum-probability",
 )
 def navigate(
@@ -56,9 +54,6 @@ def navigate(
     """Drive by a learned model; compare predicted with measured times of arrival.
 
     serd navigate model.yaml --goal 3.5,20.5 --episodes 30
-
-    crossings.csv of the folder has the times in cells, from which
-    'serd learn --times' learns to predict drives with the same look-ahead.
 
     Rerun an interrupted drive in process with the same --output to resume it.
     """
@@ -89,7 +84,7 @@ def navigate(
         print_json({**settings.model_dump(), **asdict(found)})
         return
     console.print(comparison_table(found))
-    for line in remarks(found, settings, strategy):
+    for line in remarks(found, strategy.scenario):
         console.print(line, soft_wrap=True)
     if output is not None:
         console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True)
@@ -106,7 +101,6 @@ def _strategy_of(settings: DriveSettings) -> Strategy:
         settings.policy,
         transfer=settings.transfer,
         timeout_s=settings.timeout_s,
-        lookahead_cells=settings.lookahead_cells,
     )
 
 
@@ -167,48 +161,30 @@ def comparison_table(found: Comparison) -> Table:
     return table
 
 
-def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> list[str]:
+def remarks(found: Comparison, scenario: Scenario) -> list[str]:
     """Further results and warnings, one line each."""
     endings = ", ".join(f"{count} {ending}" for ending, count in found.outcomes.items())
+    noticed = "not even drives that take three times as long would be noticed"
+    if found.detectable_delay is not None:
+        noticed = f"drives slower by a factor of {found.detectable_delay:.2f} would be noticed"
     lines = [
-        f"largest gap between predicted and measured share: {found.largest_gap:.2f} "
-        f"(with arrivals at the ends of periods, as in the thesis: {found.largest_gap_thesis:.2f})",
+        f"largest gap between predicted and measured share: {found.largest_gap:.2f}; one as large"
+        f" has a probability of {found.gap_probability:.2f} if the prediction is right, and"
+        f" {noticed} in four of five such series; CRPS {found.crps_s:.2f} s",
         f"{counted(found.n_episodes, 'episode')}: {endings}; contacts: robot into people "
         f"{found.robot_on_person}, people into robot {found.person_on_robot}, walls "
         f"{found.robot_on_wall}",
     ]
-    if strategy.times is None:
-        lines.append(
-            f"driven among {found.n_people} people; the model does not keep among how many it was "
-            "learned: give --people where they were more or fewer"
-        )
-    else:
-        lines.append(_of_times(strategy.times, strategy.crossings))
-        lines += filter(None, [unseen_sentence(strategy.times)])
+    lines.append(
+        f"driven among {found.n_people} people; the model does not keep among how many it was "
+        "learned: give --people where they were more or fewer"
+    )
     if found.transferred:
         lines.append("the model was learned on another grid")
-    if strategy.times is None and settings.lookahead_cells > 1:
-        lines.append(
-            "the prediction is for one cell per decision period, as demonstrated; with "
-            f"--lookahead {settings.lookahead_cells} the robot is faster: give crossings.csv of"
-            " such drives to 'serd learn --times'"
-        )
     if found.no_prediction_because:
         reasons = reasons_text(found.no_prediction_because)
         lines.append(f"what is predicted is not supported, because {reasons}")
-    return [*lines, *filter(None, [strategy.scenario.period_remark]), *found.plan_remarks]
-
-
-def _of_times(times: CrossingTimes, forecast: CrossingForecast | None) -> str:
-    """From what drives times are predicted."""
-    low, high = times.people_pm2
-    among = f"{low:.2f}" if low == high else f"{low:.2f} to {high:.2f}"
-    more = forecast is not None and forecast.extrapolates
-    return (
-        f"predicted by the times in cells of {counted(times.n_episodes, 'drive')} with look-ahead"
-        f" {times.lookahead_cells} among {among} people per m²"
-        + (", which these drives are not" if more else "")
-    )
+    return [*lines, *filter(None, [scenario.patience_remark]), *found.plan_remarks]
 
 
 def _seconds(time_s: float | None) -> str:

@@ -199,7 +199,7 @@ def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
     place = load_scenario(scenario)
     try:
         drives = read_drives(bag, tolerant=True)
-        _, report = demonstrations_of_drives(drives, grid_of(place), place.decision_period_s)
+        _, report = demonstrations_of_drives(drives, grid_of(place), place.patience_s, place.wait_s)
     except USER_ERRORS:
         return None
     outcomes = Counter(span.outcome for drive in drives for span in drive.episodes)

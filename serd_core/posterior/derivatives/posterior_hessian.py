@@ -270,24 +270,37 @@ def transition_scores(
 
     The score is the gradient of log pi(a | s) + log P(s' | s, a) by all parameters.
     """
-    model, policy_model = posterior.problem.mdp.transitions, posterior.policy_model
-    key, q, by_q = at.expected.observations.key, at.solution.q, found.by_q
+    model, key = posterior.problem.mdp.transitions, at.expected.observations.key
+    state, action = np.divmod(key // model.n_states, model.n_actions)
+    scores = choice_scores(posterior, parameters, at, found, state, action)
+    scores[:, parameters.place(Block.TRUTH)] += outcome_scores(model, parameters.truth, key)
+    return scores
+
+
+def choice_scores(
+    posterior: Posterior,
+    parameters: Parameters,
+    at: PosteriorValue,
+    found: Sensitivities,
+    state: IntArray,
+    action: IntArray,
+) -> FloatArray:
+    """(n, blocks) gradients of log pi(a | s) of (n,) choices by all parameters."""
+    policy_model, q, by_q = posterior.policy_model, at.solution.q, found.by_q
     policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
     mean = np.einsum("sa,san->sn", policy, by_q)
-    state, action = np.divmod(key // model.n_states, model.n_actions)
     temperature = policy_model.temperature(parameters.policy)
     scores = np.zeros((len(state), len(parameters.vector)))
     scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
     by_temperature = policy_model.parameter_scores(parameters.policy, q)
     scores[:, parameters.place(Block.POLICY)] = by_temperature[state, action]
-    scores[:, parameters.place(Block.TRUTH)] += _outcome_scores(model, parameters.truth, key)
     return scores
 
 
-def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
-    group = model.groups.places(key)
-    probability = transition_probabilities(model, truth)[group]
+def outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
+    """(n, N) gradients of log P(s' | s, a) of (n,) transitions, by the dynamics."""
+    group, place = np.unique(model.groups.places(key), return_inverse=True)
     wanted = np.zeros(len(model.groups), dtype=np.bool_)
     wanted[group] = True
     slopes = transition_jacobian(model, truth, wanted)
-    return np.asarray(slopes / probability[:, None])
+    return np.asarray(slopes / transition_probabilities(model, truth)[group, None])[place]

@@ -19,8 +19,10 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.robot.urdf import link_transforms
 from serd_sim.scenario.occupancy import occupancy_raster
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import is_decision_tick
 from serd_sim.world.world import HallwayWorld
+
+#: Simulated time (s) between two reports of contacts that do not change.
+_REPORT_PERIOD_S = 0.5
 
 
 class ClockPublisher:
@@ -45,6 +47,9 @@ class WorldPublisher:
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
         self._node, self._world = node, world
         self._observation = ObservationPublisher(node)
+        period_s = world.scenario.control_period_s
+        self._ticks_per_report = max(1, round(_REPORT_PERIOD_S / period_s))
+        self._reported: dict[str, float] | None = None
         self._scan = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
         self._people = node.create_publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
@@ -65,8 +70,9 @@ class WorldPublisher:
         observation = self._world.observation
         if self._world.is_scan_tick:
             self._publish_rarely(observation)
-        if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
-            self.report()
+        is_due = observation.tick % self._ticks_per_report == 0 or self._world.in_goal
+        if is_due or self._counts() != self._reported:
+            self._report()
         if self._transforms is not None:
             self._transforms.publish(
                 observation.pose, self._world.odometry_pose, observation.time_s
@@ -82,16 +88,18 @@ class WorldPublisher:
                 to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
 
-    def report(self) -> None:
-        """Send contacts and distances of the running episode on `diagnostics`."""
+    def _report(self) -> None:
+        """Send the counts on `diagnostics`; at each change, which makes known those of a tick."""
+        self._reported = self._counts()
+        self._node.report(self._world.time_s, self._reported)
+
+    def _counts(self) -> dict[str, float]:
+        """Contacts and distances of the running episode."""
         contacts = self._world.contacts
-        self._node.report(
-            self._world.time_s,
-            {
-                "robot_on_person": contacts.robot_on_person,
-                "person_on_robot": contacts.person_on_robot,
-                "robot_on_wall": contacts.robot_on_wall,
-                "minimum_person_distance_m": float(self._world.minimum_person_distance_m),
-                "rejected_commands": self._world.n_rejected_commands,
-            },
-        )
+        return {
+            "robot_on_person": contacts.robot_on_person,
+            "person_on_robot": contacts.person_on_robot,
+            "robot_on_wall": contacts.robot_on_wall,
+            "minimum_person_distance_m": self._world.minimum_person_distance_m,
+            "rejected_commands": self._world.n_rejected_commands,
+        }

@@ -3,15 +3,17 @@
 The page is served by a thread of its own (serd_app.teleop.page). This node publishes its requests
 and sends the state of the world to it, twenty times a second.
 
-By directions, the choice becomes an `intent` at each decision tick: in an episode of this driver
-from the first direction on, waits included, otherwise only when a direction is chosen. By
-velocities, `cmd_vel_teleop` is published. From the first direction on, while a person is present
-and drives by directions, `driver_gone` is published as false; otherwise the mux locks the planner,
-within its timeout even when this process has died.
+By directions, an `intent` is published when another direction is held or none any more, and again
+where a decision epoch begins: in an episode of this driver from the first direction on, waits
+included, otherwise only while a direction is held. By velocities, `cmd_vel_teleop` is published.
+From the first direction on, while a person is present and drives by directions, `driver_gone` is
+published as false; otherwise the mux locks the planner, within its timeout even when this process
+has died.
 
 While the e-stop is engaged no intent is published. At its engagement and release, when the person
-was absent, at the end of an episode and when planner, mux or world have fallen silent, the input is
-discarded and the planner locked: the robot stands until a key is pressed anew.
+was absent, at the end of an episode and when planner, mux or world have fallen silent during a
+drive, the input is discarded and the planner locked: the robot stands until a key is pressed anew.
+A key that is held while the world or an episode begins counts from then on.
 """
 
 import math
@@ -50,10 +52,11 @@ from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.progress import report_address
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
+from serd_sim.world.epochs import HELD_S, epochs_in
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import DecisionClock
 
 _BEAT_PERIOD_S = 0.05
 #: A longer pause (s) between two beats counts as absence: this process was stopped.
@@ -82,7 +85,10 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             notify=self.notify,
             on_end=self.stop_moving,
         )
-        self._was_present = self._is_driving = self._is_moving = self._is_e_stopped = False
+        self._was_present = self._is_driving = self._is_e_stopped = False
+        self._epochs = epochs_in(self.scenario, grid_of(self.scenario))
+        #: The newest intent, and since when it is the same.
+        self._intent, self._since_s = Action.WAIT, -math.inf
         # Between the key of the emergency stop and the mux's answer a tap must not drive.
         self._wants_stop = False
         #: Whether the mux has an input, and since when it has none any more.
@@ -96,8 +102,6 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
         self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
         self._is_guarded = True
-        self._periods = DecisionClock(self.scenario)
-        self._periods.begin(0)
         ObservationSource(self, self.scenario.control_period_s, self._on_observation)
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
@@ -130,7 +134,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         if self._heard_s is not None and not self._is_there():
             # The mux has stopped the robot. What waits now was held before: it counts anew.
             self._heard_s = None
-            self.stop_moving()
+            self._interrupt()
         for request in self._server.take():
             self._obey(request)
         there = self._is_there()
@@ -205,16 +209,20 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             "page": self._server.driving_page,
             "there": there,
             "mode": self.mode,
-            "choice": self.choice.upcoming.name.lower(),
+            "choice": self.choice.action.name.lower(),
         }
 
     def clock_jumped(self, jump: Jump) -> None:
-        """End every motion, show nothing stale; a new session discards the episode and counts."""
+        """End every motion, show nothing stale; a new session discards the episode and counts.
+
+        The clock jumps forward where an episode begins, too.
+        """
         self._view.clear()
-        self.stop_moving()
+        self._epochs.begin()
+        if jump is Jump.BACKWARD or not self.episodes.session.is_starting:
+            self.stop_moving()
         if jump is Jump.BACKWARD:
             self.notify("the clock fell back: a new session begins")
-            self._periods.begin(0)
             self.episodes.begin_session()
 
     def set_e_stop(self, engaged: bool) -> None:
@@ -230,19 +238,25 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         """Drive by directions or by velocities; the robot stops in between."""
         if mode != self.mode:
             self.stop_moving()
+            self._epochs.begin()
             self.mode, self._is_driving = mode, False
 
     def _beat(self) -> None:
         late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
         was_silent, self._is_silent = self._is_silent, self._hears_too_little()
         if late_s > _ABSENCE_S or was_silent != self._is_silent or self._planner_fell_silent():
-            self.stop_moving()
+            self._interrupt()
         present = self.attend()
         if present and self.mode == "directions" and self._is_driving and not self._is_silent:
             self._gone.publish(Bool(data=False))
         if self._was_present and not present:
-            self.stop_moving()
+            self._interrupt()
         self._was_present = present
+
+    def _interrupt(self) -> None:
+        """Stop after an absence; before the first direction there is nothing to stop."""
+        if self._is_driving or self.mode == "velocity":
+            self.stop_moving()
 
     def _planner_fell_silent(self) -> bool:
         """Whether the mux has lost the planner, which drives by directions, for a while now."""
@@ -267,7 +281,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         # may have lost the intent to wait.
         self._is_driving = False
         self._gone.publish(Bool(data=True))
-        if self._is_moving and self.observation is not None:
+        if self._intent != Action.WAIT and self.observation is not None:
             self._publish_intent(Action.WAIT, self.observation)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -302,25 +316,35 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self.observation = observation
         self._received_s["world"] = self.wall_s()
         self.episodes.see(observation)
-        if self._periods.begins(observation) and self.mode == "directions":
+        if self.mode == "directions":
             self._decide(observation)
 
     def _decide(self, observation: Observation) -> None:
+        if self.episodes.session.is_starting:
+            self._epochs.begin()  # what is held now is for the first decision of the episode
+            return
+        begins = self._epochs.begins(observation)
         is_stopped = self._is_e_stopped or self._wants_stop
         if not self._was_present or is_stopped or self.episodes.other_driver:
             return
-        if self.episodes.session.is_starting:
-            return  # what is chosen now is for the first decision of the episode
-        action = self.choice.decide()
-        chosen = action != Action.WAIT
-        if self.episodes.is_running:
-            if self.episodes.n_decisions or chosen:  # waiting to begin is no decision to wait
-                self.episodes.n_decisions += 1
-                self._publish_intent(action, observation)
-        elif chosen or self._is_moving:
+        action = self.choice.action
+        # Waiting to begin is no decision to wait.
+        decides = action != Action.WAIT or (self.episodes.is_running and self.episodes.n_decisions)
+        if action != self._intent or (begins and decides):
             self._publish_intent(action, observation)
+        if begins and decides:
+            self._begin_epoch(observation.time_s)
+        elif action != self._epochs.action and observation.time_s - self._since_s >= HELD_S:
+            self._epochs.interrupt(self._since_s)
+            if decides:
+                self._begin_epoch(self._since_s)
+
+    def _begin_epoch(self, time_s: float) -> None:
+        self._epochs.take(time_s, self._intent)
+        self.episodes.n_decisions += self.episodes.is_running
 
     def _publish_intent(self, action: Action, observation: Observation) -> None:
         self._intents.publish(to_intent(action, observation.time_s))
-        self._is_moving = action != Action.WAIT
-        self._is_driving |= self._is_moving
+        if action != self._intent:
+            self._intent, self._since_s = action, observation.time_s
+        self._is_driving |= action != Action.WAIT

@@ -1,1 +1,1 @@
-"""Drivers decide once per decision period: the scripted expert and learned policies."""
+"""Drivers decide at each decision epoch: the scripted expert and learned policies."""

@@ -17,7 +17,7 @@ MODEL_SUFFIXES = (".yaml", ".yml")
 
 
 class Driver(Protocol):
-    """Chooses an action per decision period: a scripted person or a learned policy."""
+    """Chooses an action per decision epoch: a scripted person or a learned policy."""
 
     @property
     def name(self) -> str:
@@ -26,8 +26,8 @@ class Driver(Protocol):
     def begin(self, episode: int) -> None:
         """A new episode starts; random choices depend on its number only."""
 
-    def decide(self, observation: Observation) -> Action:
-        """The action of the decision period that begins now."""
+    def decide(self, observation: Observation, state: int, /) -> Action:
+        """The action of the decision epoch that begins now, in a cell; state: -1 off the grid."""
 
 
 #: An expert that never wavers or waits, so that only the planner is measured.

@@ -1,15 +1,14 @@
 """A scripted person who demonstrates: keeps right, goes with the flow, wavers, waits when blocked.
 
 It likes routes (`expert_route`), sometimes takes a nearly as good move instead, and sometimes waits
-when a person is about to be in its next cell. It acts on observations as old as its reaction time.
+when a person is about to be in its next cell. It sees people where they were its reaction time ago.
 
 Experts of several styles make demonstrations differ as those of people do: each has its own
 reaction time, patience, wavering and liking for the right-hand side. None of these numbers is a
 feature or a weight that is later estimated.
 """
 
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,9 +26,9 @@ class ExpertSettings:
     """waver_probability: of taking another move that costs at most `waver_cost` more.
 
     wait_probability: of waiting when a person will be within `blocked_radius_m` of the next cell's
-    centre within `look_ahead_s`; never more than `longest_wait` periods in a row.
+    centre within `look_ahead_s`; never more than `longest_wait` times in a row.
     goes_with_flow: False for an expert who prefers the side of oncoming people.
-    reaction_delay_s: age of what a decision is based on.
+    reaction_delay_s: how old the places are at which it sees people, by their present velocity.
     """
 
     costs: RouteCosts = field(default_factory=RouteCosts)
@@ -68,10 +67,8 @@ class ScriptedExpert:
         self._last_move = Action.WAIT
         self._waited = 0
 
-    def decide(self, observation: Observation) -> Action:
+    def decide(self, observation: Observation, state: int) -> Action:
         """Next move towards the goal, or WAIT."""
-        seen = seen_earlier(observation, self._settings.reaction_delay_s)
-        state = self._grid.state_at(seen.x_m, seen.y_m)
         wavers, waits = self._rng.random(2) < (
             self._settings.waver_probability,
             self._settings.wait_probability,
@@ -80,7 +77,7 @@ class ScriptedExpert:
             return Action.WAIT
         move = self._choose(self._total_costs(state), bool(wavers))
         patient = self._waited < self._settings.longest_wait
-        if waits and patient and self._is_blocked(seen, state, move):
+        if waits and patient and self._is_blocked(observation, state, move):
             self._waited += 1
             return Action.WAIT
         self._waited, self._last_move = 0, move
@@ -103,25 +100,14 @@ class ScriptedExpert:
 
     def _is_blocked(self, observation: Observation, state: int, move: Action) -> bool:
         center = self._grid.centers_m[state] + self._grid.cell_size_m * DIRECTION_VECTORS[move]
-        for ahead_s in (0.0, 0.5 * self._settings.look_ahead_s, self._settings.look_ahead_s):
-            place = observation.people_position_m + ahead_s * observation.people_velocity_mps
+        seen_s = -self._settings.reaction_delay_s
+        for share in (0.0, 0.5, 1.0):
+            at_s = seen_s + share * self._settings.look_ahead_s
+            place = observation.people_position_m + at_s * observation.people_velocity_mps
             away = place - center
             if (np.hypot(away[:, 0], away[:, 1]) < self._settings.blocked_radius_m).any():
                 return True
         return False
-
-
-def seen_earlier(observation: Observation, delay_s: float) -> Observation:
-    """Estimate of the observation `delay_s` ago, by the present speeds."""
-    if delay_s == 0.0:
-        return observation
-    x_m, y_m, yaw_rad = observation.pose
-    way_m = delay_s * observation.speed_mps
-    return replace(
-        observation,
-        pose=(x_m - way_m * math.cos(yaw_rad), y_m - way_m * math.sin(yaw_rad), yaw_rad),
-        people_position_m=observation.people_position_m - delay_s * observation.people_velocity_mps,
-    )
 
 
 STYLES: dict[str, ExpertSettings] = {
@@ -173,6 +159,6 @@ class VariedExpert:
         self.style = tuple(self._experts)[int(drawn)]
         self._experts[self.style].begin(episode)
 
-    def decide(self, observation: Observation) -> Action:
+    def decide(self, observation: Observation, state: int) -> Action:
         """As the expert of this episode decides."""
-        return self._experts[self.style].decide(observation)
+        return self._experts[self.style].decide(observation, state)

@@ -4,22 +4,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.arrival.arriving_policy import arriving_policy
-from serd_core.arrival.chain import ArrivalByState, arrival_by_state
-from serd_core.arrival.law import steps_within
 from serd_core.grid.grid import Action, Grid
-from serd_core.policies.solved_policy import Policy, optimal_policy
-from serd_files.model_file import load_model
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.model_problem import problem_of_model
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.seeds import POLICY, episode_rng
 
+#: Probabilities that differ less are equal.
+_EQUAL = 1e-9
+
 
 class PolicyDriver:
-    """Chooses by `probabilities` (S, 5): the likeliest action, or one drawn when not greedy."""
+    """Chooses by `probabilities` (S, 5): a likeliest action, or one drawn when not greedy.
+
+    Of equally likely actions one is drawn, but for the direction in which the robot has just come,
+    which it keeps. A greedy robot that is still in the cell where it
+    decided to move was blocked: what it has done there since is left out, until nothing is left.
+    """
 
     def __init__(
         self,
@@ -31,7 +34,8 @@ class PolicyDriver:
         name: str = "policy",
     ) -> None:
         self._grid, self._seed, self._greedy, self.name = grid, seed, greedy, name
-        self._rng = episode_rng(seed, 0, POLICY)
+        self._probabilities = np.zeros((grid.n_states, len(Action)))
+        self.begin(0)
         self.follow(probabilities)
 
     def follow(self, probabilities: ArrayLike) -> None:
@@ -44,21 +48,51 @@ class PolicyDriver:
                 "probabilities must be at least 0 and sum to 1 in every state"
                 "; pass Policy.probabilities of a problem on this grid"
             )
+        if not np.array_equal(table, self._probabilities):
+            self._tried.clear()  # what another policy did was not blocked
         self._probabilities = table
 
     def begin(self, episode: int) -> None:
         """Start the random numbers of this episode."""
+        self._tried_in, self._tried = -1, set[Action]()
+        self._last = Action.WAIT
         self._rng = episode_rng(self._seed, episode, POLICY)
 
-    def decide(self, observation: Observation) -> Action:
-        """The policy's action in the robot's cell; WAIT outside the grid."""
-        state = self._grid.state_at(observation.x_m, observation.y_m)
+    def decide(self, _observation: Observation, state: int) -> Action:
+        """The policy's action in a cell; WAIT outside the grid."""
         if state < 0:
             return Action.WAIT
-        row = self._probabilities[state]
-        if self._greedy:
-            return Action(int(np.argmax(row)))
-        return Action(int(self._rng.choice(len(row), p=row / row.sum())))
+        if state != self._tried_in:
+            self._tried_in, self._tried = state, set()
+        row = self._likeliest(state) if self._greedy else self._probabilities[state]
+        if self._greedy and row[self._last] and self._last != Action.WAIT:
+            row = np.eye(len(row))[self._last]
+        action = self._last = Action(int(self._rng.choice(len(row), p=row / row.sum())))
+        if self._tried or action != Action.WAIT:
+            self._tried.add(action)
+        return action
+
+    def _likeliest(self, state: int) -> FloatArray:
+        """(5,) 1 for each of the likeliest actions that are left."""
+        row = self._left(state) if self._tried else self._probabilities[state]
+        if not row.any():
+            self._tried.clear()
+            row = self._probabilities[state]
+        return np.asarray(row >= row.max() - _EQUAL, dtype=np.float64)
+
+    def _left(self, state: int) -> FloatArray:
+        """(5,) the policy's weights of what a blocked robot has not tried, 0 towards walls.
+
+        Where the policy has no other action, all other ways out of the cell are as likely.
+        """
+        ways = self._grid.neighbours[state] != state
+        row = np.where(ways, self._probabilities[state], 0.0)
+        row[Action.WAIT] = self._probabilities[state, Action.WAIT]
+        row[list(self._tried)] = 0.0
+        if not row.any():
+            row[:] = ways
+            row[list(self._tried)] = 0.0
+        return row
 
 
 def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
@@ -66,23 +100,5 @@ def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
 
     FileError where the model is for another grid.
     """
-    grid = grid_of(scenario)
-    problem, model = problem_of_model(path, load_model(path, expected_grid=grid), scenario, grid)
-    names = tuple(each.name for each in model.outcome_models)
-    if names != tuple(problem.model_names):
-        raise SimError(
-            f"{path}: outcome_models must be {', '.join(problem.model_names)}, "
-            f"got {', '.join(names)}; learn the model again"
-        )
-    outcomes = model.outcome_probabilities
-    draws = [np.array(table) for table in model.draws.learned] or [outcomes]
-    n_periods = steps_within(scenario.episode_timeout_s, scenario.decision_period_s)
-
-    def arrival_of(policy: Policy) -> ArrivalByState:
-        return ArrivalByState.average(
-            arrival_by_state(problem, policy.probabilities, table, n_periods) for table in draws
-        )
-
-    learned = optimal_policy(problem, model.weights, outcomes)
-    driven = arriving_policy(problem, learned, outcomes, arrival_of, n_periods)
-    return PolicyDriver(grid, driven.policy.probabilities, seed=seed, name=path)
+    policy = load_strategy(path, scenario, "optimal").policy
+    return PolicyDriver(grid_of(scenario), policy.probabilities, seed=seed, name=path)

@@ -1,6 +1,6 @@
 """One episode: a driver decides, the planner drives, the world answers, until the goal or timeout.
 
-The order within a control period is that of the ROS graph: observe, decide when a decision period
+The order within a control period is that of the ROS graph: observe, decide when a decision epoch
 begins, plan towards the waypoint, guard the command, step the world.
 """
 
@@ -9,10 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Action
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner
@@ -23,15 +21,15 @@ from serd_sim.scenario.goal import Area
 from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
+from serd_sim.world.epochs import decisions_of, epochs_in
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
+from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 if TYPE_CHECKING:  # which needs PyBullet; nodes on a robot use what this module defines
     from serd_sim.world.world import HallwayWorld
 
 Ending = Literal["arrived", "timeout", "aborted"]
 Observer = Callable[[Observation, Command, Action], bool | None]
-WaypointRule = Callable[[Observation, Action], Waypoint]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +47,7 @@ class EpisodeRecord:
     distance_m: float
     contacts: ContactCounts
     minimum_person_distance_m: float
-    decisions: Decisions
+    decisions: TimedDecisions
 
 
 class EpisodeProgress:
@@ -85,41 +83,6 @@ class EpisodeProgress:
         return self.n_ticks * self._period_s
 
 
-class DecisionLog:
-    """Collects (s, a, s') at the decision clock; a last period cut short by arriving counts."""
-
-    def __init__(self, grid: Grid, episode: int) -> None:
-        self._grid, self._episode = grid, episode
-        self._rows: list[tuple[float, int, int, int]] = []
-        self._open: tuple[float, int, int] | None = None
-
-    def decide(self, observation: Observation, action: Action) -> None:
-        """Close the running period here and begin the next."""
-        self.close(observation)
-        state = self._grid.state_at(observation.x_m, observation.y_m)
-        self._open = (observation.time_s, state, int(action))
-
-    def close(self, observation: Observation) -> None:
-        """End the running period at this observation."""
-        if self._open is not None:
-            reached = self._grid.state_at(observation.x_m, observation.y_m)
-            self._rows.append((*self._open, reached))
-            self._open = None
-
-    def decisions(self, source: str) -> Decisions:
-        """All closed periods that began and ended on the grid."""
-        rows = [row for row in self._rows if row[1] >= 0 and row[3] >= 0]
-        columns = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-        return Decisions(
-            episode=np.full(len(rows), self._episode, dtype=np.int64),
-            time_s=columns[0],
-            state=columns[1].astype(np.int64),
-            action=columns[2].astype(np.int64),
-            next_state=columns[3].astype(np.int64),
-            source=source,
-        )
-
-
 def run_episode(
     world: "HallwayWorld",
     planner: LocalPlanner,
@@ -129,15 +92,13 @@ def run_episode(
     start_area: str = "train",
     timeout_s: float | None = None,
     observer: Observer | None = None,
-    waypoint_of: WaypointRule | None = None,
     guard: CommandFilter | None = None,
 ) -> EpisodeRecord:
     """Run one episode to its end; an observer that returns False aborts it.
 
-    timeout_s: simulated seconds, the scenario's when None. waypoint_of: from an action to the
-    waypoint, the centre of the next cell when None. guard: from the planner's command to the one
-    that reaches the robot and the observer; a guard of the world that relies on the people that the
-    planner relies on when None.
+    timeout_s: simulated seconds, the scenario's when None. guard: from the planner's command to the
+    one that reaches the robot and the observer; a guard of the world that relies on the people that
+    the planner relies on when None.
     """
     limit_s = world.scenario.episode_timeout_s if timeout_s is None else timeout_s
     if guard is None:
@@ -145,20 +106,14 @@ def run_episode(
     observation = world.reset(episode, start_area)
     planner.reset()
     driver.begin(episode)
-    log = DecisionLog(world.grid, episode)
+    epochs = epochs_in(world.scenario, world.grid)
     progress = EpisodeProgress(world.scenario, observation, limit_s)
     waypoint: Waypoint | None = None
-    action = Action.WAIT
     outcome: Ending | None = None
     while outcome is None:
-        if is_decision_tick(observation, world.scenario):
-            action = _action(driver, driver.decide(observation))
-            log.decide(observation, action)
-            waypoint = (
-                waypoint_of_intent(world.grid, observation, action)
-                if waypoint_of is None
-                else waypoint_of(observation, action)
-            )
+        if epochs.begins(observation):
+            epochs.take(observation.time_s, _action(driver, observation, epochs.state))
+            waypoint = waypoint_of_intent(world.grid, observation, epochs.action)
         wanted = planner.step(observation, waypoint)
         if not isinstance(wanted, Command):
             raise SimError(
@@ -166,13 +121,15 @@ def run_episode(
                 "; return STOP to stand"
             )
         command = guard(observation, wanted)
-        if observer is not None and observer(observation, command, action) is False:
+        if observer is not None and observer(observation, command, epochs.action) is False:
             outcome = "aborted"
         else:
             observation = world.step(command)
             outcome = progress.see(observation)
     if outcome != "aborted":
-        log.close(observation)
+        epochs.end(
+            observation.time_s, observation.x_m, observation.y_m, arrived=outcome == "arrived"
+        )
     return EpisodeRecord(
         episode=episode,
         seed=world.seed,
@@ -185,12 +142,16 @@ def run_episode(
         distance_m=progress.distance_m,
         contacts=world.contacts,
         minimum_person_distance_m=world.minimum_person_distance_m,
-        decisions=log.decisions(f"{driver.name} in {world.scenario.name}, seed {world.seed}"),
+        decisions=decisions_of(
+            {episode: epochs.ended},
+            f"{driver.name} in {world.scenario.name}, seed {world.seed}",
+        ),
     )
 
 
-def _action(driver: Driver, chosen: object) -> Action:
-    """What a driver decided; SimError where it is no action."""
+def _action(driver: Driver, observation: Observation, state: int) -> Action:
+    """What a driver decides; SimError where it is no action."""
+    chosen: object = driver.decide(observation, state)
     try:
         return Action(chosen)  # type: ignore[arg-type]  # of whatever a user's driver returns
     except ValueError:

@@ -82,12 +82,12 @@ def require_braking(robot: RobotSettings) -> None:
         )
 
 
-def require_timeout(timeout_s: float, decision_period_s: float) -> None:
-    """An episode must have time for a decision."""
-    if timeout_s < decision_period_s:
+def require_longer(name: str, time_s: float, control_period_s: float) -> None:
+    """Nothing ends within a control period."""
+    if time_s < control_period_s:
         raise ValueError(
-            f"episode_timeout_s must be at least decision_period_s ({decision_period_s:g} s), got "
-            f"{timeout_s:g} s; raise it"
+            f"{name} must be at least control_period_s ({control_period_s:g} s), got {time_s:g} s;"
+            " raise it"
         )
 
 

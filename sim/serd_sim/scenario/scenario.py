@@ -57,13 +57,14 @@ class Scenario(StrictModel):
         unit="m",
         ge=0,
     )
-    decision_period_s: float = setting(
-        2.0,
-        "time between decisions, a multiple of the control period, in which an unhindered robot"
-        " must reach the next cell",
+    patience_s: float = setting(
+        4.0,
+        "time after which a decision that leads to no other cell ends, with the outcome to stay;"
+        " more than an unhindered robot needs for a cell",
         unit="s",
-        ge=rules.LEAST_PERIOD_S,
+        gt=0,
     )
+    wait_s: float = setting(1.0, "length of a decision to wait", unit="s", gt=0)
     control_period_s: float = setting(
         0.05,
         f"time between commands, at most {rules.LONGEST_CONTROL_PERIOD_S:g} s; the robot must drive"
@@ -73,7 +74,7 @@ class Scenario(StrictModel):
     )
     episode_timeout_s: float = setting(
         420.0,
-        "simulated time after which an episode ends without arrival, at least a decision period",
+        "simulated time after which an episode ends without arrival",
         unit="s",
         gt=0,
     )
@@ -107,10 +108,8 @@ class Scenario(StrictModel):
         rules.require_finite_scale(self.model_dump())
         rules.require_control_period(self.control_period_s, self.robot)
         rules.require_braking(self.robot)
-        rules.require_whole_periods(
-            "decision_period_s", self.decision_period_s, self.control_period_s
-        )
-        rules.require_timeout(self.episode_timeout_s, self.decision_period_s)
+        for name in ("patience_s", "wait_s", "episode_timeout_s"):
+            rules.require_longer(name, getattr(self, name), self.control_period_s)
         rules.require_lidar(self.lidar, self.control_period_s)
         self.local_planner.require_within(self.robot, self.control_period_s)
         if "train" not in self.start_areas_m:
@@ -145,23 +144,18 @@ class Scenario(StrictModel):
             rules.require_outside_goal(name, area, self.goal_area_m, cells)
 
     @property
-    def period_remark(self) -> str:
-        """That the robot cannot reach the next cell within a decision period; else empty."""
+    def patience_remark(self) -> str:
+        """That the robot cannot cross a cell within the patience; else empty."""
         planned_mps = self.local_planner.max_vel_x
         speed_mps = self.robot.max_vel_x_mps if planned_mps is None else planned_mps
-        reach_m = speed_mps * self.decision_period_s
+        reach_m = speed_mps * self.patience_s
         if reach_m >= self.cell_size_m:
             return ""
         return (
-            f"at its full speed of {speed_mps:g} m/s the robot drives {reach_m:.3g} m in a decision"
-            f" period of {self.decision_period_s:g} s, less than a cell of {self.cell_size_m:g} m:"
-            " raise decision_period_s or the speed, or lower cell_size_m"
+            f"at its full speed of {speed_mps:g} m/s the robot drives {reach_m:.3g} m within"
+            f" patience_s = {self.patience_s:g} s, less than a cell of {self.cell_size_m:g} m:"
+            " raise patience_s or the speed, or lower cell_size_m"
         )
-
-    @property
-    def ticks_per_decision(self) -> int:
-        """Control periods in one decision period."""
-        return round(self.decision_period_s / self.control_period_s)
 
     @property
     def ticks_per_scan(self) -> int:

@@ -1,27 +1,38 @@
-"""The waypoint that a live planner follows, and when it stands since its source is silent.
+"""What a directive means to a planner, and when a live planner stands since its source is silent.
 
-A directive is an action (one cell on) or a waypoint, with the stamp of the observation it was made
-for. A waypoint may be far, so its source repeats it, and it is recent for 0.8 s. An action ends in
-the next cell; it is recent for 1.5 times the longest of the last pauses between actions, 0.8 s at
-least, and never beyond 1.5 decision periods. No directive is recent half a period before its
-stamp. Without a recent one the robot brakes.
+A directive is an action or a waypoint, with the stamp of the observation it was made for. It is
+recent for 0.8 s, within which its source repeats it. An action is so, too, for the patience of the
+scenario, until 0.3 s after the robot has entered another cell, where its source decides again: one
+message drives it one cell on. No directive is recent more than a second before its stamp. Without a
+recent one the robot brakes.
 """
 
 import math
-from collections import deque
 
-from serd_core.grid.grid import Action
+from serd_core.demonstrations.crossings import CellTracker
+from serd_core.grid.grid import Action, Grid
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.epochs import hysteresis_m
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
+from serd_sim.world.waypoint import Waypoint, action_towards, waypoint_of_intent
 
-_EARLY, _LATE = 0.5, 1.5
-_SHORTEST_S = 0.8
-#: Pauses between actions that count.
-_N_PAUSES = 4
+_RECENT_S, _EARLY_S, _HANDOVER_S = 0.8, 1.0, 0.3
 #: How often a source repeats its waypoint, s.
 REPEAT_PERIOD_S = 0.2
+
+
+def resolved(
+    grid: Grid, observation: Observation, directive: Action | Waypoint
+) -> tuple[Action, Waypoint | None]:
+    """The action that a directive means, and where it leads; None to stand.
+
+    A waypoint at the place of the robot means to wait.
+    """
+    if not isinstance(directive, Waypoint):
+        return directive, waypoint_of_intent(grid, observation, directive)
+    action = action_towards(directive, observation)
+    return action, None if action == Action.WAIT else directive
 
 
 class FollowedDirective:
@@ -29,24 +40,24 @@ class FollowedDirective:
 
     def __init__(self, scenario: Scenario) -> None:
         self._grid = grid_of(scenario)
-        self._period_s = scenario.decision_period_s
+        self._longest_s = max(scenario.patience_s, _RECENT_S)
+        self._cells = CellTracker(self._grid, hysteresis_m(self._grid))
         self.clear()
 
     def clear(self) -> None:
         """Discard directive and waypoint."""
         self._newest: tuple[float, Action | Waypoint] | None = None
-        self._pauses_s: deque[float] = deque(maxlen=_N_PAUSES)
         self._is_new, self._is_recent = False, True
         self.stand()
 
     def stand(self) -> None:
         """Discard the waypoint; the next directive gives another."""
         self._waypoint: Waypoint | None = None
+        self._until_s = math.inf
+        self._cells.reset()
 
     def take(self, time_s: float, directive: Action | Waypoint) -> None:
         """Follow a directive with this stamp from now on."""
-        if self._newest is not None and time_s > self._newest[0]:
-            self._pauses_s.append(time_s - self._newest[0])
         self._newest, self._is_new = (time_s, directive), True
 
     @property
@@ -60,32 +71,22 @@ class FollowedDirective:
         is_motion = self._newest is not None and self._newest[1] != Action.WAIT
         return is_motion and not self._is_recent
 
-    @property
-    def patience_s(self) -> float:
-        """How old (s) the newest directive may be."""
-        if self._newest is not None and isinstance(self._newest[1], Waypoint):
-            return _SHORTEST_S
-        longest_s = _LATE * self._period_s
-        usual_s = max(self._pauses_s, default=longest_s)
-        return min(max(_LATE * usual_s, _SHORTEST_S), longest_s)
-
     def age_s(self, observation: Observation) -> float:
         """Seconds since the stamp of the newest directive; infinite without one."""
         return math.inf if self._newest is None else observation.time_s - self._newest[0]
 
     def waypoint(self, observation: Observation) -> Waypoint | None:
         """Where to drive now, None to stand."""
+        entered = self._cells.see(observation.time_s, observation.x_m, observation.y_m)
         if self._newest is None:
             return None
+        given_s, directive = self._newest
         if self._is_new:
-            self._waypoint, self._is_new = self._resolve(observation, self._newest[1]), False
-        age_s = self.age_s(observation)
-        self._is_recent = -_EARLY * self._period_s <= age_s <= self.patience_s
+            is_action = not isinstance(directive, Waypoint)
+            self._waypoint = resolved(self._grid, observation, directive)[1]
+            self._until_s = given_s + (self._longest_s if is_action else _RECENT_S)
+            self._is_new = False
+        elif entered:
+            self._until_s = min(self._until_s, observation.time_s + _HANDOVER_S)
+        self._is_recent = given_s - _EARLY_S <= observation.time_s <= self._until_s
         return self._waypoint if self._is_recent else None
-
-    def _resolve(self, observation: Observation, directive: Action | Waypoint) -> Waypoint | None:
-        if isinstance(directive, Waypoint):
-            return directive
-        if directive == Action.WAIT:
-            return None
-        return waypoint_of_intent(self._grid, observation, directive)

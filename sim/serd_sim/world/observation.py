@@ -14,6 +14,8 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_sim.errors import SimError
 
 Pose = tuple[float, float, float]
+#: Simulated time (s) between the end of an episode and the next one.
+EPISODE_GAP_S = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,3 +109,9 @@ def make_observation(
 def _single_precision(values: ArrayLike) -> FloatArray:
     rounded = np.asarray(values, dtype=np.float32).astype(np.float64)
     return rounded.reshape(-1, 2)
+
+
+def is_next_episode(last: Observation, observation: Observation, control_period_s: float) -> bool:
+    """Whether an episode began in between; a live clock may skip a few ticks."""
+    n_ticks = round(0.5 * EPISODE_GAP_S / control_period_s)
+    return not 0 <= observation.tick - last.tick <= n_ticks

@@ -1,15 +1,20 @@
-"""Waypoints, the decision clock, and the waypoint of each decision on the grid."""
+"""Waypoints, and the waypoint of each decision on the grid."""
 
 import math
 from dataclasses import dataclass
 
-from serd_core.grid.grid import Action, Grid
+import numpy as np
+
+from serd_core.grid.grid import Action, Grid, action_of_direction
 from serd_sim.errors import SimError
-from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 
 #: A waypoint this near (m) gives no direction.
 _THERE_M = 0.05
+#: One this near (m) is the place of the robot itself, after its way through a message.
+_HERE_M = 1e-3
+#: How far (m) the waypoint of an intent lies beyond the next cell, at least.
+_BEYOND_M = 1.0
 #: Squares of distances to one that is farther (m) overflow.
 _FARTHEST_M = 1e100
 
@@ -29,36 +34,6 @@ class Waypoint:
             )
 
 
-def is_decision_tick(observation: Observation, scenario: Scenario) -> bool:
-    """Whether a decision period begins at this observation."""
-    return observation.tick % scenario.ticks_per_decision == 0
-
-
-class DecisionClock:
-    """The decision periods of a drive: each begins at the first observation in it.
-
-    So observations of any rate and phase decide once in each period.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._ticks = scenario.ticks_per_decision
-        self.begin()
-
-    def begin(self, start_tick: int | None = None) -> None:
-        """Count periods from a tick on, None for that of the next observation."""
-        self._start = start_tick
-        self._begun = -1, -1
-
-    def begins(self, observation: Observation) -> bool:
-        """Whether a period begins at this observation, or began at it when it came before."""
-        if self._start is None:
-            self._start = observation.tick
-        period = (observation.tick - self._start) // self._ticks
-        if period > self._begun[0]:
-            self._begun = period, observation.tick
-        return observation.tick == self._begun[1]
-
-
 def heading_to(waypoint: Waypoint, observation: Observation) -> float:
     """Direction (rad) of the way to a waypoint; the robot's own where it has arrived there."""
     east_m, north_m = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
@@ -73,12 +48,28 @@ def waypoint_of_cell(grid: Grid, state: int) -> Waypoint:
     return Waypoint(x_m=float(x_m), y_m=float(y_m))
 
 
-def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> Waypoint:
-    """Centre of the neighbouring cell in the chosen direction; where the robot is, to wait.
+def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> Waypoint | None:
+    """Where a robot drives that is to go on in a direction; None to wait.
 
-    Towards a wall it is the centre of the robot's own cell.
+    The centre of a cell straight ahead, at least a metre beyond the next one, or of the last one
+    before a wall: a robot that is to drive on does not brake for the next cell. Off the grid the
+    way begins at the nearest cell.
     """
-    here = grid.state_at(observation.x_m, observation.y_m)
-    if action == Action.WAIT or here < 0:
-        return Waypoint(x_m=observation.x_m, y_m=observation.y_m)
-    return waypoint_of_cell(grid, int(grid.neighbours[here, action]))
+    if action == Action.WAIT:
+        return None
+    x_m, y_m = observation.x_m, observation.y_m
+    here = grid.state_at(x_m, y_m)
+    if here < 0:
+        here = int(np.argmin(np.hypot(*(grid.centers_m - (x_m, y_m)).T)))
+    for _ in range(1 + math.ceil(_BEYOND_M / grid.cell_size_m)):
+        here = int(grid.neighbours[here, action])
+    return waypoint_of_cell(grid, here)
+
+
+def action_towards(waypoint: Waypoint, observation: Observation) -> Action:
+    """The direction in which a waypoint lies, WAIT where it is the place of the robot."""
+    east_m, north_m = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+    away_m = math.hypot(east_m, north_m)
+    if away_m <= _HERE_M:
+        return Action.WAIT
+    return action_of_direction(east_m / away_m, north_m / away_m)

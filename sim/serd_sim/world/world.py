@@ -1,8 +1,8 @@
 """The hallway world: people, robot, lidar and clock, advanced one control period at a time.
 
 What happens in an episode depends on the scenario, the seed, the episode number and the start area
-only. Time runs on from episode to episode; an episode starts at a whole decision period after a gap
-by which observations of it are distinguished from those of the last.
+only. Time runs on from episode to episode; an episode starts after a gap by which observations of
+it are distinguished from those of the last.
 """
 
 import math
@@ -29,7 +29,7 @@ from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.rules import START_SPREAD
 from serd_sim.scenario.scenario import Scenario, scenario_digest
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.observation import Observation, make_observation
+from serd_sim.world.observation import EPISODE_GAP_S, Observation, make_observation
 from serd_sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 
 #: Attributes of a world that change, beside its robot.
@@ -95,8 +95,11 @@ class HallwayWorld:
         """Begin an episode after a gap in time: new people, warmed up, and the robot standing at a
         random start."""
         if self._crowd is not None:
-            per_decision = self.scenario.ticks_per_decision
-            self.tick = (self.tick // per_decision + 2) * per_decision
+            # A multiple of the period of scans: they come at the same times of every episode,
+            # however long the world went on after the last one.
+            per_scan = self.scenario.ticks_per_scan
+            earliest = self.tick + round(EPISODE_GAP_S / self.scenario.control_period_s)
+            self.tick = math.ceil(earliest / per_scan) * per_scan
         self._episode, self._first_tick = episode, self.tick
         start = standing_at(self._draw_start(self._rng(START), start_area))
         self._robot.place(start)

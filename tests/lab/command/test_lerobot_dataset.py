@@ -14,7 +14,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 
 def drive(**changes):
-    """10 s north at 1 m/s: decisions at 0, 2 and 4 s, then at 8 s; a discarded episode follows."""
+    """10 s north at 1 m/s: commands at 0, 2 and 4 s, then at 8 s; a discarded episode follows."""
     time_s = np.arange(0.0, 16.01, 0.1)
     values = {
         "pose_time_s": time_s,
@@ -32,7 +32,7 @@ def dataset(tmp_path):
     return tmp_path / "set"
 
 
-def test_every_frame_has_the_place_and_the_decision_in_force(dataset):
+def test_every_frame_has_the_place_and_the_command_in_force(dataset):
     table = parquet.read_table(dataset / "data/chunk-000/file-000.parquet")
     frames = table.to_pydict()
     assert len(frames["index"]) == 2 * (60 + 10)
@@ -48,6 +48,12 @@ def test_every_frame_has_the_place_and_the_decision_in_force(dataset):
     assert kinds["timestamp"] == "float"
     assert kinds["episode_index"] == "int64"
     assert "float" in kinds["observation.state"]
+
+
+def test_a_source_says_how_long_its_commands_are_in_force(tmp_path):
+    assert save_lerobot(tmp_path / "set", [drive(intent_hold_s=4.0)], 2.0) == 1
+    frames = parquet.read_table(tmp_path / "set/data/chunk-000/file-000.parquet").to_pydict()
+    assert len(frames["index"]) == 90
 
 
 def test_the_description_names_every_column_and_episode(dataset):

@@ -13,13 +13,22 @@ from serd_app.demonstrations.decision_table import (
 )
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 
 
 def table(episodes, source="bag"):
     """Decisions of those episodes, one each, distinguished by their state."""
     numbers = np.array(sorted(episodes), dtype=np.int64)
-    return Decisions(numbers, numbers * 1.0, numbers, numbers * 0, numbers, source)
+    return TimedDecisions(
+        numbers,
+        numbers * 1.0,
+        numbers,
+        numbers * 0,
+        numbers,
+        source,
+        dwell_s=np.ones(len(numbers)),
+        censored=np.zeros(len(numbers), dtype=bool),
+    )
 
 
 def test_later_tables_number_on():
@@ -59,16 +68,26 @@ def test_tables_that_keep_their_numbers_are_concatenated_in_order():
 
 @given(
     st.lists(
-        st.tuples(*[st.integers(0, 999)] * 4, st.floats(-1e9, 1e9, allow_nan=False)), max_size=6
+        st.tuples(
+            *[st.integers(0, 999)] * 4,
+            st.floats(-1e9, 1e9, allow_nan=False),
+            st.floats(1e-9, 1e9),
+            st.booleans(),
+        ),
+        max_size=6,
     )
 )
 def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("table") / "decisions.csv"
-    episode, state, action, following, time_s = zip(*rows, strict=True) if rows else [[]] * 5
-    decisions = Decisions(episode, time_s, state, action, following, source='a, "b"')
+    columns = zip(*rows, strict=True) if rows else [[]] * 7
+    episode, state, action, following, time_s, dwell_s, censored = map(np.array, columns)
+    reached = np.where(censored, state, following) if rows else following
+    decisions = TimedDecisions(
+        episode, time_s, state, action, reached, 'a, "b"', dwell_s=dwell_s, censored=censored
+    )
     save_decisions(path, decisions)
     loaded = load_decisions(path)
-    for name in ("episode", "time_s", "state", "action", "next_state"):
+    for name in TIMED_COLUMNS:
         assert np.array_equal(getattr(loaded, name), getattr(decisions, name))
     assert loaded.source == (decisions.source if rows else "")
 
@@ -76,14 +95,20 @@ def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "must have the columns episode, time_s, state, action, next_state, source, got none"),
-        ("HEAD\n1,2.0,3.5,4,5,s\n", "line 2, state must be a whole number, got '3.5'"),
-        ("HEAD\n1,2.0,-3,4,5,s\n", r"state\[0\] must not be negative, got -3"),
-        ("HEAD\n1,nan,3,4,5,s\n", "time_s"),
+        ("", "must have the columns episode, time_s, state, action, next_state, .* got none"),
+        ("HEAD\n1,2.0,3.5,4,5,1.0,0,s\n", "line 2, state must be a whole number, got '3.5'"),
+        ("HEAD\n1,2.0,-3,4,5,1.0,0,s\n", r"state\[0\] must not be negative, got -3"),
+        ("HEAD\n1,nan,3,4,5,1.0,0,s\n", "time_s"),
+        ("HEAD\n1,2.0,3,4,5,0.0,0,s\n", r"dwell_s\[0\] must be above 0, got 0.0"),
+        ("HEAD\n1,2.0,3,4,5,1.0,2,s\n", "censored must hold booleans"),
+        (
+            "episode,time_s,state,action,next_state,source\n1,2.0,3,4,5,s\n",
+            "must have the columns dwell_s and censored, .*; run 'serd demos' again",
+        ),
     ],
 )
 def test_a_wrong_table_gets_a_sentence(tmp_path, text, sentence):
     path = tmp_path / "decisions.csv"
-    path.write_text(text.replace("HEAD", "episode,time_s,state,action,next_state,source"))
+    path.write_text(text.replace("HEAD", ",".join((*TIMED_COLUMNS, "source"))))
     with pytest.raises(FileError, match=sentence):
         load_decisions(path)

@@ -8,33 +8,38 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_app.demonstrations import discretise
-from serd_app.demonstrations.demonstrations import (
-    demonstrations_of_bag,
-)
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import (
+    LOST,
+    NO_COMMAND,
     OFF_GRID,
     REPEATED,
-    UNEXPLAINED,
     DiscretisationReport,
     decisions_from_drive,
     joined_reports,
 )
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive
+from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE, RecordedDrive
 from serd_app.drives.sessions import Session, read_drives
 from serd_bag.errors import BagError
 from serd_bag.writer import BagWriter
+from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, Grid
+from serd_sim.episodes.episode import run_episode
+from serd_sim.planning.catalogue import make_planner
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.world import HallwayWorld
 from support.bag_messages import OWN_TOPICS, write_bag
 
-PERIOD_S = 2.0
+PATIENCE_S, WAIT_S = 4.0, 1.0
 GRID = Grid((0.0, 0.0), 1.0, np.array([[1, 1, 1, 1], [1, 1, 0, 1], [1, 1, 1, 1]], dtype=bool))
+EAST, NORTH, WEST, WAIT = (int(each) for each in (Action.EAST, Action.NORTH, Action.WEST, 0))
 
 
-def drive(places, intents, end_s=None, outcome="arrived"):
+def drive(places, intents, end_s=None, outcome="arrived", step_s=0.05, **values):
     """A drive through `places` (x, y), one per second, with intents (time, action)."""
     time_s = np.arange(len(places), dtype=float)
-    fine_s = np.arange(0.0, time_s[-1] + 1e-9, 0.25)
+    fine_s = np.linspace(0.0, time_s[-1], round(time_s[-1] / step_s) + 1)
     x, y = np.array(places, dtype=float).T
     return RecordedDrive(
         pose_time_s=fine_s,
@@ -43,81 +48,122 @@ def drive(places, intents, end_s=None, outcome="arrived"):
         intent_action=np.array([int(action) for _, action in intents], dtype=np.int64),
         episodes=(EpisodeSpan(3, 0.0, time_s[-1] if end_s is None else end_s, outcome),),
         source="hand",
+        **values,
     )
 
 
-def report_of(n_decisions, n_episodes, n_diagonal, n_far, dropped=(), *others, **counts):
-    """others: the counts from `n_bad_poses` on."""
-    counts |= zip(list(DiscretisationReport.model_fields)[5:], others, strict=False)
-    return DiscretisationReport(
-        n_decisions=n_decisions, n_episodes=n_episodes, n_diagonal=n_diagonal, n_far=n_far,
-        dropped=dict(dropped), **counts,
-    )  # fmt: skip
+def east(n_seconds, intents, **values):
+    """One metre each second from the centre of the cell in the lower left."""
+    return drive([(0.5 + second, 0.5) for second in range(n_seconds + 1)], intents, **values)
 
 
-def faults(report):
-    """(diagonal, far, unexplained, all) moves."""
-    return report.n_diagonal, report.n_far, report.dropped.get(UNEXPLAINED, 0), report.n_moves
+def still(n_seconds, intents, **values):
+    return drive([(0.5, 0.5)] * (n_seconds + 1), intents, **values)
 
 
-def only(recorded, grid=GRID):
-    """(state, action, next state) of the one decision, and the report."""
-    decisions, report = decisions_from_drive(recorded, grid, PERIOD_S)
-    assert len(decisions) == 1
-    row = decisions.state[0], decisions.action[0], decisions.next_state[0]
-    return tuple(int(each) for each in row), report
+def found(recorded, grid=GRID, **options):
+    return decisions_from_drive(recorded, grid, PATIENCE_S, WAIT_S, **options)
 
 
-@pytest.mark.parametrize(
-    ("start_m", "end_m", "next_m", "diagonal", "far"),
-    [
-        ((0.5, 0.5), (0.5, 0.5), (0.5, 0.5), 0, 0),
-        ((0.5, 0.5), (0.9, 0.1), (0.5, 0.5), 0, 0),
-        ((0.5, 0.5), (1.5, 0.5), (1.5, 0.5), 0, 0),
-        ((0.5, 0.5), (0.5, 1.5), (0.5, 1.5), 0, 0),
-        ((0.5, 0.5), (1.9, 1.4), (1.5, 0.5), 1, 0),  # farther east than north
-        ((0.5, 0.5), (1.2, 1.9), (0.5, 1.5), 1, 0),  # farther north than east
-        ((1.5, 1.5), (2.8, 2.1), (1.5, 2.5), 1, 0),  # farther east, but that cell is a wall
-        ((0.5, 0.5), (2.6, 0.5), (1.5, 0.5), 0, 1),
-        ((0.5, 0.5), (3.5, 2.5), (1.5, 0.5), 0, 1),
-        ((3.5, 2.5), (0.9, 2.2), (2.5, 2.5), 0, 1),
-    ],
-)
-def test_the_next_state_is_the_cell_a_period_later_or_the_neighbour_of_the_larger_displacement(
-    start_m, end_m, next_m, diagonal, far
-):
-    recorded = drive([start_m, start_m, end_m, (3.5, 2.5)], [(0.0, Action.NORTH)])
-    row, report = only(recorded)
-    assert row == (GRID.state_at(*start_m), Action.NORTH, GRID.state_at(*next_m))
-    assert faults(report) == (diagonal, far, 0, 1)
-    assert (report.fault_share, report.dropped) == (diagonal + far, {})
+def rows(decisions):
+    """(time, state, action, next state, dwell time, censored) of each."""
+    columns = (decisions.time_s.round(6), decisions.state, decisions.action, decisions.next_state)
+    more = decisions.dwell_s.round(6), decisions.censored
+    return list(zip(*(each.tolist() for each in (*columns, *more)), strict=True))
 
 
-def test_the_decision_that_arrives_ends_at_the_arrival_and_nothing_follows():
-    places = [(0.5, 0.5), (1.0, 0.5), (1.5, 0.5), (2.5, 0.5), (3.5, 0.5)]
-    intents = [(0.0, 2), (2.0, 2), (4.0, 2)]
-    decisions, report = decisions_from_drive(drive(places, intents, end_s=3.0), GRID, PERIOD_S)
-    assert decisions.time_s.tolist() == [0.0, 2.0]
-    assert decisions.next_state.tolist() == [1, 2]
+def test_each_cell_that_is_entered_ends_a_decision_with_its_outcome_and_time():
+    """A cell is entered a tenth of it beyond its border."""
+    decisions, report = found(east(3, [(0.0, EAST)], outcome="saved"))
+    assert rows(decisions) == [
+        (0.0, 0, EAST, 1, 0.6, False),
+        (0.6, 1, EAST, 2, 1.0, False),
+        (1.6, 2, EAST, 3, 1.0, False),
+        (2.6, 3, EAST, 3, 0.4, True),
+    ]
     assert set(decisions.episode) == {3}
-    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+    assert report == DiscretisationReport(n_decisions=4, n_censored=1, n_episodes=1)
 
 
-@pytest.mark.parametrize("outcome", ["timeout", "aborted", "cut_off"])
-def test_a_decision_cut_short_without_arrival_is_dropped(outcome):
-    places = [(0.5, 0.5), (1.0, 0.5), (1.5, 0.5), (2.5, 0.5)]
-    recorded = drive(places, [(0.0, 2), (2.0, 2)], outcome=outcome)
-    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
-    assert decisions.time_s.tolist() == [0.0]
-    assert report.dropped == {discretise.CUT_SHORT: 1}
+@pytest.mark.parametrize("step_s", [0.05, 0.25, 0.4])
+def test_decisions_do_not_depend_on_how_often_poses_come(step_s):
+    recorded = east(2, [(0.0, EAST)], step_s=step_s)
+    np.testing.assert_allclose(found(recorded)[0].dwell_s[:2], [0.6, 1.0], atol=1e-9)
+    waiting = still(2, [(0.0, WAIT)], step_s=step_s)
+    np.testing.assert_allclose(found(waiting)[0].dwell_s[0], WAIT_S, atol=0.2)
 
 
-def test_of_intents_within_a_period_the_first_counts():
-    places = [(0.5, 0.5)] * 5
-    intents = [(0.0, 1), (0.5, 2), (1.9, 2), (2.0, 3), (3.0, 1)]
-    decisions, report = decisions_from_drive(drive(places, intents), GRID, PERIOD_S)
-    assert decisions.action.tolist() == [1, 3]
-    assert report.dropped == {discretise.WITHIN_PERIOD: 3}
+def test_a_decision_that_leads_nowhere_ends_after_the_patience_and_a_wait_earlier():
+    decisions, _ = found(still(10, [(0.0, EAST), (4.0, EAST), (8.0, WAIT)], outcome="timeout"))
+    assert rows(decisions) == [
+        (0.0, 0, EAST, 0, 4.0, False),
+        (4.0, 0, EAST, 0, 4.0, False),
+        (8.0, 0, WAIT, 0, 1.0, False),
+        (9.0, 0, WAIT, 0, 1.0, False),
+    ]
+
+
+def test_what_another_command_ends_is_censored_when_that_was_given():
+    """Blocked on its way east, the driver turns north: east did not lead north."""
+    places = [(0.5, 0.5), (0.8, 0.5), (0.8, 0.5), (0.8, 1.5), (0.8, 1.5)]
+    decisions, report = found(drive(places, [(0.0, EAST), (2.0, NORTH)], outcome="saved"))
+    assert rows(decisions)[:2] == [
+        (0.0, 0, EAST, 0, 2.0, True),
+        (2.0, 0, NORTH, int(GRID.state_at(0.5, 1.5)), 0.6, False),
+    ]
+    assert report.n_censored == 2
+
+
+@pytest.mark.parametrize(("until_s", "is_another"), [(1.2, False), (1.4, True)])
+def test_a_command_counts_once_it_has_been_given_for_a_while(until_s, is_another):
+    intents = [(0.0, EAST), (1.0, NORTH), (until_s, EAST)]
+    decisions, _ = found(still(3, intents, outcome="saved"))
+    assert (NORTH in decisions.action) == is_another
+    assert decisions.censored.tolist() == [True] * (3 if is_another else 1)
+
+
+def test_a_cell_that_is_entered_before_the_new_command_counts_is_the_old_ones():
+    decisions, _ = found(east(2, [(0.0, EAST), (0.5, NORTH)], outcome="saved"))
+    assert rows(decisions)[0] == (0.0, 0, EAST, 1, 0.6, False)
+    assert decisions.action.tolist() == [EAST, NORTH, NORTH]
+
+
+def test_a_fast_way_across_a_corner_is_two_moves():
+    decisions, _ = found(drive([(0.5, 0.5), (1.5, 1.4)], [(0.0, EAST)], outcome="saved"))
+    ways = list(zip(decisions.state.tolist(), decisions.next_state.tolist(), strict=True))[:2]
+    assert ways == [(0, 1), (1, GRID.state_at(1.5, 1.5))]
+    exact, _ = found(drive([(0.5, 0.5), (1.5, 1.5)], [(0.0, EAST)], outcome="saved"))
+    assert len(np.unique(exact.time_s)) == len(exact)
+    assert exact.dwell_s.min() > 0
+
+
+def test_an_arrival_less_far_in_the_cell_than_a_border_needs_is_an_outcome():
+    decisions, _ = found(drive([(0.5, 0.5), (1.05, 0.5)], [(0.0, EAST)]))
+    assert rows(decisions) == [(0.0, 0, EAST, 1, 1.0, False)]
+    late, _ = found(drive([(0.5, 0.5), (1.05, 0.5)], [(0.0, EAST)], outcome="timeout"))
+    assert rows(late) == [(0.0, 0, EAST, 0, 1.0, True)]
+
+
+def test_without_a_command_nothing_is_decided():
+    """An intent is in force for the patience; the decision of the cell entered then is cut off."""
+    places = [(0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (1.3, 0.5), *[(1.3, 0.5)] * 8]
+    decisions, report = found(drive(places, [(1.0, EAST), (9.0, WAIT)], outcome="saved"))
+    assert rows(decisions)[:2] == [(1.0, 0, EAST, 1, 2.75, False), (3.75, 1, EAST, 1, 1.25, True)]
+    assert decisions.action.tolist()[2:] == [WAIT] * 3
+    assert report.dropped == {NO_COMMAND: 2}
+
+
+def test_a_command_ends_where_silence_is_stated():
+    recorded = still(3, [(0.0, EAST), (1.0, SILENCE), (2.0, EAST)], intent_hold_s=np.inf)
+    decisions, report = found(recorded)
+    assert rows(decisions) == [(0.0, 0, EAST, 0, 1.0, True), (2.0, 0, EAST, 0, 1.0, True)]
+    assert report.dropped == {NO_COMMAND: 1}
+
+
+def test_hidden_actions_are_decisions_at_every_cell():
+    decisions, _ = found(east(2, [(0.0, HIDDEN)], outcome="saved", intent_hold_s=np.inf))
+    assert decisions.hidden.all()
+    assert decisions.next_state.tolist() == [1, 2, 2]
 
 
 @pytest.mark.parametrize(
@@ -125,47 +171,142 @@ def test_of_intents_within_a_period_the_first_counts():
     [("discarded", discretise.IN_DISCARDED), ("return", discretise.ON_WAY_BACK)],
 )
 def test_a_discarded_episode_and_a_way_back_give_nothing(outcome, reason):
-    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome=outcome)
-    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    decisions, report = found(still(4, [(0.0, 1), (2.0, 1)], outcome=outcome))
     assert len(decisions) == 0
     assert report.dropped == {reason: 2}
 
 
-def test_walls_outside_and_gaps_are_dropped_with_their_reason():
-    off = drive([(2.5, 1.5), (2.5, 1.5), (2.5, 2.5)], [(0.0, 1)])
-    assert decisions_from_drive(off, GRID, PERIOD_S)[1].dropped == {discretise.OFF_GRID: 1}
-    left = drive([(0.5, 0.5), (0.5, 0.5), (-0.5, 0.5)], [(0.0, 1)])
-    assert decisions_from_drive(left, GRID, PERIOD_S)[1].dropped == {discretise.OFF_GRID: 1}
-    whole = drive([(0.5, 0.5)] * 4, [(0.1, 1)])
-    kept = (whole.pose_time_s < 2.0) | (whole.pose_time_s > 2.6)
-    gap = dataclasses.replace(
-        whole, pose_time_s=whole.pose_time_s[kept], position_m=whole.position_m[kept]
+def test_decisions_off_the_grid_are_dropped_with_the_reason():
+    off = drive([(2.5, 1.5), (2.5, 1.5), (2.5, 2.5)], [(0.0, NORTH)], outcome="saved")
+    decisions, report = found(off)
+    assert decisions.state.tolist() == [GRID.state_at(2.5, 2.5)]
+    assert report.dropped == {OFF_GRID: 1}
+    left = drive([(0.5, 0.5), (0.5, 0.5), (-0.5, 0.5)], [(0.0, WEST)], outcome="saved")
+    assert found(left)[1].dropped == {OFF_GRID: 2}
+
+
+def with_gap(recorded, from_s, until_s):
+    kept = (recorded.pose_time_s <= from_s) | (recorded.pose_time_s >= until_s)
+    return dataclasses.replace(
+        recorded,
+        pose_time_s=recorded.pose_time_s[kept],
+        position_m=recorded.position_m[kept],
     )
-    assert decisions_from_drive(gap, GRID, PERIOD_S)[1].dropped == {discretise.NO_POSE: 1}
+
+
+def test_a_gap_of_poses_loses_the_decision_and_is_a_fault():
+    whole = east(3, [(0.0, EAST)], outcome="saved")
+    decisions, report = found(with_gap(whole, 0.9, 2.1))
+    assert rows(decisions) == [
+        (0.0, 0, EAST, 1, 0.6, False),
+        (2.1, 2, EAST, 3, 0.5, False),
+        (2.6, 3, EAST, 3, 0.4, True),
+    ]
+    assert (report.dropped, report.fault_share) == ({LOST: 1}, 0.25)
+    assert report.faults == "25.0 % of 4 decisions are lost as poses are missing or beyond walls"
+    assert found(with_gap(whole, 0.9, 1.2))[1].fault_share == 0.0
+    unseen = found(with_gap(whole, 2.3, 9.0))
+    assert (unseen[0].time_s.round(6).tolist(), unseen[1].dropped) == ([0.0, 0.6], {LOST: 1})
+
+
+def test_a_leap_through_a_wall_is_no_outcome_and_the_way_goes_on_there():
+    places = [(1.5, 1.5), (1.5, 1.5), (3.5, 1.5), (3.5, 2.5)]
+    recorded = drive(places, [(0.0, NORTH)], outcome="saved")
+    decisions, _ = found(with_gap(recorded, 1.05, 1.45))
+    assert decisions.state.tolist()[:2] == [GRID.state_at(1.5, 1.5), GRID.state_at(3.5, 1.5)]
+    assert decisions.censored.tolist()[:2] == [True, False]
+
+
+def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
+    """From a cell beyond it on; before, the place is taken for one that was measured wrongly."""
+    leaving = [
+        (1.5, 1.5),
+        (1.5, 2.5),
+        (1.5, 3.3),
+        (1.5, 3.9),
+        *[(1.5, 4.5 + row) for row in range(9)],
+    ]
+    decisions, report = found(drive(leaving, [(0.0, HIDDEN)], intent_hold_s=np.inf))
+    assert len(decisions) == 1
+    assert report.dropped == {LOST: 1, OFF_GRID: 3}
 
 
 def test_a_drive_without_poses_or_episodes_gives_nothing():
     empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
-    decisions, report = decisions_from_drive(empty, GRID, PERIOD_S)
+    decisions, report = found(empty)
     assert len(decisions) == 0
     assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+    spans = (EpisodeSpan(0, 0.0, 2.0, "cut_off"),)
+    assert len(found(dataclasses.replace(empty, episodes=spans))[0]) == 0
 
 
 @settings(max_examples=150, deadline=None)
 @given(
     places=st.lists(st.tuples(st.floats(-0.4, 4.4), st.floats(-0.4, 3.4)), min_size=2, max_size=9),
-    intents=st.lists(st.tuples(st.floats(-1, 10), st.integers(0, 4)), max_size=12, unique=True),
+    intents=st.lists(st.tuples(st.floats(-1, 10), st.integers(-2, 4)), max_size=12, unique=True),
     outcome=st.sampled_from(["arrived", "timeout", "discarded"]),
+    step_s=st.sampled_from([0.05, 0.25]),
 )
-def test_every_intent_is_counted_and_every_decision_fits_the_mdp(places, intents, outcome):
-    recorded = drive(places, sorted(intents), outcome=outcome)
-    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
-    assert report.n_intents == len(intents)
+def test_every_decision_fits_the_mdp_and_none_overlaps_the_next(places, intents, outcome, step_s):
+    recorded = drive(places, sorted(intents), outcome=outcome, step_s=step_s)
+    decisions, report = found(recorded)
     assert report.n_decisions == len(decisions)
+    assert report.n_censored == decisions.censored.sum()
     for state, following in zip(decisions.state, decisions.next_state, strict=True):
         assert following == state or following in GRID.neighbours[state]
-    assert np.all(np.diff(decisions.time_s) >= PERIOD_S - 1e-5)
-    assert report.n_diagonal + report.n_far <= report.n_decisions
+    ends_s = decisions.time_s + decisions.dwell_s
+    assert np.all(ends_s[:-1] <= decisions.time_s[1:] + 0.021)
+    assert np.all(np.diff(decisions.time_s) > 0)
+    assert np.all(decisions.dwell_s <= PATIENCE_S + 0.25)
+    assert SILENCE not in decisions.action
+
+
+def test_a_recorded_episode_gives_the_decisions_that_its_driver_took():
+    """Of 0.05 s between poses, through the people of the hallway."""
+    scenario = load_scenario("hallway")
+    seen = []
+
+    class Recorder:
+        name = "recorder"
+
+        def begin(self, episode):
+            self.rng = np.random.default_rng(episode)
+
+        def decide(self, observation, _):
+            action = Action(int(self.rng.choice(5, p=[0.1, 0.6, 0.1, 0.1, 0.1])))
+            seen.append((observation.time_s, int(action)))
+            return action
+
+    poses = []
+
+    class Recording(HallwayWorld):
+        def reset(self, *arguments):
+            poses.append(super().reset(*arguments))
+            return poses[-1]
+
+        def step(self, command):
+            poses.append(super().step(command))
+            return poses[-1]
+
+    world = Recording(scenario, seed=3)
+    planner = make_planner("dwa", scenario)
+    record = run_episode(world, planner, Recorder(), episode=0, timeout_s=60.0)
+    track = np.array([(each.time_s, each.x_m, each.y_m) for each in poses])
+    intents = np.array(seen)
+    recorded = RecordedDrive(
+        track[:, 0],
+        track[:, 1:],
+        intents[:, 0],
+        intents[:, 1].astype(np.int64),
+        (EpisodeSpan(0, track[0, 0], track[-1, 0], record.outcome),),
+    )
+    decisions, report = decisions_from_drive(
+        recorded, world.grid, scenario.patience_s, scenario.wait_s
+    )
+    assert len(decisions) > 15
+    for name, column in record.decisions.columns().items():
+        np.testing.assert_array_equal(getattr(decisions, name), column, err_msg=name)
+    assert report.dropped == {}
 
 
 @pytest.fixture
@@ -186,24 +327,23 @@ def recorded_bag(tmp_path, messages):
 
 def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     recorded_bag.close()
-    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
-    decisions = found.decisions
-    assert decisions.time_s.tolist() == [100.0, 102.0, 104.0]
-    assert decisions.state.tolist() == [0, 1, 2]
-    assert decisions.next_state.tolist() == [1, 2, 3]
+    gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
+    decisions = gathered.decisions
+    np.testing.assert_allclose(decisions.time_s, [100.0, 101.2, 103.2, 105.2], atol=1e-6)
+    assert decisions.state.tolist() == [0, 1, 2, 3]
+    assert decisions.next_state.tolist() == [1, 2, 3, 3]
     assert decisions.source == f"bag {recorded_bag.directory}"
     assert str(report) == (
-        "3 decisions in 1 episodes; assigned to a neighbour: 0 diagonal and 0 far moves;"
-        " dropped: 1 outside any episode"
+        "4 decisions in 1 episodes, 1 of them without outcome; dropped: 1 outside any episode"
     )
 
 
 def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
     with pytest.raises(BagError, match="must hold the topic 'episode', it holds /intent, /robot_p"):
-        demonstrations_of_bag(small_bag(), GRID, PERIOD_S)
+        demonstrations_of_bag(small_bag(), GRID, PATIENCE_S, WAIT_S)
     empty = write_bag(tmp_path / "empty", OWN_TOPICS, ())
     with pytest.raises(BagError, match="holds no decision to learn from: 0 decisions"):
-        demonstrations_of_bag(empty, GRID, PERIOD_S)
+        demonstrations_of_bag(empty, GRID, PATIENCE_S, WAIT_S)
 
 
 def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(recorded_bag):
@@ -227,14 +367,13 @@ def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
 ):
     recorded_bag.flush()
     (before,) = read_drives(recorded_bag.directory, tolerant=True)
-    sound, _ = decisions_from_drive(before, GRID, PERIOD_S)
+    sound, _ = found(before)
     recorded_bag.write("/robot_pose", messages.pose(105.95, bad, 0.0), 100)
     recorded_bag.write("/robot_pose", messages.pose(107.0, 0.5, bad), 101)
     recorded_bag.write("/intent", messages.intent(106.05, bad, 0.0), 102)
     recorded_bag.close()
-    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
-    decisions = found.decisions
-    assert np.array_equal(decisions.next_state, sound.next_state)
+    gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
+    assert rows(gathered.decisions) == rows(sound)
     assert (report.n_bad_poses, report.dropped[NOT_FINITE]) == (2, 1)
     assert str(report).endswith("; 2 poses not finite")
 
@@ -247,105 +386,54 @@ def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
         session.drive()
 
 
-def test_faults_of_several_recordings_are_added_and_their_share_has_a_sentence():
-    both = joined_reports([report_of(19, 1, 1, 2, {UNEXPLAINED: 1}), report_of(30, 1, 0, 0)])
-    assert both.fault_share == 4 / 50
-    assert both.faults.startswith("8.0 % of 50 moves are no outcome of the grid (1 diagonal")
-    assert report_of(0, 0, 0, 0).fault_share == 0.0
-    assert faults(report_of(9, 1, 0, 0, {UNEXPLAINED: 1, OFF_GRID: 5})) == (0, 0, 1, 10)
+def report_of(*counts):
+    """Decisions, censored ones and episodes; dropped; the other counts in their order."""
+    return DiscretisationReport(**dict(zip(DiscretisationReport.model_fields, counts, strict=True)))
 
 
 def test_reports_of_several_drives_are_added_count_by_count():
-    one = report_of(9, 1, 2, 3, {OFF_GRID: 5}, 1, 2, 3, 4)
-    other = report_of(1, 2, 1, 1, {OFF_GRID: 1, UNEXPLAINED: 7}, 10, 20, 30, 40)
-    both = report_of(10, 3, 3, 4, {OFF_GRID: 6, UNEXPLAINED: 7}, 11, 22, 33, 44)
+    one = report_of(9, 4, 1, {OFF_GRID: 5}, 1, 2, 3, 4)
+    other = report_of(1, 1, 2, {OFF_GRID: 1, LOST: 7}, 10, 20, 30, 40)
+    both = report_of(10, 5, 3, {OFF_GRID: 6, LOST: 7}, 11, 22, 33, 44)
     assert joined_reports([one, other]) == both
+    assert (both.n_dropped, both.n_taken, both.fault_share) == (13, 17, 7 / 17)
+    assert report_of(0, 0, 0, {}, 0, 0, 0, 0).fault_share == 0.0
 
 
-def test_nothing_but_the_number_of_decisions_is_counted_of_repeated_episodes():
-    """The first episode has a diagonal, an unexplained and a far move, the second one a wait."""
-    grid = Grid((0.0, 0.0), 1.0, np.array([[1, 0, 1], [1, 1, 0], [1, 1, 1]], dtype=bool))
-    diagonal, unexplained = [(0.5, 1.5), (1.0, 2.0), (1.5, 2.5)], [(2.5, 0.5), (2, 1), (1.5, 1.5)]
-    far, wait = [(0.5, 0.5), (0.5, 1.5), (0.5, 2.5)], [(0.5, 1.1), (0.5, 1.5), (0.5, 1.9)]
-    intents = [(time_s, Action.WAIT) for time_s in (0.0, 3.0, 6.0, 9.0)]
-    spans = (EpisodeSpan(3, 0.0, 8.5, "timeout"), EpisodeSpan(4, 8.5, 11.0, "timeout"))
-    recorded = dataclasses.replace(
-        drive([*diagonal, *unexplained, *far, *wait], intents),
-        minimum_speed_mps=0.1,
-        episodes=spans,
-    )
+def test_repeated_episodes_are_counted_and_their_waits_are_not():
+    recorded = still(8, [(0.0, EAST), (4.0, WAIT)])
+    spans = (EpisodeSpan(3, 0.0, 4.0, "timeout"), EpisodeSpan(4, 4.0, 8.0, "timeout"))
+    recorded = dataclasses.replace(recorded, episodes=spans)
     seen = set()
-    every, report = decisions_from_drive(recorded, grid, PERIOD_S, seen)
-    assert every.episode.tolist() == [3, 3, 4]
-    assert report == report_of(3, 2, 1, 1, {UNEXPLAINED: 1}, n_moving_waits=3)
-    repeated = report_of(0, 0, 0, 0, {REPEATED: 4})
-    assert decisions_from_drive(recorded, grid, PERIOD_S, seen)[1] == repeated
+    every, report = found(recorded, seen=seen)
+    assert every.episodes.tolist() == [3, 4]
+    assert report.dropped == {}
+    again, report = found(recorded, seen=seen)
+    assert (len(again), report.dropped) == (0, {REPEATED: len(every)})
     second = set(discretise.episode_rows(every.select_episodes([4])).values())
-    first, of_first = decisions_from_drive(recorded, grid, PERIOD_S, second)
-    assert first.episodes.tolist() == [3]
-    assert faults(of_first) == (1, 1, 1, 3)
-    assert (of_first.dropped, of_first.n_moving_waits) == ({UNEXPLAINED: 1, REPEATED: 1}, 2)
+    assert found(recorded, seen=second)[0].episodes.tolist() == [3]
 
 
-@pytest.mark.parametrize(("moved_m", "n_moving"), [(0.375, 0), (0.5, 1), (0.625, 1)])
-def test_a_wait_moves_from_the_least_speed_over_its_period_on(moved_m, n_moving):
-    recorded = drive([(2.25, 0.5), (2.25, 0.5), (2.25 + moved_m, 0.5)], [(0.0, Action.WAIT)])
-    recorded = dataclasses.replace(recorded, minimum_speed_mps=0.25)
-    assert only(recorded)[1].n_moving_waits == n_moving
+@pytest.mark.parametrize(("moved_m", "n_moving"), [(0.2, 0), (0.3, 1)])
+def test_a_wait_moves_from_the_least_speed_on(moved_m, n_moving):
+    recorded = drive([(2.25, 0.5), (2.25 + moved_m, 0.5)], [(0.0, WAIT)], minimum_speed_mps=0.25)
+    assert found(recorded)[1].n_moving_waits == n_moving
 
 
 def test_reasons_that_were_counted_while_reading_stay_counted():
-    recorded = drive([(0.5, 0.5)] * 4, [(-1.0, 1), (0.0, 1)])
-    recorded = dataclasses.replace(recorded, dropped={discretise.OUTSIDE_EPISODE: 2})
-    assert only(recorded)[1].dropped == {discretise.OUTSIDE_EPISODE: 3}
+    recorded = still(3, [(-1.0, 1), (0.0, 1)], dropped={discretise.OUTSIDE_EPISODE: 2})
+    assert found(recorded)[1].dropped == {discretise.OUTSIDE_EPISODE: 3}
 
 
 def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
-    recorded = drive([(0.5, 0.5)] * 7, [(0.0, 1), (2.0, 1), (4.0, 1)])
+    recorded = still(6, [(0.0, 1), (2.0, 2), (4.0, 1)])
     spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
-    decisions, report = decisions_from_drive(
-        dataclasses.replace(recorded, episodes=spans), GRID, PERIOD_S
-    )
+    decisions, report = found(dataclasses.replace(recorded, episodes=spans))
     assert decisions.episode.tolist() == [3, 4]
+    assert decisions.action.tolist() == [1, 1]
     assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
 
 
 def test_an_intent_after_an_episode_was_cut_off_is_counted_as_that():
-    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (3.0, 1)], end_s=2.0, outcome="cut_off")
-    assert only(recorded)[1].dropped == {discretise.AFTER_CUT_OFF: 1}
-
-
-def test_the_period_must_be_above_0():
-    recorded = drive([(0.5, 0.5)] * 4, [(0.0, 1), (1.0, 1)])
-    assert len(decisions_from_drive(recorded, GRID, 1.0)[0]) == 2
-    with pytest.raises(BagError, match=r"^decision_period_s must be above 0, got 0.0$"):
-        decisions_from_drive(recorded, GRID, 0.0)
-
-
-def test_what_was_left_out_while_reading_is_in_the_report_and_its_sentence():
-    counts = {"n_bad_poses": 2, "n_unplaced_poses": 3, "n_bad_commands": 4}
-    recorded = dataclasses.replace(drive([(0.5, 0.5)] * 4, [(0.0, 1), (9.0, 1)]), **counts)
-    report = only(recorded)[1].model_copy(update={"n_moving_waits": 5})
-    assert {name: getattr(report, name) for name in counts} == counts
-    assert str(report.model_copy(update={"dropped": {"a": 1, "b": 2}})) == (
-        "1 decisions in 1 episodes; assigned to a neighbour: 0 diagonal and 0 far moves;"
-        " dropped: 1 a, 2 b; 2 poses not finite; 3 poses without /tf; 4 commands not finite;"
-        " 5 waits while moving"
-    )
-
-
-def test_each_move_to_a_neighbour_is_counted_also_into_the_first_cell():
-    beside = [(1.5, 0.5), (0.8, 0.8), (0.1, 1.1), (1.5, 0.5), (1.5, 0.5), (0.8, 0.8), (0.1, 1.1)]
-    recorded = drive(beside, [(0.0, Action.WEST), (4.0, Action.WEST)])
-    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
-    assert decisions.next_state.tolist() == [0, 0]
-    assert (report.n_diagonal, report.dropped) == (2, {})
-
-
-def test_places_are_known_between_poses_up_to_the_longest_gap_and_not_after_the_last():
-    """Poses come every 0.25 s until 3 s."""
-    recorded = drive([(0.5, 0.5)] * 4, [(0.1, 1), (2.2, 1)], end_s=5.0)
-    for longest_gap_s, reasons in ((0.25, 1), (0.2, 2)):
-        with_gaps = dataclasses.replace(recorded, longest_gap_s=longest_gap_s)
-        report = decisions_from_drive(with_gaps, GRID, PERIOD_S)[1]
-        assert report.dropped == {discretise.NO_POSE: reasons}
+    recorded = still(4, [(0.0, 1), (3.0, 1)], end_s=2.0, outcome="cut_off")
+    assert found(recorded)[1].dropped == {discretise.AFTER_CUT_OFF: 1}

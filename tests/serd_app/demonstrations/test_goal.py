@@ -1,4 +1,4 @@
-"""Decisions up to the goal, and when demonstrations entered the goal area."""
+"""Decisions up to the goal."""
 
 from itertools import pairwise
 
@@ -8,11 +8,9 @@ from serd_app.demonstrations.goal import (
     _neighbouring,
     ending_in,
     episodes_reaching,
-    goal_entries_s,
     until_goal,
     usual_goal_states,
 )
-from serd_app.drives.episode_spans import EpisodeSpan
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 
@@ -79,32 +77,3 @@ def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
     beside = Decisions(0 * ones, np.arange(3), np.array([0, 1, 3]), ones, np.array([1, 2, 4]))
     assert len(episodes_reaching(beside, goal)) == 1
     assert len(episodes_reaching(beside.select([0, 1]), goal)) == 0
-
-
-#: Episodes that arrive 1.1 s and 2 s after a decision, time out, and arrive unobserved.
-SPANS = (
-    EpisodeSpan(0, 10.0, 15.1, "arrived"),
-    EpisodeSpan(1, 20.0, 26.0, "arrived"),
-    EpisodeSpan(2, 30.0, 35.0, "timeout"),
-    EpisodeSpan(3, 40.0, 50.0, "arrived"),
-)
-
-
-def decisions_at(times_s):
-    rows = np.zeros(len(times_s), dtype=np.int64)
-    return Decisions(rows, np.array(times_s), rows, rows, rows)
-
-
-def test_it_is_the_time_from_the_last_decision_to_the_arrival():
-    decisions = decisions_at([10, 12, 14, 20, 22, 24, 30, 32, 34, 40])
-    assert goal_entries_s(SPANS, decisions, 2.0).tolist() == [1.1, 2.0]
-
-
-def test_without_decisions_there_is_none():
-    assert len(goal_entries_s(SPANS, decisions_at([]), 2.0)) == 0
-
-
-def test_the_last_decision_is_that_of_the_episode_and_not_of_its_neighbours():
-    """At its start, and not at its end, where the next one begins."""
-    spans = EpisodeSpan(0, 10.0, 12.0, "arrived"), EpisodeSpan(1, 12.0, 13.0, "arrived")
-    assert goal_entries_s(spans, decisions_at([10.0, 12.0]), 2.0).tolist() == [2.0, 1.0]

@@ -1,5 +1,6 @@
 """Decisions from messages as they come equal those from the bag that recorded them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from support.bag_messages import OWN_TOPICS, write_bag
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
+TIMES_S = HALLWAY.patience_s, HALLWAY.wait_s
 OTHER_BAG = Path(__file__).parents[3] / "bags" / "data" / "hallway" / "transfer"
 TOPICS = ("robot_pose", "intent", "episode")
 
@@ -44,40 +46,44 @@ def bag_of(target: Path, found) -> Path:
 
 
 def live_drive(messages, earlier: Demonstrations | None = None) -> LiveDrive:
-    drive = LiveDrive("live", GRID, HALLWAY.decision_period_s, earlier)
+    drive = LiveDrive("live", GRID, *TIMES_S, earlier)
     for topic, data in messages:
         drive.take(topic, data)
     return drive
 
 
 def columns(found: Demonstrations):
-    table = found.decisions
-    return [table.episode, table.time_s, table.state, table.action, table.next_state]
+    return list(found.decisions.columns().values())
 
 
 def same(first: Demonstrations, second: Demonstrations) -> bool:
-    return all(map(np.array_equal, columns(first), columns(second))) and (
-        first.goal_entry_s == second.goal_entry_s
-    )
+    return all(map(np.array_equal, columns(first), columns(second)))
 
 
 @pytest.mark.parametrize("n_intents", [0, 5])
 def test_poses_alone_give_the_hidden_decisions_of_the_bag(messages, n_intents):
     bag, sent = messages
-    offline, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s, hidden=True)
-    drive = LiveDrive("live", GRID, HALLWAY.decision_period_s, hidden=True)
+    offline, _ = demonstrations_of_bag(bag, GRID, *TIMES_S, hidden=True)
+    drive = LiveDrive("live", GRID, *TIMES_S, hidden=True)
     intents = [each for each in sent if each[0] == "intent"]
     for topic, data in intents[:n_intents] + [each for each in sent if each[0] != "intent"]:
         drive.take(topic, data)
     assert same(drive.gathered(), offline)
     assert offline.decisions.hidden.all()
-    shown, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
-    assert len(offline.decisions) >= len(shown.decisions)
+    shown, _ = demonstrations_of_bag(bag, GRID, *TIMES_S)
+    assert moves(offline.decisions) == moves(shown.decisions)
+
+
+def moves(decisions):
+    """Of all episodes, from cell to cell."""
+    moved = decisions.select(decisions.state != decisions.next_state)
+    columns = moved.episode, moved.state, moved.next_state
+    return list(zip(*(each.tolist() for each in columns), strict=True))
 
 
 def test_live_messages_give_the_decisions_of_the_bag(messages):
     bag, sent = messages
-    offline, report = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    offline, report = demonstrations_of_bag(bag, GRID, *TIMES_S)
     drive = live_drive(sent)
     assert same(drive.gathered(), offline)
     assert drive.report == report
@@ -87,9 +93,9 @@ def test_live_messages_give_the_decisions_of_the_bag(messages):
 def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, tmp_path):
     bag, _ = messages
     target = joined_bag(tmp_path / "restarted", bag, OTHER_BAG)
-    found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
-    first, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
-    second, _ = demonstrations_of_bag(OTHER_BAG, GRID, HALLWAY.decision_period_s)
+    found, report = demonstrations_of_bag(target, GRID, *TIMES_S)
+    first, _ = demonstrations_of_bag(bag, GRID, *TIMES_S)
+    second, _ = demonstrations_of_bag(OTHER_BAG, GRID, *TIMES_S)
     assert same(found, joined([first, second]))
     assert report.n_decisions == len(found.decisions)
     recorded = BagReader(target).messages()
@@ -104,7 +110,7 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(messages
     lost = range(marks[5] - 200, marks[10] + 200)  # the end of the third to the start of the sixth
     kept = [each for index, each in enumerate(recorded) if index not in lost]
     torn = bag_of(tmp_path / "torn", kept)
-    found, report = demonstrations_of_bag(torn, GRID, HALLWAY.decision_period_s)
+    found, report = demonstrations_of_bag(torn, GRID, *TIMES_S)
     drive = live_drive([(each.topic[1:], each.data) for each in kept])
     assert same(drive.gathered(), found)
     assert drive.report == report
@@ -118,8 +124,8 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(messages
 def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(messages, tmp_path):
     bag, _ = messages
     target = joined_bag(tmp_path / "twice", bag, bag)
-    found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
-    once, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    found, report = demonstrations_of_bag(target, GRID, *TIMES_S)
+    once, _ = demonstrations_of_bag(bag, GRID, *TIMES_S)
     assert same(found, once)
     assert report.dropped[REPEATED] == len(once.decisions)
 
@@ -128,7 +134,7 @@ def test_what_was_kept_before_a_restart_comes_first_and_is_not_counted_again(mes
     _, sent = messages
     everything = live_drive(sent).gathered()
     first = everything.decisions.episodes[:2]
-    kept = Demonstrations(everything.decisions.select_episodes(first), everything.goal_entry_s[:2])
+    kept = Demonstrations(everything.decisions.select_episodes(first))
     again = live_drive(sent, kept).gathered()
     assert same(again, everything)
 
@@ -136,10 +142,7 @@ def test_what_was_kept_before_a_restart_comes_first_and_is_not_counted_again(mes
 def test_a_restarted_world_adds_its_episodes_under_numbers_of_their_own(messages):
     _, sent = messages
     everything = live_drive(sent).gathered().decisions
-    moved = everything.select(np.arange(len(everything)))
-    other = Demonstrations(
-        type(moved)(moved.episode, moved.time_s + 0.5, moved.state, moved.action, moved.next_state)
-    )
+    other = Demonstrations(replace(everything, time_s=everything.time_s + 0.5))
     both = live_drive(sent, other).gathered().decisions
     assert len(both) == 2 * len(everything)
     assert len(both.episodes) == 2 * len(everything.episodes)
@@ -171,7 +174,7 @@ def test_an_intent_later_than_the_end_of_its_episode_is_noticed(messages):
 
 def test_a_message_too_short_for_a_stamp_is_refused():
     with pytest.raises(BagError, match=r"must have a stamp \(12 bytes\), got 3 bytes"):
-        LiveDrive("live", GRID, 2.0).take("intent", b"\x00\x01\x00")
+        LiveDrive("live", GRID, *TIMES_S).take("intent", b"\x00\x01\x00")
 
 
 def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(messages):

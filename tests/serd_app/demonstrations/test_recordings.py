@@ -24,7 +24,7 @@ def test_people_of_a_bag_of_poses_alone_are_brought_into_the_frame_of_the_poses(
         sighting = people.encode(CLOUD, START_S + time_s, PLACE_M, VELOCITY_MPS, frame="odom")
         bag.add("/pedestrians", CLOUD, time_s, sighting)
     path = bag.write(tmp_path / "bag")
-    found = read_recordings([path], 1.0, mapping=None, scenario=None)
+    found = read_recordings([path], mapping=None, scenario=None)
     assert found.people.frame == "site"
     assert (found.drives[0].intent_action == HIDDEN).all()
     (sightings,) = found.sightings()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.demonstrations.discretise import AFTER_CUT_OFF, CUT_SHORT
+from serd_app.demonstrations.discretise import AFTER_CUT_OFF
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
@@ -69,7 +69,7 @@ def record(tmp_path, messages):
 
 
 def decisions(drives):
-    found, _ = demonstrations_of_drives(drives, GRID, 2.0)
+    found, _ = demonstrations_of_drives(drives, GRID, 4.0, 1.0)
     table = found.decisions
     return table.state.tolist(), table.action.tolist(), table.next_state.tolist()
 
@@ -79,7 +79,7 @@ def decisions(drives):
 def test_wrong_stamps_of_one_topic_cost_no_decision(record, topic, fault):
     sound, faulty = record(), record(topic, fault)
     expected = decisions(read_drives(sound))
-    assert len(expected[0]) == 10
+    assert len(expected[0]) == 11  # ten cells are left, in the last one the drive ends
     assert decisions(read_drives(faulty)) == expected
     for message in BagReader(faulty).messages({"/cmd_vel"}):
         assert (message.log_time_ns - START_S * 1e9) % 1e8 == pytest.approx(2e6, abs=1e3)
@@ -91,9 +91,9 @@ def test_wrong_stamps_of_a_mapped_bag_cost_no_decision(record, topic, fault):
     mapping = BagMapping(
         action_from="velocity", action_topic="/cmd_vel", episode_topic="/episode", hold_s=0.2
     )
-    expected = decisions([mapped_drive_in(BagReader(record()), mapping, 2.0)])
-    assert len(expected[0]) == 10
-    drive = mapped_drive_in(BagReader(record(topic, fault)), mapping, 2.0)
+    expected = decisions([mapped_drive_in(BagReader(record()), mapping)])
+    assert len(expected[0]) == 11  # ten cells are left, in the last one the drive ends
+    drive = mapped_drive_in(BagReader(record(topic, fault)), mapping)
     assert decisions([drive]) == expected
 
 
@@ -135,11 +135,11 @@ def test_what_follows_the_gap_is_dropped_until_the_next_start(torn_bag, tmp_path
     recovered = recover(torn_bag, tmp_path / "recovered").target
     for bag, tolerant in ((torn_bag, True), (recovered, False)):
         drives = read_drives(bag, tolerant=tolerant)
-        found, report = demonstrations_of_drives(drives, LANE, 2.0)
+        found, report = demonstrations_of_drives(drives, LANE, 4.0, 1.0)
         decisions = found.decisions
         first = decisions.select(decisions.episode == 4)
-        assert first.time_s.tolist() == [100.0, 102.0, 104.0, 106.0]
+        np.testing.assert_allclose(first.time_s, [100.0, *np.arange(101.2, 109.0, 2.0)], atol=1e-6)
+        assert first.censored.tolist() == [False] * 4 + [True]
         assert decisions.episodes.tolist() == [4, 6]
-        # of the second episode, intents at 12 to 18 s; at 8 s the first is cut short
+        # of the second episode, intents at 12 to 18 s; at 9 s the first is cut off
         assert report.dropped[AFTER_CUT_OFF] == 4
-        assert report.dropped[CUT_SHORT] == 1

@@ -64,7 +64,8 @@ def test_outcomes_that_walls_make_one_everywhere_count_together():
 
 
 def test_with_a_free_belief_the_truth_is_the_m_estimate(problem):
-    found = demonstrations_of_bag(TRAINING, problem.grid, HALLWAY.decision_period_s)[0].decisions
+    patience_s, wait_s = HALLWAY.patience_s, HALLWAY.wait_s
+    found = demonstrations_of_bag(TRAINING, problem.grid, patience_s, wait_s)[0].decisions
     subset = found.select_episodes(range(4))
     data = fit_data(problem, subset, RecipeSettings(), np.random.default_rng(0))
     fit = mdce_serd_free(data).fit

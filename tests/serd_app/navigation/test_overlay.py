@@ -1,15 +1,14 @@
 """The overlay of a learned model, against shortest paths and the model's own numbers."""
 
 import numpy as np
-import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from serd_app.navigation.overlay import overlay_of
-from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.grid import Action
-from serd_files.model_file import OutcomeModel, load_model
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
+from tests.conftest import MEAN_S, model_row
 
 HALLWAY = load_scenario("hallway")
 GOAL_ALONE = {"goal": 5.0, "social_norm": 0.0, "inverse_wall_distance": 0.0}
@@ -20,14 +19,10 @@ def overlay_and_strategy(path):
     return overlay_of(strategy), strategy
 
 
-def with_moves(path, probabilities):
+def with_moves(probabilities, **law):
     """Outcome models whose moves have these probabilities of the outcomes, and that wait surely."""
-    rows = {each.name: probabilities for each in load_model(path).outcome_models}
-    rows["waiting"] = (1.0, 0.0, 0.0, 0.0, 0.0)
-    return tuple(
-        OutcomeModel(name=name, learned=row, believed=row, initial=row)
-        for name, row in rows.items()
-    )
+    moves = (model_row(name, probabilities).model_copy(update=law) for name in MEAN_S)
+    return (*moves, model_row("waiting", (1.0, 0.0, 0.0, 0.0, 0.0)))
 
 
 def n_cells_to_the_goal(problem):
@@ -42,17 +37,13 @@ def n_cells_to_the_goal(problem):
     return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
 
 
-@pytest.mark.parametrize(("entries_s", "last_s"), [((), 2.0), ((0.5,), 0.5), ((1.5,), 1.5)])
-def test_where_every_move_succeeds_the_median_is_a_period_per_cell_and_a_last_one_of_entry(
-    save_model_of, entries_s, last_s
-):
-    sure = with_moves(save_model_of(), (0.0, 1.0, 0.0, 0.0, 0.0))
-    values = {"reward_weights": GOAL_ALONE, "outcome_models": sure, "goal_entry_s": entries_s}
-    overlay, strategy = overlay_and_strategy(save_model_of(**values))
+def test_where_every_move_succeeds_at_once_the_median_is_a_second_for_each_cell(save_model_of):
+    sure = with_moves((0.0, 1.0, 0.0, 0.0, 0.0), mean_s=1.0, believed_mean_s=1.0, shape=1e6)
+    path = save_model_of(reward_weights=GOAL_ALONE, outcome_models=sure)
+    overlay, strategy = overlay_and_strategy(path)
     n_cells = n_cells_to_the_goal(strategy.problem)
     assert n_cells.max() > 10
-    expected_s = np.where(n_cells > 0, 2.0 * (n_cells - 1) + last_s, 0.0)
-    np.testing.assert_allclose(overlay.median_s, expected_s)
+    np.testing.assert_allclose(overlay.median_s, n_cells)
 
 
 def test_a_direction_leads_to_the_neighbour_of_the_greedy_action(save_model_of):
@@ -77,7 +68,7 @@ def test_forward_is_the_models_probability_of_each_move_and_none_where_the_polic
 
 
 def test_cells_from_which_fewer_than_half_arrive_have_no_median(save_model_of):
-    stuck = with_moves(save_model_of(), (1.0, 0.0, 0.0, 0.0, 0.0))
+    stuck = with_moves((1.0, 0.0, 0.0, 0.0, 0.0))
     overlay, strategy = overlay_and_strategy(save_model_of(outcome_models=stuck))
     in_goal = np.isin(np.arange(len(overlay.median_s)), strategy.problem.goal_states)
     np.testing.assert_array_equal(overlay.median_s, np.where(in_goal, 0.0, np.nan))

@@ -1,84 +1,32 @@
-"""Strategies of model files: cells ahead, models of other places, draws of a posterior."""
+"""Strategies of model files: the plan, its arrival, other places, draws of a posterior."""
 
 import numpy as np
 import pytest
 
-from serd_app.navigation.navigator import Navigator
-from serd_app.navigation.settings import NavigationSettings
-from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_bag.errors import FileError
-from serd_core.grid.grid import Action
+from serd_core.arrival.chain import arrival_by_state
 from serd_core.policies.solved_policy import soft_policy
-from serd_files.model_file import GridSummary, ModelDraws, OutcomeModel, load_model
+from serd_core.semi_markov.models import require_timed
+from serd_core.semi_markov.simulation import sample_timed_decisions
+from serd_files.model_file import GridSummary, ModelDraws, load_model
+from serd_sim.drivers.strategy import (
+    MOST_DRAWS,
+    STEP_S,
+    learned_dynamics,
+    load_strategy,
+    start_distribution,
+)
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
-from support.observations import observation_at
+from tests.conftest import MEAN_S, OUTCOMES, model_row
 
 HALLWAY = load_scenario("hallway")
 
 
-@pytest.fixture
-def strategy(save_model_of):
-    return load_strategy(str(save_model_of()), HALLWAY, "optimal")
-
-
-def test_one_cell_ahead_is_the_next_cell_from_everywhere(strategy):
-    for state, action in enumerate(strategy.policy.greedy):
-        ahead = strategy.cell_ahead(state, Action(int(action)), 1)
-        assert ahead == strategy.problem.grid.neighbours[state, action]
-
-
-def test_the_likeliest_next_cell_is_that_of_the_largest_summed_outcome(strategy):
-    """Against a sum over all outcomes by hand."""
-    problem, table = strategy.problem, strategy.outcome_probabilities
-    models = problem.outcome_models
-    for state, found in enumerate(strategy.likeliest_next):
-        action = int(strategy.policy.greedy[state])
-        chances = np.zeros(problem.mdp.n_states)
-        row = table[models.model_of[state, action]]
-        np.add.at(chances, models.successors[state, action], row)
-        chances[state] = 0.0
-        if chances.any():
-            assert chances[found] == pytest.approx(chances.max())
-        else:
-            assert found == state
-
-
-def test_farther_ahead_goes_straight_on_and_stops_before_a_turn_and_at_the_goal(strategy):
-    grid = strategy.problem.grid
-    goals = set(strategy.problem.goal_states.tolist())
-    farther = 0
-    for state in range(grid.n_states):
-        action = Action(int(strategy.policy.greedy[state]))
-        ahead = strategy.cell_ahead(state, action, 3)
-        step = grid.cells[ahead] - grid.cells[state]
-        assert np.count_nonzero(step) <= 1
-        assert np.abs(step).sum() <= 3
-        path = [state]
-        while path[-1] != ahead:
-            path.append(int(grid.neighbours[path[-1], action]))
-        assert not goals & set(path[:-1]) or state in goals
-        assert all(strategy.policy.greedy[cell] == action for cell in path[1:-1])
-        farther += len(path) == 4
-    assert farther > grid.n_states / 3
-
-
-def test_the_navigator_sends_the_robot_as_far_ahead_as_it_is_told(save_model_of):
-    path = save_model_of()
-    centre = {}
-    for cells in (1, 2, 3):
-        settings = NavigationSettings(model=str(path), lookahead_cells=cells)
-        navigator = Navigator(HALLWAY, settings)
-        navigator.begin(0)
-        observation = observation_at(4.5, 5.5)
-        action = navigator.decide(observation)
-        assert action == Action.NORTH
-        centre[cells] = navigator.waypoint_of(observation, action)
-    assert [(each.x_m, each.y_m) for each in centre.values()] == [
-        (4.5, 6.5),
-        (4.5, 7.5),
-        (4.5, 8.5),
-    ]
+def paced(path):
+    """(S,) paces of a model's cells, which alternate."""
+    n_states = load_model(path).grid.n_states
+    return tuple(np.where(np.arange(n_states) % 2, 0.5, 2.0).tolist())
 
 
 def test_a_model_of_another_place_is_refused_unless_transfer_is_wanted(save_model_of):
@@ -99,22 +47,143 @@ def test_a_model_of_any_scenario_leads_to_the_goal_in_any_other(there, here, sav
     assert np.allclose(strategy.arrival.arrival_probability, 1.0)
 
 
-def test_outcome_models_and_outcomes_are_found_by_name_whatever_their_order(save_model_of):
+@pytest.mark.parametrize("own_paces", [False, True])
+def test_the_law_of_arrival_is_that_of_simulated_drives(save_model_of, own_paces):
+    """Episodes of the chain, decision by decision, with dwell times that are not rounded."""
+    path = save_model_of("crossing")
+    pace = paced(path) if own_paces else ()
+    path = save_model_of("crossing", pace=pace)
+    crossing = load_scenario("crossing")
+    strategy = load_strategy(str(path), crossing, "soft")
+    starts, n_drives = start_distribution(crossing, "train"), 800
+    drives = sample_timed_decisions(
+        strategy.problem.mdp,
+        strategy.policy.probabilities,
+        strategy.draws[0],
+        starts,
+        n_episodes=n_drives,
+        n_steps=2000,
+        rng=np.random.default_rng(7),
+    )
+    measured_s = np.sort(np.bincount(drives.episode, drives.dwell_s))
+    law = strategy.law_from(starts)
+    assert law.quantile_s(0.9) < crossing.episode_timeout_s
+    # The share of the steps that are rounded to is that of half a step later.
+    share = np.searchsorted(measured_s, law.times_s + 0.5 * STEP_S, side="right") / n_drives
+    # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
+    assert np.abs(share - law.cdf).max() < np.sqrt(np.log(2e6) / (2 * n_drives))
+    assert law.cdf_draws.shape == (1, len(law.times_s))
+
+
+def test_where_all_decisions_take_one_second_the_arrival_is_that_of_their_number(save_model_of):
+    """F_n of the thesis, of which a law with certain times is the special case."""
+    sure = {"mean_s": 1.0, "believed_mean_s": 1.0, "shape": 1e7}
+    rows = tuple(
+        model_row(name, row).model_copy(update=sure if name in MEAN_S else {})
+        for name, row in OUTCOMES.items()
+    )
+    place = HALLWAY.model_copy(update={"patience_s": 1.0, "wait_s": 1.0})
+    strategy = load_strategy(str(save_model_of(outcome_models=rows)), place, "soft")
+    table = np.array(list(OUTCOMES.values()))
+    n = strategy.n_steps // 5
+    chain = arrival_by_state(strategy.problem.by_decisions, strategy.policy.probabilities, table, n)
+    np.testing.assert_allclose(strategy.arrival.cdf[::5][: n + 1], chain.cdf, atol=1e-4)
+    np.testing.assert_allclose(strategy.arrival.cdf[:500:5], chain.cdf[:100], atol=1e-7)
+    between = strategy.arrival.cdf[4:500:5]
+    np.testing.assert_allclose(between, chain.cdf[:100], atol=1e-7)
+
+
+def test_the_law_of_a_cell_is_that_of_a_start_in_it(save_model_of):
+    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal", timeout_s=60.0)
+    start = np.zeros(strategy.problem.grid.n_states)
+    start[7] = 1.0
+    alone, from_there = strategy.law_of_cell(7), strategy.law_from(start)
+    np.testing.assert_array_equal(alone.times_s, from_there.times_s)
+    np.testing.assert_allclose(alone.cdf, from_there.cdf)
+    assert alone.arrival_probability == pytest.approx(from_there.arrival_probability)
+    assert alone.times_s[-1] == pytest.approx(60.0)
+
+
+def test_patience_and_waits_are_those_of_the_place_and_a_longer_patience_arrives_later(
+    save_model_of,
+):
+    path = str(save_model_of(patience_s=9.0))
+    starts, medians = start_distribution(HALLWAY, "train"), []
+    for patience_s in (2.0, 4.0, 8.0):
+        place = HALLWAY.model_copy(update={"patience_s": patience_s, "wait_s": 0.5})
+        strategy = load_strategy(path, place, "optimal")
+        stays = require_timed(strategy.problem.mdp.transitions).stay_s.tolist()
+        assert stays == [patience_s] * 3 + [0.5]
+        medians.append(strategy.law_from(starts).quantile_s(0.5))
+    assert medians[0] < medians[1] < medians[2]
+
+
+def test_paces_hold_on_the_grid_of_the_model_alone(save_model_of):
+    own = load_scenario("corridor")
+    pace = paced(save_model_of("corridor"))
+    path = str(save_model_of("corridor", pace=pace))
+    here = load_strategy(path, own, "optimal")
+    model = require_timed(here.problem.mdp.transitions)
+    neither = ~np.isin(np.arange(len(pace)), here.problem.goal_states)
+    found = model.log_pace[model.model_of[:, 1]][neither]
+    np.testing.assert_allclose(np.exp(found), np.array(pace)[neither])
+    there = load_strategy(path, HALLWAY, "optimal", transfer=True)
+    assert not require_timed(there.problem.mdp.transitions).log_pace.any()
+
+
+def test_laws_models_and_outcomes_are_found_by_name_whatever_their_order(save_model_of):
     usual = load_model(save_model_of())
     turned = tuple(
-        OutcomeModel(
-            name=each.name,
-            learned=each.learned[::-1],
-            believed=each.believed[::-1],
-            initial=each.initial[::-1],
+        each.model_copy(
+            update={kind: getattr(each, kind)[::-1] for kind in ("learned", "believed", "initial")}
         )
         for each in usual.outcome_models[::-1]
     )
-    path = save_model_of(
-        name="turned.yaml", outcome_models=turned, outcome_names=usual.outcome_names[::-1]
+    laws = tuple(MEAN_S.values())
+    draws = {"reward_weights": ((5.0, 1.0, 0.0),), "shape": ((4.0, 5.0, 6.0),)}
+    tables = usual.outcome_probabilities[None]
+    values = ModelDraws(**draws, mean_s=(laws,), learned=tables.tolist())
+    back = ModelDraws(
+        reward_weights=values.reward_weights,
+        shape=((6.0, 5.0, 4.0),),
+        mean_s=(laws[::-1],),
+        learned=tables[:, ::-1, ::-1].tolist(),
     )
-    found = load_strategy(str(path), HALLWAY, "optimal", transfer=False)
-    assert np.array_equal(found.outcome_probabilities, usual.outcome_probabilities)
+    first, second = (
+        load_strategy(str(path), HALLWAY, "optimal")
+        for path in (
+            save_model_of(draws=values),
+            save_model_of(
+                name="turned.yaml",
+                outcome_models=turned,
+                outcome_names=usual.outcome_names[::-1],
+                draws=back,
+            ),
+        )
+    )
+    np.testing.assert_array_equal(first.draws, second.draws)
+    assert np.exp(first.draws[0, -6:]).tolist() == pytest.approx([*laws, 4.0, 5.0, 6.0])
+    learned = [learned_dynamics("m", each.file, each.problem) for each in (first, second)]
+    np.testing.assert_array_equal(*learned)
+
+
+def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
+    rows = tuple(
+        model_row(name, row).model_copy(update={"believed": (0.2,) * 5, "believed_mean_s": 3.0})
+        for name, row in OUTCOMES.items()
+    )
+    found = load_strategy(str(save_model_of(outcome_models=rows)), HALLWAY, "optimal")
+    model = require_timed(found.problem.mdp.transitions)
+    truth, belief = (
+        learned_dynamics("m", found.file, found.problem, believed=believed)
+        for believed in (False, True)
+    )
+    table = model.outcomes.local_probabilities
+    np.testing.assert_allclose(table(truth), list(OUTCOMES.values()))
+    np.testing.assert_allclose(table(belief), 0.2)
+    np.testing.assert_allclose(np.exp(truth[model.means]), list(MEAN_S.values()))
+    np.testing.assert_allclose(np.exp(belief[model.means]), 3.0)
+    np.testing.assert_allclose(np.exp(belief[model.shapes]), 4.0)
 
 
 @pytest.mark.parametrize(
@@ -124,10 +193,22 @@ def test_outcome_models_and_outcomes_are_found_by_name_whatever_their_order(save
             {"reward_weights": {"goal": 1.0, "noise_level": 2.0}},
             "features must be among goal, social_norm, inverse_wall_distance, got 'noise_level'",
         ),
-        ({"decision_period_s": 1.0}, "decision periods of 1 s, but 'hallway' has 2 s"),
         (
             {"outcome_names": ("stay", "forward", "right", "back", "spin")},
             "outcome_names must have stay, forward, right, back, left, but 'left' is missing",
+        ),
+        (
+            {"outcome_models": tuple(model_row(*each) for each in list(OUTCOMES.items())[1:])},
+            "outcome_models must have with_flow, .*, but 'with_flow' is missing",
+        ),
+        (
+            {
+                "outcome_models": tuple(
+                    model_row(*each).model_copy(update={"shape": None}) for each in OUTCOMES.items()
+                )
+            },
+            "outcome_models with a shape must have with_flow, against_flow, across_flow, but"
+            " 'with_flow' is missing; learn the model again",
         ),
     ],
 )
@@ -146,49 +227,75 @@ def test_cells_of_another_size_are_refused(save_model_of):
 
 
 @pytest.fixture
-def tables(save_model_of):
-    """Of two draws: one as the model, one in which everyone stays more often."""
-    learned = load_model(save_model_of()).outcome_probabilities
+def draws():
+    """Of two: one as the model, and one in which everyone stays more often and moves are slow."""
+    learned = np.array(list(OUTCOMES.values()))
     slow = 0.7 * learned + 0.3 * np.eye(5)[0]
-    return np.array([learned, slow])
-
-
-@pytest.fixture
-def draws(tables):
+    means = np.array(list(MEAN_S.values()))
     return ModelDraws(
         reward_weights=((5.0, 1.0, 0.0), (3.0, 0.5, -0.5)),
-        learned=tuple(tuple(map(tuple, table)) for table in tables.tolist()),
+        learned=np.stack([learned, slow]).tolist(),
+        mean_s=np.stack([means, 3.0 * means]).tolist(),
+        shape=((4.0, 4.0, 4.0), (2.0, 8.0, 1.0)),
     )
 
 
 @pytest.mark.parametrize("kind", ["optimal", "soft"])
 def test_arrival_is_averaged_over_the_draws_and_its_curve_by_each_is_known(
-    kind, draws, tables, save_model_of
+    kind, draws, save_model_of
 ):
     found = load_strategy(str(save_model_of(draws=draws)), HALLWAY, kind)
     starts = start_distribution(HALLWAY, "train")
-    arrival = found.predicted_arrival(starts, 60)
-    one, other = arrival.cdf_draws
-    assert np.allclose(arrival.cdf, (one + other) / 2)
-    assert np.all(other <= one)
+    law = found.law_from(starts)
+    one, other = law.cdf_draws
+    assert np.allclose(law.cdf, (one + other) / 2)
+    assert np.all(other <= one + 1e-7)
     assert np.max(one - other) > 0.2
-    by_state = found.arrival
-    n = min(60, by_state.n_periods)
-    assert by_state.cdf[: n + 1] @ starts == pytest.approx(arrival.cdf[: n + 1], abs=1e-9)
-    law = found.law_s(arrival)
-    assert law.cdf == pytest.approx(law.cdf_draws.mean(axis=0))
+    np.testing.assert_allclose(found.arrival.cdf @ starts, law.cdf, atol=1e-9)
     alone = load_strategy(str(save_model_of(name="alone.yaml")), HALLWAY, "optimal")
-    if kind == "optimal":
-        assert alone.predicted_arrival(starts, 60).cdf == pytest.approx(one)
-        assert np.array_equal(found.policy.probabilities, alone.policy.probabilities)
-    assert np.array_equal(found.outcome_draws, tables)
+    np.testing.assert_allclose(found.draws[0], alone.draws[0])
 
 
-def test_the_soft_policy_is_the_average_over_the_draws(draws, tables, save_model_of):
+def test_predictions_take_the_first_draws_alone_and_plans_take_all(draws, save_model_of):
+    n = MOST_DRAWS + 3
+    many = ModelDraws(**{name: getattr(draws, name)[:1] * n for name in ModelDraws.model_fields})
+    found = load_strategy(str(save_model_of(draws=many)), HALLWAY, "optimal", timeout_s=10.0)
+    assert len(found.draws) == n
+    law = found.law_from(start_distribution(HALLWAY, "train"))
+    assert law.cdf_draws.shape == (MOST_DRAWS, len(law.times_s))
+
+
+def test_the_plan_solves_the_bellman_equation_of_the_mean_of_k(draws, save_model_of):
+    """The mean of P_m(k) (1 + mu g / a)^-a over the draws; stays and waits take given times."""
+    found = load_strategy(str(save_model_of(draws=draws)), HALLWAY, "optimal")
+    problem, gamma = found.problem, found.file.discount
+    rate, stays = -np.log(gamma), np.array([*[HALLWAY.patience_s] * 3, HALLWAY.wait_s])
+    probability, moves = np.array(draws.learned), problem.outcome_models
+    means, shapes = np.array(draws.mean_s), np.array(draws.shape)
+    of_law = np.hstack([(1.0 + means * rate / shapes) ** -shapes, np.ones((2, 1))])
+    value, weights = found.learned.value, found.file.weights
+    residuals = []
+    for state in np.setdiff1d(np.arange(problem.grid.n_states), problem.goal_states):
+        best = -np.inf
+        for action in range(5):
+            m = moves.model_of[state, action]
+            following = moves.successors[state, action]
+            given = gamma ** stays[m]
+            factor = np.where((following == state) | (m == 3), given, of_law[:, m, None])
+            k = (probability[:, m] * factor).mean(axis=0)
+            best = max(best, problem.features[state, action] @ weights + k @ value[following])
+        residuals.append(best - value[state])
+    np.testing.assert_allclose(residuals, 0.0, atol=1e-6 * np.abs(value).max())
+
+
+def test_the_soft_policy_is_the_average_over_the_draws(draws, save_model_of):
     found = load_strategy(str(save_model_of(draws=draws)), HALLWAY, "soft")
+    model = require_timed(found.problem.mdp.transitions)
     each = [
-        soft_policy(found.problem, np.array(weights), table).probabilities
-        for weights, table in zip(draws.reward_weights, tables, strict=True)
+        soft_policy(
+            found.problem, np.array(weights), model.local_probabilities(theta)
+        ).probabilities
+        for weights, theta in zip(draws.reward_weights, found.draws, strict=True)
     ]
     assert found.policy.probabilities == pytest.approx((each[0] + each[1]) / 2)
     assert np.max(np.abs(each[0] - each[1])) > 0.05

@@ -7,12 +7,10 @@ from serd_app.navigation.evaluation.comparison import compare
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
-from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_core.arrival.chain import arrival_by_state
-from serd_core.policies.solved_policy import optimal_policy
+from serd_core.semi_markov.arrival import timed_arrival
 from serd_files.grid_file import flow_picture
-from serd_files.model_file import load_model
 from serd_sim.drivers.policy_driver import model_driver
+from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.result import result_of_record
 from serd_sim.planning.catalogue import make_planner
@@ -34,19 +32,14 @@ def navigator_of(model, scenario=HALLWAY, **changes):
 
 def first_forecast(navigator, x_m=4.5, y_m=1.5):
     navigator.begin(0)
-    navigator.decide(observation_at(x_m, y_m))
+    state = navigator.strategy.problem.grid.state_at(x_m, y_m)
+    navigator.decide(observation_at(x_m, y_m), state)
     return navigator.forecast
 
 
 def drive(scenario, navigator):
     with HallwayWorld(scenario, seed=3) as world:
-        return run_episode(
-            world,
-            make_planner("dwa", scenario),
-            navigator,
-            episode=0,
-            waypoint_of=navigator.waypoint_of,
-        )
+        return run_episode(world, make_planner("dwa", scenario), navigator, episode=0)
 
 
 @pytest.mark.parametrize("own_flow", [False, True])
@@ -87,11 +80,12 @@ def test_where_it_is_best_to_stay_the_robot_arrives_by_the_way_of_least_time(sav
 def test_what_is_forecast_is_the_arrival_of_what_is_driven(save_model_of):
     navigator = navigator_of(save_model_of(reward_weights=SHUNS_WALLS))
     strategy, forecast = navigator.strategy, first_forecast(navigator)
-    chain = arrival_by_state(
+    chain = timed_arrival(
         strategy.problem,
         strategy.policy.probabilities,
-        strategy.outcome_probabilities,
-        strategy.n_periods,
+        strategy.draws[0],
+        STEP_S,
+        strategy.n_steps,
     )
     assert np.array_equal(strategy.arrival.cdf, chain.cdf)
     assert forecast.probability == chain.cdf[-1][forecast.state]
@@ -122,12 +116,9 @@ def test_a_driver_by_model_file_and_the_strategy_take_the_same_actions(
     path = save_model_of(reward_weights=weights)
     strategy = load_strategy(str(path), scenario, "optimal")
     driver = model_driver(str(path), scenario, seed=0)
-    seen = [observation_at(*center) for center in strategy.problem.grid.centers_m]
-    actions = [driver.decide(each) for each in seen]
-    assert actions == strategy.policy.greedy.tolist()
-    model = load_model(path)
-    weights_here = [model.reward_weights[name] for name in strategy.problem.feature_names]
-    alone = optimal_policy(
-        strategy.problem, np.array(weights_here, dtype=float), model.outcome_probabilities
-    )
-    assert (actions != alone.greedy.tolist()) == (weights != {"goal": 1})
+    grid = strategy.problem.grid
+    actions = [driver.decide(observation_at(*grid.centers_m[s]), s) for s in range(grid.n_states)]
+    assert all(strategy.policy.probabilities[s, action] > 0 for s, action in enumerate(actions))
+    best = strategy.learned.probabilities
+    is_best = [best[s, action] > 0 for s, action in enumerate(actions)]
+    assert all(is_best) == (weights == {"goal": 1})

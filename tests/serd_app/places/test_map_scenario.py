@@ -129,10 +129,12 @@ def test_a_fitted_grid_becomes_a_scenario_of_the_same_cells():
     grid = Grid((0.3 * 7, -0.3 * 3), 0.3, walkable[1:11, 1:19])
     goal, start = grid.state_at(6.75, 1.9), grid.state_at(2.6, -0.45)
     assert min(goal, start) >= 0
-    text, scenario = grid_scenario(grid, np.array([goal]), np.array([start]), 0.8, name="place")
+    text, scenario = grid_scenario(
+        grid, np.array([goal]), np.array([start]), 5.0, 0.5, name="place"
+    )
     assert yaml_model(text, Scenario, name="place") == scenario
     assert grid_of(scenario).fingerprint() == grid.fingerprint()
-    assert scenario.decision_period_s == 0.8
+    assert (scenario.patience_s, scenario.wait_s) == (5.0, 0.5)
     assert shapely.Polygon(scenario.goal_area_m).contains(shapely.Point(grid.centers_m[goal]))
     starts = shapely.Polygon(scenario.start_areas_m["train"])
     assert starts.contains(shapely.Point(grid.centers_m[start]))
@@ -142,4 +144,4 @@ def test_a_fitted_grid_in_two_parts_is_no_scenario():
     walkable = np.ones((6, 9), dtype=bool)
     walkable[:, 4] = False
     grid = Grid((0.0, 0.0), 0.5, walkable)
-    assert grid_scenario(grid, np.array([0]), np.array([2]), 1.0, name="place") is None
+    assert grid_scenario(grid, np.array([0]), np.array([2]), 4.0, 1.0, name="place") is None

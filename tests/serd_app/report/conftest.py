@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_core.arrival.chain import arrival_time_distribution
-from serd_core.arrival.law import law_in_seconds
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.arrival.chain import arrival_by_state
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_core.priors.divergence import KldPrior
+from serd_core.semi_markov.models import require_timed
+from serd_core.semi_markov.simulation import sample_timed_decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.scenario.grid import navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
 from support.episodes import episode_result
@@ -50,7 +51,8 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="session")
 def problem(scenario: Scenario) -> NavigationProblem:
-    return navigation_problem_of(scenario, 0.95)
+    untimed = navigation_problem_of(scenario, 0.95)
+    return with_dwell_times(untimed, patience_s=scenario.patience_s, wait_s=scenario.wait_s)
 
 
 @pytest.fixture(scope="session")
@@ -60,15 +62,18 @@ def start(scenario: Scenario, problem: NavigationProblem) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def demonstrations(problem: NavigationProblem, start: np.ndarray) -> Decisions:
+def demonstrations(problem: NavigationProblem, start: np.ndarray) -> TimedDecisions:
     outcomes = np.full((4, 5), 0.02)
     outcomes[:, 1] = 0.92
     outcomes[3] = [0.92, 0.02, 0.02, 0.02, 0.02]
-    expert = optimal_policy(problem, np.array([5.0, 0.5, 0.1]), outcomes)
-    return sample_decisions(
+    model = require_timed(problem.mdp.transitions)
+    truth = model.parameters_from(outcomes, 1.1, 4.0)
+    table = model.local_probabilities(truth)
+    expert = optimal_policy(problem, np.array([5.0, 0.5, 0.1]), table)
+    return sample_timed_decisions(
         problem.mdp,
         expert.probabilities,
-        outcomes,
+        truth,
         start,
         n_episodes=6,
         n_steps=14,
@@ -78,15 +83,17 @@ def demonstrations(problem: NavigationProblem, start: np.ndarray) -> Decisions:
 
 
 @pytest.fixture(scope="session")
-def fit(problem: NavigationProblem, demonstrations: Decisions) -> FitResult:
+def fit(problem: NavigationProblem, demonstrations: TimedDecisions) -> FitResult:
+    start = np.array([1.0, 0.1, 0.0])
     return fit_mdce_serd(
-        problem, demonstrations, initial_weights=np.array([1.0, 0.1, 0.0]), prior=KldPrior(0.1)
+        problem.by_decisions, demonstrations, initial_weights=start, prior=KldPrior(0.1)
     )
 
 
 @pytest.fixture(scope="session")
 def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
-    return optimal_policy(problem, fit.reward_weights, fit.outcome_probabilities)
+    by_decisions = problem.by_decisions
+    return optimal_policy(by_decisions, fit.reward_weights, fit.outcome_probabilities)
 
 
 @pytest.fixture(scope="session")
@@ -111,11 +118,15 @@ def inputs(
     scenario: Scenario,
     problem: NavigationProblem,
     start: np.ndarray,
-    demonstrations: Decisions,
+    demonstrations: TimedDecisions,
     fit: FitResult,
     policy: Policy,
     snapshot: CrowdSnapshot,
 ) -> ReportInputs:
+    arrived = arrival_by_state(
+        problem.by_decisions, policy.probabilities, fit.outcome_probabilities, 60
+    )
+    arrival_s = 2.0 * np.arange(61)
     return ReportInputs(
         title="Corner demo",
         scenario=scenario,
@@ -130,11 +141,8 @@ def inputs(
             episode_result(2, "arrived", 19.0),
             episode_result(3, "timeout", robot_on_person=1),
         ),
-        predicted=law_in_seconds(
-            arrival_time_distribution(
-                problem, policy.probabilities, fit.outcome_probabilities, start, 60
-            ),
-            period_s=2.0,
+        predicted=ArrivalLaw(
+            arrival_s, arrived.cdf @ start, float(arrived.arrival_probability @ start)
         ),
         timeout_s=120.0,
         snapshot=snapshot,

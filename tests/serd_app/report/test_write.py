@@ -154,6 +154,10 @@ def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_nex
     for row in known.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text
+    assert "How long a move takes" in page.text
+    for law in known.durations:
+        assert f"{law.median_s:.2f} ({law.lower_s:.2f} to {law.upper_s:.2f})" in page.text
+        assert f"{law.correlation:+.2f}" in page.text
 
 
 def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.arrival.arriving_policy import (
-    NEVER_PERIODS,
+    NEVER_S,
     TRAP_PROBABILITY,
     arriving_policy,
     least_time_policy,
@@ -19,7 +19,7 @@ from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 
-N_PERIODS = 200
+N_STEPS = 200
 #: Of a move (stay, forward, right, back, left), and of waiting.
 SURE, STANDS = [0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]
 
@@ -35,15 +35,24 @@ def problem_of(walkable, goals, flow=None):
     )
 
 
+def one_second(problem):
+    """(S, A) of decisions that all take a second."""
+    return np.ones(problem.mdp.available.shape)
+
+
+def least_time(problem, outcomes):
+    return least_time_policy(problem, outcomes, one_second(problem))
+
+
 def outcomes_of(move, waiting=STANDS):
     return np.array([move, move, move, waiting])
 
 
-def driven_by(problem, learned, outcomes, n_periods=N_PERIODS):
+def driven_by(problem, learned, outcomes, n_periods=N_STEPS):
     def arrival_of(policy):
         return arrival_by_state(problem, policy.probabilities, outcomes, n_periods)
 
-    return arriving_policy(problem, learned, outcomes, arrival_of, n_periods)
+    return arriving_policy(problem, learned, outcomes, one_second(problem), arrival_of, n_periods)
 
 
 def loves_walls(problem, outcomes):
@@ -53,7 +62,7 @@ def loves_walls(problem, outcomes):
 
 def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
     problem = problem_of(np.ones((1, 6)), [5])
-    found = least_time_policy(problem, outcomes_of([0.75, 0.25, 0.0, 0.0, 0.0]))
+    found = least_time(problem, outcomes_of([0.75, 0.25, 0.0, 0.0, 0.0]))
     assert -found.value == pytest.approx(4.0 * np.arange(5, -1, -1), rel=1e-6)
     assert found.greedy[:5].tolist() == [Action.EAST] * 5
 
@@ -62,7 +71,7 @@ def test_the_expected_periods_are_those_of_the_chain_of_its_policy_and_of_no_oth
     rng = np.random.default_rng(3)
     problem = problem_of(np.ones((4, 5)), [19], rng.integers(1, 5, 20))
     outcomes = rng.dirichlet([1.0, 4.0, 1.0, 1.0, 1.0], 4)
-    found = least_time_policy(problem, outcomes)
+    found = least_time(problem, outcomes)
 
     def periods(probabilities):
         chain = policy_chain(problem.mdp, probabilities, outcomes).toarray()[:19, :19]
@@ -77,23 +86,37 @@ def test_the_expected_periods_are_those_of_the_chain_of_its_policy_and_of_no_oth
         assert (periods(draw / draw.sum(axis=1, keepdims=True)) >= least - 1e-6).all()
 
 
+def test_a_detour_of_quick_moves_is_the_way_of_least_time_around_a_slow_one():
+    problem = problem_of(np.ones((2, 3)), [2])
+    seconds = one_second(problem)
+    seconds[1, Action.EAST] = 9.0
+    found = least_time_policy(problem, outcomes_of(SURE), seconds)
+    # Two cells to the goal by one slow move (10 s), or around it by four.
+    assert found.greedy[[0, 1, 3, 4, 5]].tolist() == [
+        *(Action.NORTH, Action.NORTH),
+        *(Action.EAST, Action.EAST),
+        Action.SOUTH,
+    ]
+    assert -found.value[:2] == pytest.approx([4.0, 3.0])
+
+
 def test_waiting_is_no_way_even_where_it_is_learned_to_carry_the_robot_along():
     problem = problem_of(np.ones((5, 1)), [4])
     carried = [0.0, 1.0, 0.0, 0.0, 0.0]  # north, where there is no flow
-    found = least_time_policy(problem, outcomes_of([0.9, 0.1, 0.0, 0.0, 0.0], carried))
+    found = least_time(problem, outcomes_of([0.9, 0.1, 0.0, 0.0, 0.0], carried))
     assert found.greedy[:4].tolist() == [Action.NORTH] * 4
 
 
 def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_they_are():
     problem = problem_of([[1, 1, 0, 1, 1], [0, 0, 0, 0, 1]], [1])
-    periods = -least_time_policy(problem, outcomes_of(SURE)).value
+    periods = -least_time(problem, outcomes_of(SURE)).value
     assert periods[:2].tolist() == pytest.approx([1.0, 0.0])
-    assert (periods[2:] > 0.99 * NEVER_PERIODS).all()
+    assert (periods[2:] > 0.99 * NEVER_S).all()
 
 
 def test_moves_that_nearly_never_succeed_are_counted_and_not_lost():
     problem = problem_of(np.ones((1, 3)), [2])
-    periods = -least_time_policy(problem, outcomes_of([1 - 1e-6, 1e-6, 0.0, 0.0, 0.0])).value
+    periods = -least_time(problem, outcomes_of([1 - 1e-6, 1e-6, 0.0, 0.0, 0.0])).value
     assert periods == pytest.approx([2e6, 1e6, 0.0], rel=0.01)
 
 
@@ -104,8 +127,8 @@ def test_where_staying_at_a_wall_is_best_the_way_of_least_time_leads_to_the_goal
     assert found.learned_traps.looping.sum() > 5
     assert np.array_equal(found.by_time, found.learned_traps.looping)
     assert not len(found.traps.states)
-    assert (found.arrival.within(N_PERIODS) > 0.99).all()
-    fastest = least_time_policy(problem, outcomes)
+    assert (found.arrival.within(N_STEPS) > 0.99).all()
+    fastest = least_time(problem, outcomes)
     assert np.array_equal(found.policy.greedy[found.by_time], fastest.greedy[found.by_time])
     assert np.array_equal(found.policy.value, learned.value)
 
@@ -146,7 +169,7 @@ def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_tim
     weights = rng.normal(0.0, 3.0, len(problem.feature_names))
     learned = optimal_policy(problem, weights, outcomes)
     found = driven_by(problem, learned, outcomes, n_periods=30)
-    fastest = least_time_policy(problem, outcomes)
+    fastest = least_time(problem, outcomes)
     chosen = np.where(found.by_time, fastest.greedy, learned.greedy)
     assert np.array_equal(found.policy.greedy, chosen)
     arrives = partial(arrival_by_state, problem, outcome_probabilities=outcomes, n_periods=30)

@@ -25,6 +25,11 @@ def line(n_moves, dwell=None):
     return RenewalChain(state, state + 1, np.ones(n_moves), classes, goal)
 
 
+def one_step(step_s):
+    """Every move takes one step."""
+    return DwellTimes(step_s, np.array([[0.0, 1.0]]))
+
+
 def any_policy(problem, seed):
     rng = np.random.default_rng(seed)
     weights = np.where(problem.mdp.available, rng.gamma(1.0, size=problem.mdp.available.shape), 0)
@@ -37,7 +42,7 @@ def test_equal_periods_give_the_arrival_of_decision_periods():
     table = np.random.default_rng(seed).dirichlet(np.ones(5), 4)
     policy = any_policy(problem, seed)
     expected = arrival_by_state(problem, policy, table, 60)
-    found = semi_markov_arrival(renewal_chain(problem, policy, table), DwellTimes.periodic(2.0), 60)
+    found = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(2.0), 60)
     np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
     np.testing.assert_allclose(found.arrival_probability, expected.arrival_probability)
 
@@ -56,7 +61,7 @@ def test_waits_of_chance_give_the_negative_binomial_distribution():
     chain = RenewalChain(
         state, successor, np.tile([0.6, 0.4], 3), np.zeros(6, int), np.arange(4) == 3
     )
-    found = semi_markov_arrival(chain, DwellTimes.periodic(1.0), 40).cdf[:, 0]
+    found = semi_markov_arrival(chain, one_step(1.0), 40).cdf[:, 0]
     np.testing.assert_allclose(found, nbinom(3, 0.4).cdf(np.arange(41) - 3), atol=3e-8)
 
 
@@ -77,9 +82,7 @@ def test_classes_follow_the_outcome_models():
     slower = semi_markov_arrival(
         renewal_chain(problem, policy, table), DwellTimes(1.0, np.array([[0, 0, 1.0]])), 200
     )
-    faster = semi_markov_arrival(
-        renewal_chain(problem, policy, table), DwellTimes.periodic(1.0), 200
-    )
+    faster = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(1.0), 200)
     assert np.all(found.cdf <= faster.cdf + 1e-7)
     assert np.all(found.cdf >= slower.cdf - 1e-7)
     assert found.mean_periods[0] > faster.mean_periods[0] + 0.1
@@ -94,8 +97,8 @@ def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
     )
     monkeypatch.setattr(memory, "memory_limit", lambda: 60_000)
     with pytest.raises(SerdError, match="within 100 steps from each of 21 states must fit into"):
-        semi_markov_arrival(chain, DwellTimes.periodic(1.0), 100)
-    assert semi_markov_arrival(chain, DwellTimes.periodic(1.0), 50).cdf.shape == (51, 21)
+        semi_markov_arrival(chain, one_step(1.0), 100)
+    assert semi_markov_arrival(chain, one_step(1.0), 50).cdf.shape == (51, 21)
 
 
 def test_a_certain_loop_that_takes_no_time_is_rejected():

@@ -102,7 +102,7 @@ def test_a_task_of_other_features_or_models_is_rejected(ended):
         expected_information_gain(found, task=renamed)
     more = replace(problem.mdp.transitions, n_models=2)
     larger = TabularProblem(Mdp(more, 0.9), problem.features, problem.feature_names)
-    with pytest.raises(SerdError, match=r"outcome models of the fit, 2 energies, got 4"):
+    with pytest.raises(SerdError, match=r"outcome models of the fit, 2 numbers, got 4"):
         expected_information_gain(found, task=larger)
     with pytest.raises(SerdError, match=r"longest must be at least 1 decision, got 0"):
         expected_information_gain(found, longest=0)

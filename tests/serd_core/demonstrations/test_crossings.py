@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.demonstrations.crossings import cell_crossings
+from serd_core.demonstrations.crossings import CellTracker, cell_crossings
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
 
@@ -40,6 +40,35 @@ def test_places_beyond_a_wall_stay_in_the_cell_and_an_open_end_ends_the_way():
     found = cell_crossings(GRID, time, places)
     assert found.state.tolist() == [state(4, 2), state(5, 2)]
     assert found.left_s == pytest.approx(2.5)
+
+
+def test_a_cell_that_no_way_of_the_grid_leads_to_is_entered_where_it_is_seen():
+    pillar = np.ones((3, 6), bool)
+    pillar[1, 2] = False
+    grid = Grid((0.0, 0.0), 1.0, pillar)
+    time, x_m = np.arange(9) * 0.5, np.linspace(0.5, 4.5, 9)
+    found = cell_crossings(grid, time, np.stack([x_m, np.full(9, 1.9)], axis=1), 0.1)
+    assert [grid.cells[each].tolist() for each in found.state] == [[1, 0], [1, 1], [1, 3], [1, 4]]
+    np.testing.assert_allclose(found.entered_s, [0.0, 0.6, 2.5, 3.6])
+
+
+def test_a_tracker_takes_positions_one_by_one_and_begins_anew_after_a_reset():
+    tracker = CellTracker(GRID, 0.1)
+    assert tracker.see(0.0, 9.0, 9.0) == ()
+    assert tracker.see(1.0, np.nan, 0.5) == ()
+    assert list(tracker.see(2.0, 0.5, 0.5)) == [(2.0, state(0, 0))]
+    assert list(tracker.see(3.0, 1.05, 0.5)) == []
+    assert list(tracker.see(4.0, 2.05, 0.5)) == [(pytest.approx(3.05), state(1, 0))]
+    tracker.reset()
+    assert tracker.state == -1
+    assert list(tracker.see(4.0, 5.5, 2.5)) == [(4.0, state(5, 2))]
+
+
+def test_a_place_exactly_at_the_end_of_the_hysteresis_is_not_beyond_it():
+    tracker = CellTracker(GRID, 0.1)
+    tracker.see(0.0, 0.5, 0.5)
+    assert list(tracker.see(1.0, 1.1, 1.04)) == []
+    assert [each.state for each in tracker.see(2.0, 1.2, 1.15)] == [state(1, 0), state(1, 1)]
 
 
 def test_a_way_that_misses_the_grid_has_no_cells():

@@ -52,13 +52,6 @@ def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
     np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
 
 
-def test_a_move_recorded_as_its_neighbour_is_no_missing_decision():
-    """Next state 2 for a diagonal move to 3 (`discretise`): the next decision is on time."""
-    decisions = one_way()
-    slipped = with_rows(decisions, next_state=[1, 2, 2, 4, 5, 6])
-    assert len(trajectories_of(slipped)) == 1
-
-
 def test_a_pause_without_a_change_of_place_is_no_missing_decision():
     paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
     assert len(trajectories_of(paused)) == 1

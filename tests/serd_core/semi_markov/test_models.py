@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from tests.support.semi_markov import (
     PLACES,
     WAIT,
     WEIGHTS,
+    demonstrations,
     ring,
     timed_ring,
 )
@@ -155,3 +158,14 @@ def test_the_choice_cost_of_weight_one_takes_the_mean_over_choices():
     mean = np.log(np.where(available, np.exp(q), 0.0).sum(axis=1) / available.sum(axis=1))
     np.testing.assert_allclose(found.value, mean, rtol=1e-12)
     assert problem.feature_names[-1] == "choice_cost"
+
+
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 30.0])
+def test_dwell_times_that_are_all_equal_have_a_law_of_their_mean(seconds):
+    timed, truth = timed_ring()
+    drawn = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=np.inf)
+    equal = replace(drawn, dwell_s=np.full(len(drawn), seconds))
+    theta = sc.estimate_dynamics(timed, equal)
+    means = np.exp(theta[timed.mdp.transitions.means])
+    assert means[0] == pytest.approx(seconds, rel=1e-3)
+    assert sc.fit_mdce_serd(timed, equal).converged

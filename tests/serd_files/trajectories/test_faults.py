@@ -195,16 +195,16 @@ def test_people_of_another_file_are_those_that_the_robot_drives_among(tmp_path):
     WALKS[WALKS.id == 2].to_csv(tmp_path / "people_07.csv", index=False)
     WALKS[WALKS.id == 1].drop(columns="id").to_csv(tmp_path / "run_07.csv", index=False)
     mapping = yaml_model("people: people_*.csv", TableMapping, name="mapping")
-    found = drives_of_table(tmp_path / "run_07.csv", mapping, 1.0)
+    found = drives_of_table(tmp_path / "run_07.csv", mapping)
     assert [len(found.drives), len(found.crowd.people)] == [1, 1]
     assert found.crowd.others_at(0, np.array([2.0]))[0] == pytest.approx(np.array([[2.4, 1.4]]))
     late = WALKS[WALKS.id == 2].assign(t=WALKS.t + 1e6)
     late.to_csv(tmp_path / "people_07.csv", index=False)
     with pytest.raises(FileError, match=r"people_07\.csv must have the clock of .*run_07"):
-        drives_of_table(tmp_path / "run_07.csv", mapping, 1.0)
+        drives_of_table(tmp_path / "run_07.csv", mapping)
     (tmp_path / "run_07.csv").rename(tmp_path / "run.csv")
     with pytest.raises(FileError, match=r"run\.csv must have a number in its name, which \*"):
-        drives_of_table(tmp_path / "run.csv", mapping, 1.0)
+        drives_of_table(tmp_path / "run.csv", mapping)
 
 
 def test_a_folder_of_tables_is_no_recording(tmp_path):

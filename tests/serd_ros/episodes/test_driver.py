@@ -9,13 +9,21 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from serd_app.drives.episode_spans import END
+from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
+from serd_ros.convert.diagnostics import UNCOUNTED, from_episode_message, to_diagnostics
+from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.sensors import to_people_message
+from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import several_worlds
 from serd_ros.episodes.driver import EpisodeDriverNode
+from serd_sim.episodes.result import EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
+from support.observations import observation_at
 from support.waiting import wait_until
 
 
@@ -81,8 +89,8 @@ def test_a_reset_without_an_answer_is_requested_again(save_model_of):
         assert len(world.requests) == 2
 
 
-@pytest.mark.parametrize(("speed_mps", "n_warnings"), [(1.2, 0), (0.4, 1)])
-def test_a_driver_warns_of_a_period_too_short_for_the_next_cell(
+@pytest.mark.parametrize(("speed_mps", "n_warnings"), [(1.2, 0), (0.2, 1)])
+def test_a_driver_warns_of_a_patience_too_short_for_the_next_cell(
     tmp_path, monkeypatch, speed_mps, n_warnings
 ):
     slow = load_scenario("corridor").with_values("robot", max_vel_x_mps=speed_mps)
@@ -92,4 +100,60 @@ def test_a_driver_warns_of_a_period_too_short_for_the_next_cell(
     monkeypatch.setattr(EpisodeDriverNode, "get_logger", lambda _: logger)
     given = {"scenario": str(tmp_path / "slow.yaml"), "required_nodes": [""]}
     with node_in_process("scripted_expert", **given):
-        assert warnings == [slow.period_remark] * n_warnings
+        assert warnings == [slow.patience_remark] * n_warnings
+
+
+def observe(running, time_s, x_m=2.5, y_m=3.5):
+    seen = observation_at(x_m, y_m, 1.5, time_s=time_s)
+    running.receive("pedestrians", to_people_message(seen.people, time_s))
+    running.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
+    running.receive("robot_pose", to_pose_stamped(seen.pose, time_s))
+
+
+def report(running, time_s, n_contacts):
+    values = {**UNCOUNTED, "person_on_robot": n_contacts}
+    running.receive("diagnostics", to_diagnostics("hallway_sim", time_s, values))
+
+
+@pytest.mark.parametrize(
+    ("reports", "n_contacts"),
+    [
+        (((10.0, 0), (10.5, 1), (12.0, 2)), 2),
+        (((10.0, 0), (11.9, 1), (12.05, 2)), 1),
+        (((12.2, 3),), 3),
+    ],
+)
+def test_the_contacts_of_an_episode_are_those_at_its_last_tick(tmp_path, reports, n_contacts):
+    given = {"required_nodes": [""], "timeout_s": 2.0, "episodes": 2, "output": str(tmp_path)}
+    with node_in_process("scripted_expert", **given) as running:
+        start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
+        running.node.begin_episode(start)
+        for tick in range(41):
+            observe(running, 10.0 + 0.05 * tick)
+        assert running.node.n_finished == 0
+        for time_s, count in reports:
+            report(running, time_s, count)
+        assert running.node.n_finished == 1
+        mark = from_episode_message(running.sent["episode"])
+        assert (mark.event, mark.time_s, mark.outcome) == (END, 12.0, "timeout")
+        (row,) = load_episodes(tmp_path / "episodes.csv")
+        assert (row.person_on_robot, row.duration_s) == (n_contacts, 2.0)
+
+
+def test_a_driver_decides_in_each_cell_and_answers_a_tick_again_in_the_same_way():
+    with node_in_process("scripted_expert", required_nodes=[""]) as running:
+        start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
+        running.node.begin_episode(start)
+        places_m = (3.5, 3.6, 3.9, 4.05, 4.15, 4.5)
+        counts = []
+        for tick, y_m in enumerate(places_m):
+            observe(running, 10.0 + 0.05 * tick, y_m=y_m)
+            counts.append(running.published["intent"])
+        assert counts == [1, 1, 1, 1, 2, 2]
+        decided = running.sent["intent"]
+        for _ in range(2):
+            observe(running, 10.25, y_m=4.5)
+        assert running.published["intent"] > 2
+        assert running.sent["intent"].vector == decided.vector
+        assert stamp_s(running.sent["intent"].header.stamp) == pytest.approx(10.25)
+        running.assert_alive()

@@ -10,7 +10,7 @@ from serd_app.drives.episode_spans import EpisodeMark
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_bag.errors import FileError
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from serd_ros.errors import NodeError
 from serd_ros.process.serd_node import SerdNode
@@ -98,8 +98,9 @@ def test_a_learner_waits_for_a_replay_that_pauses(tmp_path):
 def test_a_learner_logs_why_it_does_not_begin_at_the_weights_that_were_kept(tmp_path, monkeypatch):
     hallway, warnings = load_scenario("hallway"), []
     memory = LearnerMemory(hallway, tmp_path / "m_learner")
+    decisions = TimedDecisions([0], [0.0], [0], [0], [0], "a test", dwell_s=[1.0], censored=[False])
     kept = memory.folder.new().model_copy(update={"reward_weights": {"speed": 1.0}})
-    memory.folder.save_decisions(Decisions([0], [0.0], [0], [0], [0], "a test"))
+    memory.folder.save_decisions(decisions)
     memory.folder.save(kept)
     logger = SimpleNamespace(warning=warnings.append, info=lambda *_, **__: None)
     monkeypatch.setattr(SerdNode, "get_logger", lambda _: logger)

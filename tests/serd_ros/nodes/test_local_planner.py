@@ -2,8 +2,14 @@
 
 import pytest
 
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_intent
+from serd_ros.convert.pose import to_odometry, to_pose_stamped, to_waypoint_message
+from serd_ros.convert.sensors import to_people_message
 from serd_ros.nodes import local_planner
+from serd_sim.world.waypoint import Waypoint
 from support.nodes_in_process import node_in_process
+from support.observations import observation_at
 from support.valid_messages import valid_message
 
 
@@ -115,3 +121,67 @@ def test_people_are_those_of_the_topic_that_is_named_for_them(monkeypatch):
         (observation,) = seen
         assert observation.people_position_m.tolist() == [[4.5, 12.0], [2.5, 9.0]]
         assert "/pedestrians" not in {each.topic_name for each in running.node.subscriptions}
+
+
+class Lockstep:
+    """A planner in lock-step with the robot at places of the test; answered: whether it did."""
+
+    def __init__(self, running):
+        self.running = running
+
+    def answered(self, time_s, y_m, directive=None):
+        n_before = self.running.published["cmd_vel_raw"]
+        seen = observation_at(2.5, y_m, 1.5, time_s=time_s)
+        self.running.receive("pedestrians", to_people_message(seen.people, time_s))
+        self.running.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
+        self.running.receive("robot_pose", to_pose_stamped(seen.pose, time_s))
+        if isinstance(directive, Waypoint):
+            self.running.receive("waypoint", to_waypoint_message(directive, time_s))
+        elif directive is not None:
+            self.running.receive("intent", to_intent(directive, time_s))
+        return self.running.published["cmd_vel_raw"] > n_before
+
+
+@pytest.fixture
+def lockstep():
+    with node_in_process("local_planner", lockstep=True) as running:
+        yield Lockstep(running)
+
+
+@pytest.mark.parametrize("directive", [Action.NORTH, Waypoint(2.5, 5.5)])
+def test_in_lock_step_a_planner_waits_for_a_directive_where_a_decision_epoch_begins(
+    lockstep, directive
+):
+    assert not lockstep.answered(10.0, 3.5)
+    assert lockstep.answered(10.0, 3.5, directive)
+    for tick in range(1, 9):
+        assert lockstep.answered(10.0 + 0.05 * tick, 3.5 + 0.06 * tick)
+    assert lockstep.answered(10.45, 4.05), "within the hysteresis"
+    assert not lockstep.answered(10.5, 4.11)
+    assert lockstep.answered(10.5, 4.11, directive)
+    assert lockstep.answered(10.5, 4.11), "a tick that comes again"
+    assert lockstep.answered(10.55, 4.11)
+
+
+@pytest.mark.parametrize(
+    ("directive", "length_s"),
+    [
+        (Action.NORTH, 4.0),
+        (Waypoint(2.5, 5.5), 4.0),
+        (Action.WAIT, 1.0),
+        (Waypoint(2.5, 3.5), 1.0),
+    ],
+)
+def test_in_lock_step_a_decision_that_leads_nowhere_ends_after_patience_and_one_to_wait_sooner(
+    lockstep, directive, length_s
+):
+    assert lockstep.answered(10.0, 3.5, directive)
+    n_ticks = round(length_s / 0.05)
+    assert all(lockstep.answered(10.0 + 0.05 * tick, 3.5) for tick in range(1, n_ticks))
+    assert not lockstep.answered(10.0 + length_s, 3.5)
+
+
+def test_in_lock_step_the_first_tick_of_an_episode_waits_for_a_directive(lockstep):
+    assert lockstep.answered(10.0, 3.5, Action.NORTH)
+    assert not lockstep.answered(14.0, 3.6)
+    assert lockstep.answered(14.0, 3.6, Action.NORTH)

@@ -11,12 +11,19 @@ from serd_files.model_file import load_model
 from serd_sim.drivers.expert import ScriptedExpert
 from serd_sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
 from serd_sim.drivers.policy_driver import PolicyDriver, model_driver
-from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
+from serd_sim.drivers.strategy import learned_dynamics
+from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of
+from serd_sim.scenario.model_problem import problem_of_model
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
+
+
+def decide(driver, observation):
+    """What a driver decides in the cell of an observation."""
+    return driver.decide(observation, GRID.state_at(observation.x_m, observation.y_m))
 
 
 def test_without_flow_or_likes_the_cost_to_go_is_the_manhattan_distance():
@@ -33,9 +40,9 @@ def test_the_expert_first_crosses_to_the_right_then_chooses_a_lane_and_goes_up()
     moves_low, moves_high = [], []
     for episode in range(30):
         expert.begin(episode)
-        moves_low.append(expert.decide(observation_at(0.5, 1.5)))
+        moves_low.append(decide(expert, observation_at(0.5, 1.5)))
         expert.begin(episode)
-        moves_high.append(expert.decide(observation_at(4.5, 9.5)))
+        moves_high.append(decide(expert, observation_at(4.5, 9.5)))
     assert np.mean([move == Action.EAST for move in moves_low]) > 0.8
     assert np.mean([move == Action.NORTH for move in moves_high]) > 0.4
     assert np.mean([move == Action.SOUTH for move in moves_high]) < 0.1
@@ -45,7 +52,7 @@ def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_
     expert = ScriptedExpert(HALLWAY, seed=2)
     people = [[x + 0.5, y + 0.5] for x in range(6) for y in range(8, 12)]
     observation = observation_at(4.5, 9.5, people=people)
-    waits = [expert.decide(observation) == Action.WAIT for _ in range(300)]
+    waits = [decide(expert, observation) == Action.WAIT for _ in range(300)]
     assert 0.1 < np.mean(waits) < 0.4
     assert "111" not in "".join(str(int(wait)) for wait in waits)
 
@@ -53,19 +60,93 @@ def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_
 def test_a_greedy_policy_takes_the_likeliest_action():
     probabilities = np.tile([0.1, 0.2, 0.4, 0.2, 0.1], (GRID.n_states, 1))
     driver = PolicyDriver(GRID, probabilities)
-    assert driver.decide(observation_at(2.5, 2.5)) == Action.EAST
-    assert driver.decide(observation_at(-5.0, 2.5)) == Action.WAIT
+    assert decide(driver, observation_at(2.5, 2.5)) == Action.EAST
+    assert decide(driver, observation_at(-5.0, 2.5)) == Action.WAIT
 
 
-def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episode():
-    probabilities = np.tile([0.0, 0.7, 0.3, 0.0, 0.0], (GRID.n_states, 1))
-    driver = PolicyDriver(GRID, probabilities, seed=3, greedy=False)
+HERE, THERE = GRID.state_at(2.5, 2.5), GRID.state_at(3.5, 2.5)
+SEEN = observation_at(2.5, 2.5)
+
+
+def driver_by(*probabilities, **settings):
+    """A driver with the same probabilities (wait, north, east, south, west) in every cell."""
+    return PolicyDriver(GRID, np.tile(probabilities, (GRID.n_states, 1)), **settings)
+
+
+def decided(driver, n, *, blocked):
+    """n decisions in a cell where the robot was blocked, or each after another cell."""
+    actions = []
+    for _ in range(n):
+        actions.append(driver.decide(SEEN, HERE))
+        if not blocked:
+            driver.decide(SEEN, THERE)
+    return actions
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episode(blocked):
+    driver = driver_by(0.0, 0.7, 0.3, 0.0, 0.0, seed=3, greedy=False)
     draws = []
     for _ in range(2):
         driver.begin(5)
-        draws.append([driver.decide(observation_at(2.5, 2.5)) for _ in range(400)])
+        draws.append(decided(driver, 400, blocked=blocked))
     assert draws[0] == draws[1]
     assert np.mean(np.array(draws[0]) == Action.NORTH) == pytest.approx(0.7, abs=0.07)
+
+
+def test_of_equally_likely_actions_one_is_drawn_by_the_seed_and_then_kept():
+    def draws(seed):
+        driver = driver_by(0.1, 0.4, 0.4 - 1e-12, 0.1 + 1e-12, 0.0, seed=seed)
+        first = []
+        for episode in range(200):
+            driver.begin(episode)
+            (action,) = set(decided(driver, 5, blocked=False))
+            first.append(action)
+        return first
+
+    assert set(draws(1)) == {Action.NORTH, Action.EAST}
+    assert np.mean(np.array(draws(1)) == Action.NORTH) == pytest.approx(0.5, abs=0.11)
+    assert draws(1) == draws(1)
+    assert draws(1) != draws(2)
+
+
+def test_a_blocked_robot_tries_what_the_policy_likes_next_and_then_all_again():
+    driver = driver_by(0.05, 0.5, 0.3, 0.1, 0.05)
+    order = decided(driver, 10, blocked=True)
+    assert order[:3] == [Action.NORTH, Action.EAST, Action.SOUTH]
+    assert set(order[3:5]) == {Action.WAIT, Action.WEST}
+    assert order[5:8] == order[:3]
+
+
+def test_a_blocked_robot_that_waited_does_not_wait_for_ever():
+    driver = driver_by(0.4, 0.6, 0.0, 0.0, 0.0)
+    order = decided(driver, 10, blocked=True)
+    assert order[:2] == [Action.NORTH, Action.WAIT]
+    assert order.count(Action.WAIT) == 2
+
+
+def test_a_blocked_robot_of_a_policy_with_one_action_takes_any_other_way_but_no_wall():
+    corner = GRID.state_at(0.5, 0.5)
+    driver = driver_by(0.0, 1.0, 0.0, 0.0, 0.0)
+    assert [driver.decide(SEEN, corner) for _ in range(4)] == [Action.NORTH, Action.EAST] * 2
+    seen = {
+        tuple(decided(driver_by(0, 1, 0, 0, 0, seed=seed), 4, blocked=True)) for seed in range(9)
+    }
+    assert len(seen) > 1
+    assert all(set(order) == set(Action) - {Action.WAIT} for order in seen)
+
+
+def test_a_robot_that_left_the_cell_or_begins_again_takes_the_likeliest_action_again():
+    driver = driver_by(0.0, 0.6, 0.4, 0.0, 0.0)
+    assert decided(driver, 2, blocked=True) == [Action.NORTH, Action.EAST]
+    driver.decide(SEEN, THERE)
+    assert decided(driver, 2, blocked=True) == [Action.NORTH, Action.EAST]
+    driver.begin(1)
+    assert driver.decide(SEEN, HERE) == Action.NORTH
+
+
+def test_a_policy_that_waits_goes_on_waiting():
+    assert set(decided(driver_by(0.6, 0.4, 0, 0, 0), 9, blocked=True)) == {Action.WAIT}
 
 
 def test_probabilities_that_do_not_sum_to_one_are_refused():
@@ -81,8 +162,13 @@ def test_a_model_that_was_learned_under_another_flow_drives_by_that_flow(save_mo
     usual = model_driver(str(save_model_of()), hallway, seed=0)
     path = str(save_model_of(name="turned.yaml", flow=flow_picture(grid, turned)))
     model, driver = load_model(path), model_driver(path, hallway, seed=0)
-    problem = navigation_problem_of(hallway, model.discount, model.feature_names, turned)
-    best = optimal_policy(problem, model.weights, model.outcome_probabilities).probabilities
-    seen = [observation_at(*center) for center in grid.centers_m]
-    assert [driver.decide(each) for each in seen] == best.argmax(axis=1).tolist()
-    assert [driver.decide(each) for each in seen] != [usual.decide(each) for each in seen]
+    problem, _ = problem_of_model(path, model, hallway, grid)
+    np.testing.assert_array_equal(problem.flow, turned)
+    dynamics = learned_dynamics(path, model, problem)
+    table = problem.mdp.transitions.local_probabilities(dynamics)
+    best = optimal_policy(problem, model.weights, table).probabilities
+    decided = [decide(driver, observation_at(*center)) for center in grid.centers_m]
+    chosen = best[np.arange(grid.n_states), decided]
+    np.testing.assert_allclose(chosen, best.max(axis=1))
+    other = [decide(usual, observation_at(*center)) for center in grid.centers_m]
+    assert (best[np.arange(grid.n_states), other] == 0).any()

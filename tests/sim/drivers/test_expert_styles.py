@@ -3,16 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.drivers.expert import (
-    STYLES,
-    ExpertSettings,
-    ScriptedExpert,
-    VariedExpert,
-    seen_earlier,
-)
+from serd_sim.drivers.expert import STYLES, ExpertSettings, ScriptedExpert, VariedExpert
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 
@@ -26,15 +20,6 @@ def walking_towards(x_m):
     )
 
 
-def test_what_was_seen_earlier_lies_behind_the_robot_and_behind_the_people():
-    now = walking_towards(5.0)
-    assert seen_earlier(now, 0.0) is now
-    earlier = seen_earlier(now, 0.4)
-    assert earlier.x_m == pytest.approx(4.5)
-    assert earlier.y_m == pytest.approx(9.1)
-    np.testing.assert_allclose(earlier.people_position_m, [(5.4, 10.5)], atol=1e-6)
-
-
 def test_a_slow_expert_walks_on_where_a_quick_one_waits():
     patient = ExpertSettings(wait_probability=1.0, waver_probability=0.0, look_ahead_s=0.2)
     slow = replace(patient, reaction_delay_s=1.0)
@@ -42,7 +27,8 @@ def test_a_slow_expert_walks_on_where_a_quick_one_waits():
     def waits(settings):
         expert = ScriptedExpert(HALLWAY, seed=1, settings=settings)
         expert.begin(0)
-        return expert.decide(walking_towards(4.9)) == Action.WAIT
+        state = grid_of(HALLWAY).state_at(4.5, 9.5)
+        return expert.decide(walking_towards(4.9), state) == Action.WAIT
 
     assert waits(patient)
     assert not waits(slow)

@@ -153,10 +153,10 @@ def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
 
 
 def test_a_row_says_where_people_were_known_from_and_how_the_planner_fared():
-    row = run_task(EpisodeTask("crossing", 1, n_people=6, people_from="scan"))
+    row = run_task(EpisodeTask("crossing", 1, n_people=24, people_from="scan"))
     assert (row["people_from"], row["outcome"]) == ("scan", "arrived")
     assert (row["planner_status"], row["n_recoveries"]) == ("NONE", 0)
-    given = run_task(EpisodeTask("crossing", 1, n_people=6))
+    given = run_task(EpisodeTask("crossing", 1, n_people=24))
     assert row["distance_m"] != given["distance_m"]
 
 

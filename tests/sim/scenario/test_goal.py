@@ -1,18 +1,12 @@
 """Any walkable cell as the goal: of a scenario, of a world, of an episode."""
 
-import numpy as np
 import pytest
 
-from serd_core.grid.grid import Action
-from serd_sim.drivers.policy_driver import PolicyDriver
-from serd_sim.episodes.episode import EpisodeProgress, run_episode
+from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.errors import SimError
-from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.goal import goal_at, goal_cell, point_of, with_goal
 from serd_sim.scenario.grid import goal_states_of, grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.waypoint import Waypoint
-from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
@@ -55,22 +49,3 @@ def test_an_episode_ends_in_the_goal_that_is_moved_while_the_robot_drives():
     assert progress.see(observation_at(0.5, 5.5, tick=2)) is None
     assert progress.see(observation_at(0.5, 7.5, tick=3)) == "arrived"
     assert (progress.distance_m, progress.duration_s) == (6.5, pytest.approx(0.15))
-
-
-def test_an_episode_follows_the_waypoints_it_is_given():
-    policy = np.tile(np.eye(5)[Action.NORTH], (GRID.n_states, 1))
-    asked = []
-
-    def two_cells_north(observation, action):
-        asked.append(action)
-        return Waypoint(observation.x_m, min(observation.y_m + 2.0, 23.5))
-
-    empty = HALLWAY.with_pedestrian_count(0)
-    driver, planner = PolicyDriver(GRID, policy), make_planner("dwa", empty)
-    with HallwayWorld(empty, seed=3) as world:
-        usual = run_episode(world, planner, driver, episode=0, timeout_s=10.0)
-        ahead = run_episode(
-            world, planner, driver, episode=0, timeout_s=10.0, waypoint_of=two_cells_north
-        )
-    assert asked == [Action.NORTH] * 5
-    assert ahead.distance_m > 1.4 * usual.distance_m

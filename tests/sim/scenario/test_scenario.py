@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 import serd_sim.scenario.scenario
-from serd_app.navigation.strategy import start_distribution
 from serd_files.errors import USER_ERRORS
+from serd_sim.drivers.strategy import start_distribution
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.names import builtin_scenarios, scenario_suite, suite_names
 from serd_sim.scenario.scenario import Scenario, load_scenario
@@ -31,7 +31,7 @@ def test_the_hallway_is_6_by_24_metres_with_24_people():
     assert outline[:, 1].min() == 0
     assert outline[:, 1].max() == 24
     assert scenario.pedestrians.count == 24
-    assert scenario.ticks_per_decision == 40
+    assert (scenario.patience_s, scenario.wait_s) == (4.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -44,18 +44,18 @@ def test_a_wrong_scenario_name_is_refused_with_the_nearest_right_one(name, neare
 
 
 @pytest.mark.parametrize("name", builtin_scenarios())
-def test_every_built_in_scenario_loads_and_its_robot_reaches_the_next_cell_in_a_period(name):
+def test_every_built_in_scenario_loads_and_its_robot_crosses_a_cell_within_its_patience(name):
     scenario = load_scenario(name)
-    assert (scenario.name, scenario.period_remark) == (name, "")
+    assert (scenario.name, scenario.patience_remark) == (name, "")
 
 
 @pytest.mark.parametrize("slow", ["robot", "local_planner"])
-def test_a_robot_that_cannot_reach_the_next_cell_in_a_period_gets_a_remark(slow):
-    speed = {"robot": {"max_vel_x_mps": 0.4}, "local_planner": {"max_vel_x": 0.4}}[slow]
-    remark = load_scenario("corridor").with_values(slow, **speed).period_remark
+def test_a_robot_that_cannot_cross_a_cell_within_its_patience_gets_a_remark(slow):
+    speed = {"robot": {"max_vel_x_mps": 0.2}, "local_planner": {"max_vel_x": 0.2}}[slow]
+    remark = load_scenario("corridor").with_values(slow, **speed).patience_remark
     assert remark.startswith(
-        "at its full speed of 0.4 m/s the robot drives 0.8 m in a decision period of 2 s, less than"
-        " a cell of 1 m: raise decision_period_s"
+        "at its full speed of 0.2 m/s the robot drives 0.8 m within patience_s = 4 s, less than a"
+        " cell of 1 m: raise patience_s"
     )
 
 
@@ -114,14 +114,23 @@ def one_obstacle(*corners):
 
 def test_the_longest_control_period_is_allowed(tmp_path):
     values = {"control_period_s": 0.2, "lidar": {"rate_hz": 5.0}, "robot": {"max_vel_x_mps": 1.0}}
-    assert load_scenario(room(tmp_path, **values)).ticks_per_decision == 10
+    assert load_scenario(room(tmp_path, **values)).ticks_per_scan == 1
 
 
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
         ({"robot": {"radius": 0.3}}, r"robot\.radius.*did you mean 'radius_m'"),
-        ({"decision_period_s": 0.12}, "whole number of control_period_s"),
+        (
+            {"decision_period_s": 2.0},
+            r"decision_period_s is not a known key; .* may have patience_s and wait_s",
+        ),
+        (
+            {"patience_s": 0.01},
+            r"patience_s must be at least control_period_s \(0\.05 s\), got 0\.01 s; raise it",
+        ),
+        ({"wait_s": 0.04}, r"wait_s must be at least control_period_s \(0\.05 s\), got 0\.04 s"),
+        ({"wait_s": 0.0}, r"wait_s must be greater than 0, got 0"),
         (
             {"robot": {"acc_lim_x_mps2": 8.0}},
             r"decel_lim_x_mps2 must be at least .* \(8\), .* raise it",
@@ -190,7 +199,7 @@ def test_the_longest_control_period_is_allowed(tmp_path):
         ),
         (
             {"episode_timeout_s": 0.01},
-            r"episode_timeout_s must be at least decision_period_s \(2 s\), got 0\.01 s",
+            r"episode_timeout_s must be at least control_period_s \(0\.05 s\), got 0\.01 s",
         ),
         (
             {"pedestrians": one_loop(SQUARE) | {"count": 3000}},

@@ -23,10 +23,10 @@ def test_without_a_directive_the_robot_stands(followed):
     assert not followed.is_overdue
 
 
-def test_an_intent_means_the_next_cell_and_wait_means_to_stand(followed):
+def test_an_intent_means_a_waypoint_straight_ahead_and_wait_means_to_stand(followed):
     followed.take(4.0, Action.NORTH)
-    assert followed.waypoint(observation_at(2.2, 3.9, time_s=4.0)) == Waypoint(2.5, 4.5)
-    assert followed.waypoint(observation_at(2.2, 4.1, time_s=4.5)) == Waypoint(2.5, 4.5)
+    assert followed.waypoint(observation_at(2.2, 3.9, time_s=4.0)) == Waypoint(2.5, 5.5)
+    assert followed.waypoint(observation_at(2.2, 4.1, time_s=4.5)) == Waypoint(2.5, 5.5)
     followed.take(6.0, Action.WAIT)
     assert followed.waypoint(observation_at(2.2, 4.1, time_s=6.0)) is None
 
@@ -39,24 +39,41 @@ def test_a_waypoint_that_is_not_repeated_is_followed_for_a_moment(followed, time
     assert followed.is_overdue == (waypoint is None)
 
 
-@pytest.mark.parametrize(("period_s", "patience_s"), [(0.05, 0.8), (1.0, 1.5), (9.0, 3.0)])
-def test_a_source_of_actions_is_missed_after_one_and_a_half_of_its_own_periods(
-    followed, period_s, patience_s
+@pytest.mark.parametrize(("late_s", "is_followed"), [(3.95, True), (4.05, False)])
+def test_an_intent_is_followed_in_its_cell_for_the_patience_of_the_scenario(
+    followed, late_s, is_followed
 ):
-    last_s = 4.0 + 5 * period_s
-    for number in range(6):
-        followed.take(4.0 + number * period_s, Action.NORTH)
-    for late_s, waypoint in ((patience_s - 0.01, Waypoint(2.5, 4.5)), (patience_s + 0.01, None)):
-        assert followed.waypoint(observation_at(2.5, 3.6, time_s=last_s + late_s)) == waypoint
-    followed.take(last_s + 9.0, Action.NORTH)
-    seen = observation_at(2.5, 3.6, time_s=last_s + 9.0)
-    assert followed.waypoint(seen) == Waypoint(2.5, 4.5)
+    followed.take(4.0, Action.NORTH)
+    followed.waypoint(observation_at(2.5, 3.6, time_s=4.0))
+    seen = observation_at(2.5, 3.7, time_s=4.0 + late_s)
+    assert followed.waypoint(seen) == (Waypoint(2.5, 5.5) if is_followed else None)
+    assert followed.is_overdue != is_followed
 
 
-def test_the_longest_of_the_last_pauses_counts(followed):
-    for time_s in (4.0, 4.2, 4.4, 5.4, 5.6):
-        followed.take(time_s, Action.NORTH)
-    assert followed.patience_s == pytest.approx(1.5)
+def test_one_intent_drives_the_robot_one_cell_on_and_no_farther(followed):
+    followed.take(4.0, Action.NORTH)
+    followed.waypoint(observation_at(2.5, 3.6, time_s=4.0))
+    for time_s, y_m in ((5.0, 3.9), (5.2, 4.08), (5.3, 4.2), (5.55, 4.4)):
+        assert followed.waypoint(observation_at(2.5, y_m, time_s=time_s)) == Waypoint(2.5, 5.5)
+    assert followed.waypoint(observation_at(2.5, 4.5, time_s=5.65)) is None
+    assert followed.is_overdue
+    assert followed.waypoint(observation_at(2.5, 3.5, time_s=6.5)) is None, "also back in its cell"
+
+
+def test_an_intent_that_is_repeated_keeps_the_robot_going(followed):
+    for number in range(20):
+        seen = observation_at(2.5, 3.6 + 0.2 * number, time_s=4.0 + 0.2 * number)
+        followed.take(seen.time_s, Action.NORTH)
+        waypoint = followed.waypoint(seen)
+        assert waypoint is not None
+        assert waypoint.y_m - seen.y_m > 1.0
+
+
+def test_a_scenario_with_little_patience_follows_an_intent_no_shorter_than_a_waypoint():
+    followed = FollowedDirective(HALLWAY.model_copy(update={"patience_s": 0.2}))
+    followed.take(4.0, Action.NORTH)
+    for late_s, waypoint in ((0.0, Waypoint(2.5, 5.5)), (0.75, Waypoint(2.5, 5.5)), (0.85, None)):
+        assert followed.waypoint(observation_at(2.5, 3.6, time_s=4.0 + late_s)) == waypoint
 
 
 @pytest.mark.parametrize(("stamp_s", "directive"), [(0.0, FAR), (1.7e9, FAR), (0.0, Action.NORTH)])

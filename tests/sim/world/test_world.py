@@ -11,6 +11,7 @@ from serd_sim.robot.robot import standing_at
 from serd_sim.scenario.occupancy import occupancy_raster
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
+from serd_sim.world.observation import EPISODE_GAP_S, is_next_episode
 from serd_sim.world.world import HallwayWorld
 from support.processes import outputs_of_processes
 
@@ -63,15 +64,18 @@ def test_other_seeds_and_episodes_give_other_crowds():
         assert not np.array_equal(first, one.reset(1).people_position_m)
 
 
-def test_time_runs_on_over_episodes_and_leaves_a_gap_of_at_least_one_decision_period():
+def test_time_runs_on_over_episodes_and_leaves_a_gap_that_observations_show():
+    period_s = EMPTY.control_period_s
     with HallwayWorld(EMPTY, seed=1) as world:
         assert world.reset(0).tick == 0
-        for _ in range(45):
-            world.step(STOP)
-        assert world.reset(1).time_s == pytest.approx(6.0)
-        for _ in range(40):
-            world.step(STOP)
-        assert world.reset(2).tick == 240
+        seen = [world.step(STOP) for _ in range(45)]
+        begun = world.reset(1)
+        gap_s = begun.time_s - seen[-1].time_s
+        assert EPISODE_GAP_S - 1e-9 <= gap_s < EPISODE_GAP_S + 1.0 / EMPTY.lidar.rate_hz
+        assert world.is_scan_tick
+    assert is_next_episode(seen[-1], begun, period_s)
+    assert is_next_episode(seen[-1], seen[0], period_s), "a world that begins anew"
+    assert not is_next_episode(seen[0], seen[30], period_s), "ticks that a live clock skipped"
 
 
 def test_a_constant_command_drives_the_exact_circle():

@@ -1,6 +1,6 @@
 """How far predicted times of arrival are from measured ones, with intervals and a test.
 
-Rows of both tables are CDFs by whole decision periods, one per repetition's model; their mean is
+Rows of both tables are CDFs by whole steps, one per repetition's model; their mean is
 what is predicted for, and measured over, all episodes together.
 
     KS = max_n |F(n) - G(n)|
@@ -26,25 +26,25 @@ from serd_core.arrival.bands import ROUNDING
 
 @dataclass(frozen=True, eq=False)
 class ArrivalTables:
-    """predicted, measured: (R, N + 1); n_episodes: of each repetition; period_s: D."""
+    """predicted, measured: (R, N + 1); n_episodes: of each repetition; step_s: D."""
 
     predicted: FloatArray
     measured: FloatArray
     n_episodes: int
-    period_s: float
+    step_s: float
 
     @property
     def scores(self) -> FloatArray:
         """(R,) mean CRPS of the episodes of each repetition, in seconds."""
-        # The time limit ends the last whole period, so what stands at n = N lasts no time.
+        # The time limit ends the last whole step, so what stands at n = N lasts no time.
         predicted, measured = self.predicted[:, :-1], self.measured[:, :-1]
         terms = predicted**2 - 2.0 * predicted * measured + measured
-        return np.asarray(self.period_s * terms.sum(axis=1))
+        return np.asarray(self.step_s * terms.sum(axis=1))
 
     @property
     def measured_means_s(self) -> FloatArray:
         """(R,) mean measured time of each repetition, cut off at the time limit."""
-        return np.asarray(self.period_s * (1.0 - self.measured[:, :-1]).sum(axis=1))
+        return np.asarray(self.step_s * (1.0 - self.measured[:, :-1]).sum(axis=1))
 
 
 def distance_row(
@@ -64,10 +64,10 @@ def distances(tables: ArrivalTables) -> Row:
     row: Row = {
         "n_episodes": tables.n_episodes * len(every),
         "predicted_arrival": float(tables.predicted[:, -1].mean()),
-        "predicted_median_s": _median_s(tables.predicted, tables.period_s),
-        "measured_median_s": _median_s(tables.measured, tables.period_s),
-        "predicted_mean_s": _mean_s(tables.predicted, tables.period_s),
-        "measured_mean_s": _mean_s(tables.measured, tables.period_s),
+        "predicted_median_s": _median_s(tables.predicted, tables.step_s),
+        "measured_median_s": _median_s(tables.measured, tables.step_s),
+        "predicted_mean_s": _mean_s(tables.predicted, tables.step_s),
+        "measured_mean_s": _mean_s(tables.measured, tables.step_s),
     }
     return row | {name: statistic(tables, every) for name, statistic in _STATISTICS.items()}
 
@@ -75,7 +75,7 @@ def distances(tables: ArrivalTables) -> Row:
 def ks_p_value(tables: ArrivalTables, n_drawn: int, rng: np.random.Generator) -> float:
     """How often episodes drawn from the predictions themselves are as far from them as measured.
 
-    By simulation, since the CDFs are of whole periods, of several models, and may end below one.
+    By simulation, since the CDFs are of whole steps, of several models, and may end below one.
     """
     seen = float(np.abs(_gap(tables, np.arange(len(tables.measured)))).max())
     shares = np.diff(np.clip(tables.predicted, 0.0, 1.0), axis=1, prepend=0.0, append=1.0)
@@ -96,21 +96,21 @@ def _gap(tables: ArrivalTables, drawn: IntArray) -> FloatArray:
     return np.asarray(np.where(np.abs(gap) < ROUNDING, 0.0, gap))
 
 
-def _median_s(cdfs: FloatArray, period_s: float) -> float | None:
+def _median_s(cdfs: FloatArray, step_s: float) -> float | None:
     reached = np.flatnonzero(cdfs.mean(axis=0) >= 0.5)
-    return float(period_s * reached[0]) if reached.size else None
+    return float(step_s * reached[0]) if reached.size else None
 
 
-def _mean_s(cdfs: FloatArray, period_s: float) -> float:
+def _mean_s(cdfs: FloatArray, step_s: float) -> float:
     """Mean of the time of arrival, cut off at the time limit."""
-    return float(period_s * (1.0 - cdfs.mean(axis=0)[:-1]).sum())
+    return float(step_s * (1.0 - cdfs.mean(axis=0)[:-1]).sum())
 
 
 #: Each of the repetitions drawn, whose indices may repeat.
 _STATISTICS: dict[str, Callable[[ArrivalTables, IntArray], float]] = {
     "ks": lambda tables, drawn: float(np.abs(_gap(tables, drawn)).max()),
     "wasserstein_s": lambda tables, drawn: (
-        tables.period_s * float(np.abs(_gap(tables, drawn)[:-1]).sum())
+        tables.step_s * float(np.abs(_gap(tables, drawn)[:-1]).sum())
     ),
     "arrival_error": lambda tables, drawn: float(_gap(tables, drawn)[-1]),
     "crps_s": lambda tables, drawn: float(tables.scores[drawn].mean()),

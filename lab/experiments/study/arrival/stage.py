@@ -1,8 +1,9 @@
 """Times of arrival of the learned policies: predicted by model, and measured.
 
 Each repetition's models drive a share of the episodes, in worlds that are the same for every
-method. Predictions come from the absorbing chain of the greedy policy under the learned dynamics.
-Measured times are rounded up to whole decision periods, the resolution of the model.
+method. Predictions come from the absorbing chain of the greedy policy under the learned dynamics,
+with laws of dwell times that are counted in the same demonstrations. Measured times are rounded to
+whole steps, as these dwell times are.
 """
 
 import math
@@ -20,11 +21,16 @@ from lab.experiments.study.recordings.drives import (
 )
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.settings import StudySettings
-from lab.experiments.study.study import TRAIN_AREA, Study
+from lab.experiments.study.study import TRAIN_AREA, Study, StudyWorld
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.chain import ArrivalTimes, arrival_time_distribution
+from serd_core.arrival.chain import ArrivalTimes
+from serd_core.semi_markov.arrival import timed_arrival
+from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.scenario.scenario import Scenario
+
+#: Seconds between the times for which arrivals are predicted and measured.
+STEP_S = 0.5
 
 
 def n_episodes(settings: StudySettings, expert: str) -> int:
@@ -33,9 +39,9 @@ def n_episodes(settings: StudySettings, expert: str) -> int:
     return math.ceil(wanted / settings.n_repetitions(expert))
 
 
-def n_periods(scenario: Scenario) -> int:
-    """Whole decision periods of an episode's time limit."""
-    return math.floor(scenario.episode_timeout_s / scenario.decision_period_s)
+def n_steps(scenario: Scenario) -> int:
+    """Whole steps of an episode's time limit."""
+    return math.floor(scenario.episode_timeout_s / STEP_S)
 
 
 def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]:
@@ -57,22 +63,41 @@ def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[s
 
 
 def predict(study: Study, model: dict[str, Any]) -> Row:
-    """CDF by whole periods from the chain."""
-    chain = arrival_by_chain(study, np.array(model["greedy"]), np.array(model["truth"]))
-    return {"cdf": chain.cdf.tolist(), "arrival_probability": chain.arrival_probability}
+    """CDF by whole steps from the chain."""
+    found = arrival_by_chain(
+        study,
+        study.policy_of(np.array(model["greedy"])),
+        np.array(model["truth"]),
+        np.array(model["laws"]),
+        study.starts,
+    )
+    return {"cdf": found.cdf.tolist(), "arrival_probability": found.arrival_probability}
 
 
-def arrival_by_chain(study: Study, greedy: IntArray, dynamics: FloatArray) -> ArrivalTimes:
-    """Time of arrival of the actions (S,) under (M, K) dynamics, up to the time limit."""
-    policy, periods = study.policy_of(greedy), n_periods(study.scenario)
-    return arrival_time_distribution(study.problem, policy, dynamics, study.starts, periods)
+def arrival_by_chain(
+    study: StudyWorld,
+    policy: FloatArray,
+    outcomes: FloatArray,
+    laws: FloatArray,
+    starts: FloatArray,
+) -> ArrivalTimes:
+    """Time of arrival of an (S, A) policy from (S,) starts, up to the time limit, in steps.
+
+    outcomes: (M, K) probabilities; laws: parameters of the dwell times (`StudyWorld.laws_of`).
+    """
+    model = require_timed(study.timed.mdp.transitions)
+    energies = model.outcomes.parameters_of(outcomes)[: model.means.start]
+    parameters = np.concatenate([energies, laws])
+    found = timed_arrival(study.timed, policy, parameters, STEP_S, n_steps(study.scenario))
+    steps = np.arange(len(found.cdf))
+    return ArrivalTimes(steps, found.cdf @ starts, float(found.arrival_probability @ starts))
 
 
-def measured_cdf(rows: pd.DataFrame, period_s: float, periods: int) -> FloatArray:
-    """(periods + 1,) share of measured episodes that have arrived by each period."""
+def measured_cdf(rows: pd.DataFrame, n_steps: int) -> FloatArray:
+    """(n_steps + 1,) share of measured episodes that have arrived by each step."""
     times_s = rows.loc[rows["arrived"], "time_s"]
-    arrived = np.ceil(times_s / period_s - 1e-9).to_numpy(np.int64)
-    counts = np.bincount(arrived[arrived <= periods], minlength=periods + 1)
+    arrived = np.rint(times_s / STEP_S).to_numpy(np.int64)
+    counts = np.bincount(arrived[arrived <= n_steps], minlength=n_steps + 1)
     return np.asarray(np.cumsum(counts) / len(rows))
 
 

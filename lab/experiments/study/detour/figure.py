@@ -119,7 +119,7 @@ def _draw_arrival(axes: Axes, rows: pd.DataFrame) -> None:
     axes.plot([], [], ".", color=style.INK, alpha=0.5, label="one drive")
     axes.legend(loc="upper right")
     axes.set_xticks(np.arange(len(sizes)), [str(size) for size in sizes])
-    axes.set(xlabel="demonstrations", ylabel="decision periods to the goal", ylim=(0, None))
+    axes.set(xlabel="demonstrations", ylabel="seconds to the goal", ylim=(0, None))
     axes.set_title(f"(e) arrival, {DRIVEN}", loc="left")
     axes.grid(axis="y")
 

@@ -52,6 +52,7 @@ def learn_repetition(study: DetourStudy, expert: str, repetition: int) -> dict[s
     transfer = load_set(study, expert, repetition, "transfer")
     measures, models, sizes = [], [], study.settings.learning.sizes
     for trial in trials(study, training, sizes, reference_dynamics(study), repetition):
+        laws = study.laws_of(trial.decisions).tolist()
         for reward, features in REWARDS.items():
             problem = navigation_problem_of(study.scenario, study.settings.discount, features)
             own = replace(trial, problem=problem)
@@ -64,7 +65,7 @@ def learn_repetition(study: DetourStudy, expert: str, repetition: int) -> dict[s
                     "method": name,
                 }
                 measures.append(place | measured(problem, transfer, trial, learned))
-                models.append(place | learned.values())
+                models.append(place | learned.values() | {"laws": laws})
     return {"measures": measures, "models": models}
 
 

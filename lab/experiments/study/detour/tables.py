@@ -41,7 +41,7 @@ def measured_names(study: DetourStudy) -> list[str]:
 
 
 def summary_of(both: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """Means over repetitions, and medians of the times of arrival in decision periods.
+    """Means over repetitions, and medians of the times of arrival in seconds.
 
     A time beyond the limit counts as longer than every other, and a median beyond it is empty.
     """

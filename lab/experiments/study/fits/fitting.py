@@ -32,7 +32,8 @@ from serd_core.selection.evaluation import (
 def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]:
     """Learn from every size with every method, and measure.
 
-    measures, candidates: rows; models: by method, of the largest size.
+    measures, candidates: rows; models: by method, of the largest size, with the laws of dwell times
+    that are counted in its demonstrations.
     """
     sets = load_sets(study, expert, repetition)
     reference = reference_dynamics(study)
@@ -44,12 +45,13 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
     for trial in trials(study, sets.training, chosen.sizes, reference, repetition):
         size = len(trial.decisions.episodes)
         place: Row = {"expert": expert, "repetition": repetition, "size": size}
+        laws = study.laws_of(trial.decisions).tolist()
         for name, method in methods.items():
             learned = method(trial)
             row = place | {"method": name, "prior_weight": learned.prior_weight}
             measures.append(row | measured(study.problem, sets, reference, learned))
             if size == max(chosen.sizes) and name not in PREDICTORS:
-                models[name] = learned.values()
+                models[name] = learned.values() | {"laws": laws}
         if expert == PEOPLE:
             candidates += [place | row for row in candidate_rows(trial, sets)]
     return {"measures": measures, "candidates": candidates, "models": models}

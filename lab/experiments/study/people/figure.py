@@ -1,4 +1,4 @@
-"""The figure of the people study: likelihood, scores and calibration of arrival times."""
+"""The figure of the people study: likelihood of moves, scores and coverage of arrival times."""
 
 from collections.abc import Mapping
 
@@ -6,83 +6,55 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 
-from lab.experiments.study.people.learners import CLONING, IRL, SERD
-from lab.experiments.study.people.tables import PERIODS
-from lab.experiments.study.people.walkers import (
-    CONSTANT_VELOCITY,
-    DISTANCE_OVER_SPEED,
-)
+from lab.experiments.study.people.learners import LEARNERS
+from lab.experiments.study.people.walkers import CONSTANT_VELOCITY
 from serd_app.report import style
 from serd_app.report.style import new_figure
 
-COLOURS = {
-    SERD: style.BLUE,
-    IRL: style.RED,
-    CLONING: style.YELLOW,
-    CONSTANT_VELOCITY: style.GREEN,
-    PERIODS: style.WALL,
-    DISTANCE_OVER_SPEED: style.INK,
-}
-_BINS = np.linspace(0.0, 1.0, 11)
-#: Methods whose calibration is drawn.
-_DRAWN = (SERD, CLONING, CONSTANT_VELOCITY)
+METHODS = (*LEARNERS, CONSTANT_VELOCITY)
+_SCORES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
 def people_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
-    """Four panels."""
+    """Three panels, a line per method in each."""
     moves, arrivals = tables["moves"], tables["arrivals"]
+    scores = arrivals.groupby(["fold", "method"])["crps_s"].mean().reset_index()
     with style.report_style():
-        figure = new_figure(11.0, 7.2)
-        panels = figure.subplots(2, 2)
-        _draw_folds(panels[0, 0], moves.set_index("fold"), "log_likelihood")
-        panels[0, 0].set(xlabel="log-likelihood per move held out")
-        panels[0, 0].set_title("(a) next cell", loc="left")
-        scores = arrivals.groupby(["fold", "method"])["crps_s"].mean().reset_index()
-        _draw_folds(panels[0, 1], scores.set_index("fold"), "crps_s")
-        panels[0, 1].set(xlabel="CRPS of the time of arrival [s]", xlim=(0, None))
-        panels[0, 1].set_title("(b) time of arrival", loc="left")
-        _draw_transforms(panels[1, 0], arrivals)
-        _draw_intervals(panels[1, 1], tables["summary"])
+        figure = new_figure(12.0, 3.6)
+        likelihood, score, coverage = figure.subplots(1, 3, sharey=True)
+        _draw_folds(likelihood, moves, "log_likelihood")
+        likelihood.set(xlabel="log-likelihood per decision held out")
+        likelihood.set_title("(a) next cell", loc="left")
+        _draw_folds(score, scores, "crps_s")
+        score.set(xlabel="CRPS of the time of arrival [s]", xscale="log")
+        score.xaxis.set_major_locator(FixedLocator(_SCORES_S))
+        score.xaxis.set_major_formatter("{x:g}")
+        score.xaxis.set_minor_locator(NullLocator())
+        score.set_title("(b) time of arrival", loc="left")
+        _draw_coverage(coverage, tables["summary"].set_index("method"))
+        likelihood.set_yticks(np.arange(len(METHODS)), METHODS)
+        likelihood.invert_yaxis()
     return figure
 
 
 def _draw_folds(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
-    """A mark per fold and the mean, a line per method."""
-    names = [name for name in COLOURS if name in set(rows["method"])]
-    for place, name in enumerate(reversed(names)):
+    """A mark per fold and one for their mean."""
+    for place, name in enumerate(METHODS):
         values = rows.loc[rows["method"] == name, measure].astype(float)
-        axes.plot(values, np.full(len(values), place), ".", color=COLOURS[name], alpha=0.5)
-        axes.plot(values.mean(), place, "D", color=COLOURS[name], markersize=7)
-    axes.set_yticks(np.arange(len(names)), list(reversed(names)))
+        axes.plot(values, np.full(len(values), place), ".", color=style.BLUE, alpha=0.5)
+        axes.plot(values.mean(), place, "D", color=style.BLUE, markersize=7)
     axes.grid(axis="x")
 
 
-def _draw_transforms(axes: Axes, arrivals: pd.DataFrame) -> None:
-    """Share of arrivals in each tenth of the forecast; uniform where it is calibrated."""
-    for name in _DRAWN:
-        values = arrivals.loc[arrivals["method"] == name, "pit"].to_numpy()
-        share = np.histogram(values, _BINS)[0] / max(len(values), 1)
-        axes.stairs(10 * share, _BINS, color=COLOURS[name], label=name, linewidth=1.6)
-    axes.axhline(1.0, color=style.INK, linestyle=":", linewidth=1.0)
-    axes.set(xlabel="F(measured time of arrival)", ylabel="density", xlim=(0, 1), ylim=(0, None))
-    axes.set_title("(c) probability integral transform", loc="left")
+def _draw_coverage(axes: Axes, summary: pd.DataFrame) -> None:
+    """Measured coverage, beside the nominal one as a line."""
+    for share, mark, colour in ((50, "s", style.RED), (90, "D", style.BLUE)):
+        held = 100 * summary.loc[list(METHODS), f"coverage_{share}"]
+        axes.plot(held, np.arange(len(METHODS)), mark, color=colour, label=f"{share} % interval")
+        axes.axvline(share, color=colour, linestyle=":", linewidth=1.0)
+    axes.set(xlabel="arrivals within the interval [%]", xlim=(0, 102))
+    axes.set_title("(c) coverage", loc="left")
     axes.legend()
-
-
-def _draw_intervals(axes: Axes, summary: pd.DataFrame) -> None:
-    """Measured against nominal coverage."""
-    rows = summary[summary["coverage_90"].notna()]
-    for place, row in enumerate(reversed(rows.to_dict("records"))):
-        colour = COLOURS[row["method"]]
-        axes.plot(100 * row["coverage_50"], place, "s", color=colour, markersize=7)
-        axes.plot(100 * row["coverage_90"], place, "D", color=colour, markersize=7)
-    for share in (50, 90):
-        axes.axvline(share, color=style.INK, linestyle=":", linewidth=1.0)
-    axes.axvspan(85, 95, color=style.GREEN, alpha=0.12, linewidth=0)
-    axes.set_yticks(np.arange(len(rows)), list(reversed(list(rows["method"]))))
-    axes.set(
-        xlabel="arrivals within the 50 % (square) and 90 % interval (diamond) [%]", xlim=(0, 100)
-    )
-    axes.set_title("(d) coverage", loc="left")
     axes.grid(axis="x")

@@ -7,113 +7,79 @@ import numpy as np
 
 from lab.experiments.running.tables import Row
 from lab.experiments.study.people.folds import Fold
-from lab.experiments.study.people.forecasts import Asked
-from lab.experiments.study.people.learners import FLOOR, dwell_design, kinds_of
-from lab.experiments.study.people.people import People
-from lab.experiments.study.people.problem import Moves
-from lab.experiments.study.people.scores import (
-    crps_s,
-    integral_transform,
-    point_law,
-    scaled_point_law,
-)
-from lab.experiments.study.people.walkers import (
-    CONSTANT_VELOCITY,
-    DISTANCE_OVER_SPEED,
-    Straight,
-    calibrated,
-    confusion,
-    free_directions,
-)
-from lab.experiments.study.people.worlds import World, learn_world
-from serd_core.arrival.dwell_times import DwellModel
+from lab.experiments.study.people.learners import LEARNERS, Prediction, Task
+from lab.experiments.study.people.people import Asked, People, evenly
+from lab.experiments.study.people.walkers import CONSTANT_VELOCITY, straight_laws
+from serd_core.arrays import BoolArray
 from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.scores import crps_s
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 
-#: Quantiles that stand for measured over predicted times.
-_FACTORS = np.linspace(0.0025, 0.9975, 200)
+#: Probability that no move is less likely than.
+FLOOR = 1e-4
+INTERVALS = (0.5, 0.9)
 
 
-def run_fold(people: People, fold: Fold, number: int, straight: Straight) -> dict[str, Any]:
+def task_of(people: People, training: BoolArray) -> Task:
+    """What is learned from the people of a mask (P,), or from some of them evenly chosen."""
+    chosen = evenly(training, people.settings.training_people)
+    decisions = people.decisions_of(chosen)
+    flow = people.place.flow(decisions, people.signs_of(decisions))
+    return Task(people.place, people.place.problem(flow), decisions, people.times_s)
+
+
+def run_fold(people: People, fold: Fold, number: int) -> dict[str, Any]:
     """moves: log-likelihoods by method; arrivals: a row per person and method; fits: records."""
-    asked, world = people.asked_of(fold.test), learn_world(people, fold.training)
-    moves, arrivals, fits = _likelihoods(people, fold, world), [], []
-    for name, learned in world.learned.items():
-        arrivals += scored(name, asked, world.laws(people, name, asked))
-        fits.append({"method": name, "n_moves": world.n_moves} | learned.record)
-    likelihood, rows = _constant_velocity(people, fold, straight, asked)
-    moves.append(likelihood)
-    arrivals += rows
-    points = [point_law(float(straight.arrival_s[one.walker])) for one in asked]
-    arrivals += scored(DISTANCE_OVER_SPEED, asked, points)
-    place = {"fold": number, "n_moves": int(fold.test[people.moves.walker].sum())}
-    return {
-        "moves": [place | row for row in moves],
-        "arrivals": [{"fold": number} | row for row in arrivals],
-        "fits": [{"fold": number} | row for row in fits],
-    }
+    task, asked = task_of(people, fold.training), people.asked_of(fold.test)
+    held_out = people.decisions_of(fold.test)
+    place, moves, fits = {"fold": number}, list[Row](), list[Row]()
+    arrivals = scored(CONSTANT_VELOCITY, asked, straight_laws(people, fold.training, asked))
+    for method, learn in LEARNERS.items():
+        found = learn(task)
+        row = {"method": method, "n_moves": len(held_out)}
+        moves.append(place | row | {"log_likelihood": log_likelihood(found, held_out)})
+        arrivals += scored(method, asked, laws_of(task, found, asked))
+        fits.append(place | {"method": method, "n_decisions": len(task.decisions)} | found.record)
+    return {"moves": moves, "arrivals": [place | row for row in arrivals], "fits": fits}
 
 
-def _likelihoods(people: People, fold: Fold, world: World) -> list[Row]:
-    """Mean log-likelihood of the moves held out, and of their dwell times."""
-    seen, moves = world.seen(people, fold.test), people.moves_of(fold.test)
-    dwell = _dwell_log_likelihood(world.dwell, moves)
-    rows: list[Row] = []
-    for name, learned in world.learned.items():
-        shares = learned.directions(seen)[seen.decided, moves.direction]
-        log = np.log(np.maximum(shares, FLOOR))
-        row = {"method": name, "log_likelihood": float(log.mean())}
-        rows.append(row | {"dwell_log_likelihood": dwell})
-    return rows
+def log_likelihood(found: Prediction, decisions: TimedDecisions) -> float:
+    """Mean of the next states of decisions."""
+    seen = decisions.select(~decisions.censored)
+    share = np.asarray(found.chain[seen.state, seen.next_state]).ravel()
+    return float(np.log(np.maximum(share, FLOOR)).mean())
 
 
-def _dwell_log_likelihood(dwell: DwellModel, moves: Moves) -> float:
-    """Mean log density of each dwell time given the person's moves before it."""
-    kind = kinds_of(moves)
-    design = dwell_design(kind)
-    mean_s, total = dwell.mean_s(design), 0.0
-    for walker in np.unique(moves.walker):
-        rows = np.flatnonzero(moves.walker == walker)
-        for count, row in enumerate(rows):
-            before = rows[:count]
-            pace = dwell.pace(moves.dwell_s[before], design[before], kind[before])
-            total += dwell.log_density(
-                float(moves.dwell_s[row]), float(mean_s[row]), int(kind[row]), pace
-            )
-    return total / len(moves)
+def laws_of(task: Task, found: Prediction, asked: Sequence[Asked]) -> list[ArrivalLaw]:
+    """The forecasts asked for."""
+    by_state = found.arrival
+    return [
+        ArrivalLaw(
+            task.times_s,
+            by_state.cdf[:, one.state],
+            float(by_state.arrival_probability[one.state]),
+        )
+        for one in asked
+    ]
 
 
-def _constant_velocity(
-    people: People, fold: Fold, straight: Straight, asked: Sequence[Asked]
-) -> tuple[Row, list[Row]]:
-    """Calibrated on the people learned from."""
-    moves = people.moves
-    predicted, points = straight.directions, straight.arrival_s
-    training, test = fold.training[moves.walker], fold.test[moves.walker]
-    table = confusion(predicted[training], moves.direction[training])
-    by_run = [free_directions(each) for each in people.runs]
-    free = np.array(
-        [by_run[i // 2][c] for i, c in zip(moves.layer[test], moves.cell[test], strict=True)]
-    )
-    shares = calibrated(table, predicted[test], free)
-    log = np.log(shares[np.arange(len(shares)), moves.direction[test]])
-    measured = np.array([one.duration_s for one in people.asked])
-    ratios = (measured / np.maximum(points, 1e-3))[fold.training]
-    factors = np.quantile(ratios, _FACTORS)
-    laws = [scaled_point_law(float(points[one.walker]), factors) for one in asked]
-    likelihood = {"log_likelihood": float(log.mean()), "dwell_log_likelihood": None}
-    return {"method": CONSTANT_VELOCITY} | likelihood, scored(CONSTANT_VELOCITY, asked, laws)
-
-
-def scored(name: str, asked: Sequence[Asked], laws: Sequence[ArrivalLaw]) -> list[Row]:
-    """A row per person: measured and predicted time of arrival."""
+def scored(method: str, asked: Sequence[Asked], laws: Sequence[ArrivalLaw]) -> list[Row]:
+    """A row per person: measured and predicted time of arrival, score, and what bands hold."""
     return [
         {
-            "method": name,
+            "method": method,
             "walker": one.walker,
             "arrival_s": one.duration_s,
             "median_s": law.quantile_s(0.5),
-            "crps_s": crps_s(law, one.duration_s),
-            "pit": integral_transform(law, one.duration_s),
+            "crps_s": crps_s(law, [one.duration_s]),
         }
+        | {f"in_{round(100 * share)}": in_band(law, share, one.duration_s) for share in INTERVALS}
         for one, law in zip(asked, laws, strict=True)
     ]
+
+
+def in_band(law: ArrivalLaw, share: float, time_s: float) -> bool:
+    """Whether a time is within the central interval of a share of all times."""
+    low, high = ((1 - share) / 2, (1 + share) / 2)
+    by_then = float(law.probability_by(time_s))
+    return low <= by_then <= high

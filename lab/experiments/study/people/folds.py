@@ -26,11 +26,7 @@ def folds_of(runs: Sequence[Run], settings: FoldSettings) -> tuple[Fold, ...]:
     """Folds over all walkers of all runs, in their order."""
     run = np.concatenate([np.full(len(each.walkers), i) for i, each in enumerate(runs)])
     spans = np.array(
-        [
-            (walker.crossings.entered_s[0], walker.time_s[-1])
-            for each in runs
-            for walker in each.walkers
-        ]
+        [(walker.time_s[0], walker.time_s[-1]) for each in runs for walker in each.walkers]
     )
     if len(runs) >= settings.runs:
         number = min(settings.number, len(runs))

@@ -1,118 +1,197 @@
-"""What learns from the moves of a fold: SERD with hidden actions, IRL, cloning, and dwell times.
+"""What learns from the decisions of a fold, or does not, and what each predicts.
 
-IRL takes the displacement of each move as its action and counts the dynamics; SERD hides actions.
+SERD takes the cell that a decision led to as what it was for, and learns rewards, outcomes and laws
+of dwell times together. With hidden actions it learns from cells alone, and laws are counted. IRL
+counts outcomes and laws before it learns rewards. Laws differ by place where episodes that were
+left out support that.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse
+from scipy.stats import norm
 
-from lab.experiments.study.people.crowd import bins_of, cells_of_bins
-from lab.experiments.study.people.problem import AHEAD, Layers, Moves
+from lab.experiments.study.people.place import Place
+from serd_app.learning.durations import dynamics_of, with_moves_as_actions
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.dwell_times import DwellModel, fit_dwell_times
+from serd_core.arrival.arriving_policy import least_time_policy
+from serd_core.arrival.chain import ArrivalByState, policy_chain
+from serd_core.arrival.semi_markov import DwellTimes, RenewalChain, semi_markov_arrival
 from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.grid.grid import Action, Outcome
+from serd_core.grid.navigation import INTENDED_OUTCOMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.semi_markov.arrival import timed_arrival
+from serd_core.semi_markov.dwell_prior import MEDIAN_SHAPE, WIDE
+from serd_core.semi_markov.models import require_timed, semi_markov_problem
+from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_files.model_file import LearnedDynamics
 
-SERD, IRL, CLONING = "SERD", "IRL", "cloning"
-#: Probability that no move is less likely than.
-FLOOR = 1e-4
-#: Kinds of moves by how the cell was entered and is left.
-KINDS = ("ahead", "ahead then turned", "turned then ahead", "turned")
+#: Quantiles that stand for a distribution.
+_SHARES = (np.arange(25) + 0.5) / 25
+SERD, HIDDEN_ACTIONS, IRL = "SERD", "SERD, hidden actions", "IRL"
+ONE_LAW, COUNT, NOBODY = "SERD, one law", "counts", "no people"
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """directions: (S, 4) probability of moving in each direction, for any layers.
+class Task:
+    """decisions: of the people learned from, with hidden actions; times_s: (T,) even steps from 0.
 
-    record: numbers that describe the fit.
+    problem: among the flow of these people.
     """
 
-    directions: Callable[[Layers], FloatArray]
-    record: dict[str, object]
+    place: Place
+    problem: NavigationProblem
+    decisions: TimedDecisions
+    times_s: FloatArray
+
+    @property
+    def shown(self) -> TimedDecisions:
+        """The decisions with the cell that each led to as its action."""
+        return with_moves_as_actions(self.problem.grid, self.decisions)
+
+    @property
+    def step_s(self) -> float:
+        """Of times_s."""
+        return float(self.times_s[1])
+
+    @property
+    def n_steps(self) -> int:
+        """Of times_s."""
+        return len(self.times_s) - 1
 
 
-def of_fit(fit: FitResult) -> Learned:
-    """The law of moves of rewards and outcome models."""
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """chain: (S, S) probability of the next state; arrival: by the times of the task.
 
-    def directions(layers: Layers) -> FloatArray:
-        models = layers.problem.mdp.transitions
-        table = models.local_probabilities(fit.parameters.truth)
-        policy = soft_policy(layers.problem, fit.reward_weights, table).probabilities
-        return layers.directions(policy, table)
+    record: numbers that describe what was learned.
+    """
 
-    weights = dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True))
-    return Learned(directions, {"converged": bool(fit.converged), "weights": weights})
-
-
-def marginal_directions(learned: Learned, layers: Layers, drift: FloatArray) -> FloatArray:
-    """(C, 4) probability of moving in each direction of walkers whose drift is one of (Q,)."""
-    layer = np.repeat(np.arange(len(layers.each)), np.diff(layers.start))
-    n_cells = len(layer)
-    cell = np.arange(n_cells) - layers.start[layer]
-
-    def every(values: FloatArray | IntArray) -> IntArray:
-        return np.tile(values, len(drift))
-
-    nothing = np.zeros(n_cells * len(drift), dtype=np.int64)
-    moves = Moves(
-        layer=every(layer),
-        cell=every(cell),
-        reached=every(cell),
-        direction=nothing,
-        turned=nothing,
-        walker=nothing,
-        entered_s=nothing.astype(np.float64),
-        dwell_s=np.ones(len(nothing)),
-        drift=np.repeat(drift, n_cells),
-    )
-    asked = replace(layers, moves=moves)
-    found = learned.directions(asked)[asked.decided]
-    return np.asarray(found.reshape(len(drift), n_cells, 4).mean(axis=0))
+    chain: scipy.sparse.csr_array
+    arrival: ArrivalByState
+    record: dict[str, object] = field(default_factory=dict)
 
 
-def serd(layers: Layers) -> Learned:
-    """SERD from states alone, with priors by evidence."""
-    return of_fit(fit_mdce_serd(layers.problem, layers.decisions(hidden=True)))
+def _of_policy(
+    task: Task, problem: NavigationProblem, policy: FloatArray, theta: FloatArray
+) -> tuple[scipy.sparse.csr_array, ArrivalByState]:
+    outcomes = require_timed(problem.mdp.transitions).outcomes.local_probabilities(theta)
+    chain = policy_chain(problem.by_decisions.mdp, policy, outcomes)
+    return chain, timed_arrival(problem, policy, theta, task.step_s, task.n_steps)
 
 
-def irl(layers: Layers) -> Learned:
+def _of_fit(
+    task: Task, fitted: NavigationProblem, fit: FitResult, dynamics: LearnedDynamics | None = None
+) -> Prediction:
+    """By the policy of the problem that was fitted; laws of dynamics, or those of the fit."""
+    learned = fit.parameters.truth
+    table = fitted.mdp.transitions.local_probabilities(learned)
+    policy = soft_policy(fitted, fit.reward_weights, table).probabilities
+    problem, theta, has_places = fitted, learned, False
+    if dynamics is not None:
+        problem = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
+        theta, has_places = dynamics.truth, bool(np.any(dynamics.log_pace))
+    model = require_timed(problem.mdp.transitions)
+    record = {
+        "converged": bool(fit.converged),
+        "weights": dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        "mean_s": np.exp(theta[model.means]).tolist(),
+        "shape": np.exp(theta[model.shapes]).tolist(),
+        "places": has_places,
+    }
+    return Prediction(*_of_policy(task, problem, policy, theta), record)
+
+
+def serd(task: Task) -> Prediction:
+    """Rewards, outcomes and laws together."""
+    fit = fit_mdce_serd(task.problem, task.shown)
+    return _of_fit(task, task.problem, fit, dynamics_of(task.problem, task.shown, fit, None)[0])
+
+
+def serd_of_hidden_actions(task: Task) -> Prediction:
+    """Rewards and outcomes from cells alone, laws counted."""
+    fitted = task.problem.by_decisions
+    fit = fit_mdce_serd(fitted, task.decisions)
+    return _of_fit(task, fitted, fit, dynamics_of(task.problem, task.decisions, fit, None)[0])
+
+
+def irl(task: Task) -> Prediction:
     """Rewards of highest posterior under dynamics that are counted first."""
-    problem, decisions = layers.problem, layers.decisions(hidden=False)
-    return of_fit(fit_mdce_irl_by_likelihood(problem, decisions, prior=PriorByEvidence()))
+    fit = fit_mdce_irl_by_likelihood(task.problem, task.shown, prior=PriorByEvidence())
+    return _of_fit(task, task.problem, fit, dynamics_of(task.problem, task.shown, fit, None)[0])
 
 
-def cloning(layers: Layers) -> Learned:
-    """Counted directions per bin of the corridor, one added to each direction that is free."""
-    assert layers.moves is not None
-    by_cell = np.zeros((layers.start[-1], 4))
-    np.add.at(by_cell, (layers.cell[layers.decided], layers.moves.direction), 1.0)
-    counts = np.concatenate([cells_of_bins(layer.run) for layer in layers.each], axis=1) @ by_cell
-
-    def directions(asked: Layers) -> FloatArray:
-        bins = np.concatenate([bins_of(layer.run) for layer in asked.each])[asked.cell]
-        free = asked.neighbours != asked.cell[:, None]
-        share = np.where(free, counts[bins] + 1.0, 0.0)
-        return np.asarray(share / share.sum(axis=1, keepdims=True))
-
-    return Learned(directions, {"converged": True})
+def one_law(task: Task) -> Prediction:
+    """SERD where all moves share a law, and all places."""
+    law_of = np.minimum(require_timed(task.problem.mdp.transitions).law_of, 0)
+    problem = semi_markov_problem(task.problem, law_of=law_of)
+    return _of_fit(task, problem, fit_mdce_serd(problem, task.shown))
 
 
-def kinds_of(moves: Moves) -> IntArray:
-    """(N,) index into `KINDS`."""
-    return np.asarray(2 * moves.turned + (moves.direction != AHEAD))
+def counts(task: Task) -> Prediction:
+    """Next cells by the part of the corridor, and dwell times by the direction: no fit.
+
+    To the shares of each part, and to the times of each direction, those of all decisions are
+    added with the weight of one.
+    """
+    near, seen = task.problem.grid.neighbours, task.decisions.select(~task.decisions.censored)
+    towards = np.argmax(near[seen.state] == seen.next_state[:, None], axis=1)
+    steps = np.maximum(np.rint(seen.dwell_s / task.step_s).astype(np.int64), 1)
+    times = np.zeros((near.shape[1], steps.max() + 1))
+    np.add.at(times, (towards, steps), 1.0)
+    mass = times + times.sum(axis=0) / len(seen)
+    dwell = DwellTimes(task.step_s, mass / mass.sum(axis=1, keepdims=True))
+    chain = RenewalChain(
+        state=np.repeat(np.arange(len(near)), near.shape[1]),
+        successor=near.ravel(),
+        probability=_counted_shares(task, seen.state, towards).ravel(),
+        dwell=np.tile(np.arange(near.shape[1]), len(near)),
+        goal=np.isin(np.arange(len(near)), task.problem.goal_states),
+    )
+    arrival = semi_markov_arrival(chain, dwell, task.n_steps)
+    return Prediction(chain.matrix(chain.probability).tocsr(), arrival)
 
 
-def dwell_design(kind: IntArray) -> FloatArray:
-    """(N, F) design of dwell times: the kind of each move."""
-    return np.asarray(kind[:, None] == np.arange(len(KINDS)), dtype=np.float64)
+def _counted_shares(task: Task, state: IntArray, towards: IntArray) -> FloatArray:
+    """(S, 5) share of staying and of each direction, from (N,) of both that were seen."""
+    near = task.problem.grid.neighbours
+    by_cell = np.zeros(near.shape)
+    np.add.at(by_cell, (state, towards), 1.0)
+    share = task.place.by_part(by_cell)[task.place.part] + by_cell.sum(axis=0) / len(state)
+    possible = near != np.arange(len(near))[:, None]
+    possible[:, Action.WAIT] = True
+    share *= possible
+    share[task.problem.goal_states] = np.arange(near.shape[1]) == Action.WAIT
+    return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-def learn_dwell_times(moves: Moves) -> DwellModel:
-    """Fit to the moves."""
-    kind = kinds_of(moves)
-    return fit_dwell_times(moves.dwell_s, dwell_design(kind), kind, moves.walker, len(KINDS))
+def nobody(task: Task) -> Prediction:
+    """Straight to the goal where nobody was seen: every move succeeds, laws are those of the prior.
+
+    The common mean of their laws is averaged over.
+    """
+    problem, model = task.problem, require_timed(task.problem.mdp.transitions)
+    outcomes = np.eye(len(Outcome))[INTENDED_OUTCOMES]
+    found = []
+    for mean_s in np.exp(WIDE * norm.ppf(_SHARES)):
+        theta = model.parameters_from(outcomes, mean_s=mean_s, shape=MEDIAN_SHAPE)
+        policy = least_time_policy(problem, outcomes, model.expected_seconds(theta))
+        found.append(_of_policy(task, problem, policy.probabilities, theta))
+    chains, arrivals = zip(*found, strict=True)
+    return Prediction(chains[0], ArrivalByState.average(arrivals))
+
+
+LEARNERS: Mapping[str, Callable[[Task], Prediction]] = {
+    SERD: serd,
+    HIDDEN_ACTIONS: serd_of_hidden_actions,
+    IRL: irl,
+    ONE_LAW: one_law,
+    COUNT: counts,
+    NOBODY: nobody,
+}

@@ -1,18 +1,27 @@
-"""The people of a study: their moves, the forecasts asked for, and the mean crowd around them."""
+"""The people of a study: their decisions, and the forecasts asked for."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from lab.experiments.study.people.crowd import Field, field_at, mean_field, on_cells
-from lab.experiments.study.people.forecasts import Asked, asked_of, horizon_of
-from lab.experiments.study.people.problem import Layer, Moves, layer_of, moves_of
+from lab.experiments.study.people.place import Place
 from lab.experiments.study.people.recordings import Run, Walker, read_runs
 from lab.experiments.study.people.settings import PeopleSettings
-from serd_core.arrays import BoolArray, IntArray
+from serd_app.demonstrations.decision_table import concatenate
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.semi_markov.timed_decisions import TimedDecisions
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A forecast that is asked for: at time_s in a state, answered by duration_s until arrival."""
+
+    walker: int
+    state: int
+    time_s: float
+    duration_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +35,13 @@ class People:
     def read(cls, settings: PeopleSettings) -> "People":
         """The people of the files that the settings name."""
         paths = [Path(each) for each in settings.files]
-        return cls(read_runs(paths, settings.columns, settings.grid), settings)
+        return cls(read_runs(paths, settings.columns, settings), settings)
 
     @cached_property
-    def moves(self) -> Moves:
-        """All moves; see `moves_of`."""
-        return moves_of(self.runs)
+    def place(self) -> Place:
+        """All corridors."""
+        settings = self.settings
+        return Place(self.runs, settings.discount, settings.patience_s, settings.wait_s)
 
     @cached_property
     def walkers(self) -> tuple[Walker, ...]:
@@ -44,50 +54,55 @@ class People:
         return np.repeat(np.arange(len(self.runs)), [len(run.walkers) for run in self.runs])
 
     @cached_property
-    def asked(self) -> tuple[Asked, ...]:
-        """(P,) the forecast of each person."""
-        cells = self.settings.grid.observed_cells
-        return tuple(
-            asked_of(walker, i, self.runs[self.run_of[i]], cells)
-            for i, walker in enumerate(self.walkers)
+    def decisions(self) -> TimedDecisions:
+        """All decisions in the states of the place, an episode per person."""
+        first = np.searchsorted(self.run_of, np.arange(len(self.runs)))
+        return concatenate(
+            [
+                replace(
+                    run.decisions,
+                    episode=run.decisions.episode + person,
+                    state=run.decisions.state + state,
+                    next_state=run.decisions.next_state + state,
+                )
+                for run, person, state in zip(self.runs, first, self.place.start[:-1], strict=True)
+            ]
         )
 
+    def decisions_of(self, mask: BoolArray) -> TimedDecisions:
+        """The decisions of the people of a mask (P,)."""
+        return self.decisions.select(mask[self.decisions.episode])
+
+    def signs_of(self, decisions: TimedDecisions) -> IntArray:
+        """(N,) sign of the walker of each decision."""
+        return np.array([walker.sign for walker in self.walkers])[decisions.episode]
+
     @cached_property
-    def horizon_s(self) -> float:
-        """Seconds that forecasts cover."""
-        return horizon_of(self.asked, self.settings.forecast)
+    def asked(self) -> tuple[Asked, ...]:
+        """(P,) the forecast of each person, on entering the first cell after the observed ones."""
+        every, observed = self.decisions, self.settings.grid.observed_cells
+        column = np.concatenate([run.column for run in self.runs])[every.state]
+        ends_s = every.time_s + every.dwell_s
+        found = []
+        for person in range(len(self.walkers)):
+            own = np.flatnonzero(every.episode == person)
+            here = own[np.argmax(column[own] >= observed)]
+            time_s = float(every.time_s[here])
+            duration_s = float(ends_s[own[-1]] - time_s)
+            found.append(Asked(person, int(every.state[here]), time_s, duration_s))
+        return tuple(found)
 
     def asked_of(self, mask: BoolArray) -> list[Asked]:
         """The forecasts of the people of a mask (P,)."""
         return [self.asked[i] for i in np.flatnonzero(mask)]
 
-    def moves_of(self, mask: BoolArray) -> Moves:
-        """The moves of the people of a mask (P,)."""
-        return self.moves.select(mask[self.moves.walker])
-
-    def layer_of(self, asked: Sequence[Asked]) -> IntArray:
-        """(N,) which of `layers` each person is in."""
-        return np.array(
-            [layer_of(self.run_of[one.walker], self.walkers[one.walker]) for one in asked]
-        )
-
-    def mean_crowd(self, moves: Moves) -> Field:
-        """(B,) mean crowd at the times of moves, of at most `snapshots` snapshots evenly chosen."""
-        crowd = self.settings.crowd
-        snapshot = np.floor(moves.entered_s / crowd.snapshot_s).astype(np.int64)
-        keys = np.unique(np.stack([moves.layer, snapshot], axis=1), axis=0)
-        if len(keys) > crowd.snapshots:
-            places = np.linspace(0, len(keys) - 1, crowd.snapshots).round().astype(np.int64)
-            keys = keys[np.unique(places)]
-        seen = []
-        for layer, number in keys.tolist():
-            run, sign = self.runs[layer // 2], 1 if layer % 2 else -1
-            seen.append((run, field_at(run, number * crowd.snapshot_s, sign, crowd.kernel_m)))
-        return mean_field(seen)
-
-    def layers(self, mean: Field) -> tuple[Layer, ...]:
-        """One layer per run and direction, in the order of `layer_of`."""
-        return tuple(Layer(run, on_cells(run, mean)) for run in self.runs for _ in (-1, 1))
+    @cached_property
+    def times_s(self) -> FloatArray:
+        """(T,) times of forecasts: steps up to some times the longest measured arrival."""
+        forecast = self.settings.forecast
+        last_s = forecast.horizon * max(one.duration_s for one in self.asked)
+        steps = np.arange(int(np.ceil(last_s / forecast.step_s)) + 1)
+        return np.asarray(forecast.step_s * steps, dtype=np.float64)
 
 
 def evenly(mask: BoolArray, most: int) -> BoolArray:

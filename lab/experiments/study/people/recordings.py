@@ -14,11 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from lab.crowd.straight_corridor import corridor_people, longest_step_s
-from lab.experiments.study.people.settings import GridSettings
-from serd_core.arrays import FloatArray
-from serd_core.demonstrations.crossings import Crossings, cell_crossings
+from lab.experiments.study.people.settings import GridSettings, PeopleSettings
+from serd_app.demonstrations.decision_table import concatenate
+from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.recorded_drive import RecordedDrive
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import Track, Trajectories, read_trajectories
 from serd_sim.errors import SimError
@@ -30,8 +35,6 @@ JUMP_MPS = 8.0
 #: Between centres and walls.
 BODY_RADIUS_M = 0.2
 _FEWEST_WALKERS = 10
-#: Over which a velocity is the mean.
-_BEFORE_S = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,39 +45,25 @@ class Walker:
     sign: int
     time_s: FloatArray
     position_m: FloatArray
-    crossings: Crossings
 
-    def at(self, time_s: float | FloatArray) -> FloatArray:
-        """(..., 2) where at times of any shape, NaN before and after the track."""
-        columns = self.position_m.T
-        return np.stack(
-            [np.interp(time_s, self.time_s, each, left=np.nan, right=np.nan) for each in columns],
-            axis=-1,
-        )
-
-    def every(self, period_s: float) -> FloatArray:
-        """(N, 2) where at the begin of the track and after each period."""
-        return self.at(np.arange(self.time_s[0], self.time_s[-1], period_s))
-
-    def velocity_mps(self, time_s: float) -> FloatArray:
-        """(2,) mean velocity over the 0.4 s before."""
-        since_s = max(time_s - _BEFORE_S, float(self.time_s[0]))
-        if time_s <= since_s:
-            since_s, time_s = time_s, min(time_s + _BEFORE_S, float(self.time_s[-1]))
-        return np.asarray((self.at(time_s) - self.at(since_s)) / max(time_s - since_s, 1e-9))
+    def ahead_m(self, time_s: float) -> float:
+        """How far along the corridor at a time."""
+        return float(np.interp(time_s, self.time_s, self.position_m[:, 0]))
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
     """One recording: grid of the measured area, its goal is the last column; width_m of the floor.
 
-    walkers: those who walk through; left_out: how many others, by reason; assumed: sentences.
+    walkers: those who walk through; decisions: theirs up to the goal, by the number of the walker,
+    actions hidden; left_out: how many others, by reason; assumed: sentences.
     """
 
     name: str
     grid: Grid
     width_m: float
     walkers: tuple[Walker, ...]
+    decisions: TimedDecisions
     left_out: dict[str, int]
     assumed: tuple[str, ...]
 
@@ -84,35 +73,24 @@ class Run:
         return int(self.grid.walkable.shape[1])
 
     @cached_property
+    def column(self) -> IntArray:
+        """(C,) column of each cell."""
+        return self.grid.cells[:, 1]
+
+    @cached_property
     def span_s(self) -> tuple[float, float]:
         """First and last time of a walker."""
         ends = [(walker.time_s[0], walker.time_s[-1]) for walker in self.walkers]
         return float(min(each[0] for each in ends)), float(max(each[1] for each in ends))
 
-    def unrepresented(self, period_s: float) -> float:
-        """Share of decision periods that end neither in the same cell nor in a neighbour of it."""
-        far, n_periods = 0, 0
-        for walker in self.walkers:
-            state = self.grid.states_at(walker.every(period_s))
-            inside = (state[:-1] >= 0) & (state[1:] >= 0)
-            steps = np.abs(np.diff(self.grid.cells[state], axis=0)).sum(axis=1)
-            far += int(np.sum(inside & (steps > 1)))
-            n_periods += int(inside.sum())
-        return far / max(n_periods, 1)
-
-    def arrival_of(self, walker: Walker) -> int:
-        """Number of the crossing by which a walker enters the last column."""
-        columns = self.grid.cells[walker.crossings.state, 1]
-        return int(np.argmax(columns == self.n_columns - 1))
-
     @property
     def goal_line_m(self) -> float:
-        """x at which a walker with hysteresis has arrived."""
+        """Where the last column begins."""
         return float(self.grid.origin_m[0] + (self.n_columns - 1) * self.grid.cell_size_m)
 
 
 def read_runs(
-    paths: Sequence[Path], columns: TableColumns | None, settings: GridSettings
+    paths: Sequence[Path], columns: TableColumns | None, settings: PeopleSettings
 ) -> tuple[Run, ...]:
     """The runs of the files; SerdError naming the file that holds none."""
     names = [path.stem for path in paths]
@@ -122,7 +100,7 @@ def read_runs(
     return tuple(_run(path, read_trajectories(path, columns), settings) for path in paths)
 
 
-def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
+def _run(path: Path, found: Trajectories, settings: PeopleSettings) -> Run:
     left_out = Counter[str]()
     tracks, along, remarks = _in_corridor(
         path, _without_jumps(path, found.tracks, left_out), left_out
@@ -139,12 +117,14 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
     begin = float(np.percentile([way[1][0, 0] for way in ways], 90))
     end = float(np.percentile([way[1][-1, 0] for way in ways], 10))
     width_m = float(high - low + 2 * BODY_RADIUS_M)
-    grid = _grid(path, begin, end, width_m, settings)
-    walkers = []
+    grid = _grid(path, begin, end, width_m, settings.grid)
+    walkers, tables = list[Walker](), list[TimedDecisions]()
     for track, (sign, places) in zip(tracks, ways, strict=True):
-        crossings = cell_crossings(grid, track.time_s, places, settings.hysteresis_m)
-        if _walks_through(grid, crossings):
-            walkers.append(Walker(track.agent, sign, track.time_s, places, crossings))
+        walker = Walker(track.agent, sign, track.time_s, places)
+        every = _decisions(walker, len(walkers), grid, longest_step_s(track), settings)
+        if (way := _up_to_the_goal(grid, every)) is not None:
+            walkers.append(walker)
+            tables.append(way)
         else:
             left_out["not through the measured area"] += 1
     if len(walkers) < _FEWEST_WALKERS:
@@ -155,7 +135,7 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
             " columns and units by --mapping, or record more people"
         )
     assumed = (*found.assumed, *remarks)
-    return Run(path.stem, grid, width_m, tuple(walkers), left_out, assumed)
+    return Run(path.stem, grid, width_m, tuple(walkers), concatenate(tables), left_out, assumed)
 
 
 def _without_jumps(
@@ -231,9 +211,30 @@ def _grid(path: Path, begin: float, end: float, width_m: float, settings: GridSe
     return Grid(corner, cell_m, np.ones((n_rows, n_columns), dtype=np.bool_))
 
 
-def _walks_through(grid: Grid, crossings: Crossings) -> bool:
-    """From one of the first two columns into the last one."""
-    if len(crossings) < 2:
-        return False
-    columns = grid.cells[crossings.state][:, 1]
-    return bool(columns[0] <= 1 and columns.max() == grid.walkable.shape[1] - 1)
+def _decisions(
+    walker: Walker, number: int, grid: Grid, longest_gap_s: float, settings: PeopleSettings
+) -> TimedDecisions:
+    """All decisions of a person, whose actions nobody knows."""
+    begin_s, end_s = float(walker.time_s[0]), float(walker.time_s[-1])
+    drive = RecordedDrive(
+        pose_time_s=walker.time_s,
+        position_m=walker.position_m,
+        intent_time_s=np.array([begin_s]),
+        intent_action=np.array([HIDDEN]),
+        episodes=(EpisodeSpan(number, begin_s, end_s, "unmarked"),),
+        intent_hold_s=np.inf,
+        longest_gap_s=longest_gap_s,
+    )
+    return decisions_from_drive(drive, grid, settings.patience_s, settings.wait_s)[0]
+
+
+def _up_to_the_goal(grid: Grid, decisions: TimedDecisions) -> TimedDecisions | None:
+    """Those that lead from one of the first two columns into the last one; None for no such way.
+
+    The first decision is left out, as the person may have been in its cell before.
+    """
+    column = grid.cells[:, 1]
+    arrived = np.flatnonzero(column[decisions.next_state] == column.max())
+    if not len(arrived) or column[decisions.state[0]] > 1:
+        return None
+    return decisions.select(np.arange(1, arrived[0] + 1))

@@ -18,10 +18,8 @@ from lab.experiments.study.people.figure import people_figure
 from lab.experiments.study.people.fold import run_fold
 from lab.experiments.study.people.folds import Fold, folds_of
 from lab.experiments.study.people.people import People
-from lab.experiments.study.people.periods import period_rows
 from lab.experiments.study.people.settings import PeopleSettings
 from lab.experiments.study.people.tables import all_tables
-from lab.experiments.study.people.walkers import Straight, straight_on
 from lab.experiments.study.products import (
     OnWork,
     Stage,
@@ -35,7 +33,17 @@ from serd_files.yaml_text import write_yaml
 from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on, besides the recordings.
-_FOLDS = dict.fromkeys(("columns", "grid", "forecast", "crowd", "folds", "discount", "seed"), True)
+_PARTS = (
+    "columns",
+    "grid",
+    "training_people",
+    "patience_s",
+    "wait_s",
+    "folds",
+    "forecast",
+    "discount",
+)
+_FOLDS = dict.fromkeys(_PARTS, True)
 
 
 @dataclass(frozen=True)
@@ -54,11 +62,6 @@ class PeopleStudy:
     def folds(self) -> tuple[Fold, ...]:
         """Who is learned from and who is held out."""
         return folds_of(self.people.runs, self.settings.folds)
-
-    @cached_property
-    def straight(self) -> Straight:
-        """What constant velocity predicts."""
-        return straight_on(self.people.runs, self.settings.grid)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}
@@ -95,6 +98,4 @@ def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
 
 
 def _fold(study: PeopleStudy, number: int) -> Mapping[str, Any]:
-    fold = study.folds[number]
-    found = run_fold(study.people, fold, number, study.straight)
-    return found | {"arrivals": found["arrivals"] + period_rows(study.people, fold, number)}
+    return run_fold(study.people, study.folds[number], number)

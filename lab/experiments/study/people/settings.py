@@ -18,21 +18,7 @@ class GridSettings(StrictModel):
     """How ways become moves between cells; observed_cells: before the arrival is predicted."""
 
     cell_size_m: float = Field(gt=0)
-    hysteresis_m: float = Field(ge=0)
     observed_cells: int = Field(ge=1)
-
-
-class CrowdSettings(StrictModel):
-    """Density and flow at a time: kernel_m is the standard deviation of each person's share.
-
-    snapshot_s: from one time to the next; snapshots: at most so many, by run and direction, have a
-    part in the mean crowd; training_people: at most so many are learned from.
-    """
-
-    kernel_m: float = Field(gt=0)
-    snapshot_s: float = Field(gt=0)
-    snapshots: int = Field(ge=2)
-    training_people: int = Field(ge=10)
 
 
 class FoldSettings(StrictModel):
@@ -54,15 +40,21 @@ class ForecastSettings(StrictModel):
 
 
 class PeopleSettings(StrictModel):
-    """Everything that decides what comes out of the people study."""
+    """Everything that decides what comes out of the people study.
+
+    training_people: at most so many are learned from; patience_s, wait_s: see `DecisionEpochs`;
+    discount: per second.
+    """
 
     files: tuple[str, ...] = Field(min_length=1)
     columns: TableColumns = TableColumns()
     grid: GridSettings
-    crowd: CrowdSettings
+    training_people: int = Field(ge=10)
+    patience_s: float = Field(gt=0)
+    wait_s: float = Field(gt=0)
     folds: FoldSettings
     forecast: ForecastSettings
-    discount: float = Field(ge=0, lt=1)
+    discount: float = Field(gt=0, lt=1)
     seed: int = Field(ge=0)
     statistics: StatisticsSettings
 

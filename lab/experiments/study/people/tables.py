@@ -5,19 +5,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import kstest
 
 from lab.experiments.running.statistics import paired_family
 from lab.experiments.running.tables import Row
+from lab.experiments.study.people.fold import INTERVALS
 from lab.experiments.study.people.learners import SERD
 from lab.experiments.study.people.recordings import Run
 from lab.experiments.study.people.settings import PeopleSettings
-from lab.experiments.study.people.walkers import DISTANCE_OVER_SPEED
-
-INTERVALS = (0.5, 0.9)
-#: Decision period of which the moves that no neighbour represents are counted.
-PERIOD_S = 0.8
-PERIODS = "decision periods"
 
 
 def all_tables(
@@ -42,23 +36,19 @@ def summary_of(moves: pd.DataFrame, arrivals: pd.DataFrame) -> pd.DataFrame:
     rows: list[Row] = []
     for method, own in arrivals.groupby("method", sort=False):
         seen = moves[moves["method"] == method]
-        away = (own["pit"] - 0.5).abs()
-        covered = {
-            f"coverage_{round(100 * share)}": (away <= share / 2).mean() for share in INTERVALS
-        }
-        covered["pit_distance"] = kstest(own["pit"], "uniform").statistic
-        # A point has no interval.
-        if method == DISTANCE_OVER_SPEED:
-            covered = dict.fromkeys(covered)
+        late_s = own["median_s"].astype(float) - own["arrival_s"]
+        likelihood = None
+        if len(seen):
+            likelihood = float(np.average(seen["log_likelihood"], weights=seen["n_moves"]))
+        names = [f"{round(100 * share)}" for share in INTERVALS]
         rows.append(
             {
                 "method": method,
-                "log_likelihood": _weighted(seen, "log_likelihood"),
-                "dwell_log_likelihood": _weighted(seen, "dwell_log_likelihood"),
+                "log_likelihood": likelihood,
                 "crps_s": own["crps_s"].mean(),
-                "median_error_s": (own["median_s"] - own["arrival_s"]).abs().mean(),
-                "bias_s": (own["median_s"] - own["arrival_s"]).mean(),
-                **covered,
+                "median_error_s": late_s.abs().mean(),
+                "bias_s": late_s.mean(),
+                **{f"coverage_{name}": own[f"in_{name}"].mean() for name in names},
                 "people": len(own),
                 "without_median": int(own["median_s"].isna().sum()),
             }
@@ -89,12 +79,13 @@ def recordings_table(runs: Sequence[Run]) -> pd.DataFrame:
             {
                 "recording": run.name,
                 "people": len(run.walkers),
+                "decisions": len(run.decisions),
+                "stayed": int(np.sum(run.decisions.next_state == run.decisions.state)),
                 "left_out": sum(run.left_out.values()),
                 "reasons": "; ".join(f"{n} {reason}" for reason, n in run.left_out.items()),
                 "width_m": round(run.width_m, 2),
                 "length_m": run.n_columns * run.grid.cell_size_m,
                 "rows": run.grid.walkable.shape[0],
-                f"unrepresented_{PERIOD_S:g}_s": round(run.unrepresented(PERIOD_S), 4),
                 "seconds": round(run.span_s[1] - run.span_s[0], 1),
                 "assumed": "; ".join(run.assumed),
             }
@@ -105,14 +96,4 @@ def recordings_table(runs: Sequence[Run]) -> pd.DataFrame:
 
 def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """The main numbers of each method."""
-    return tables["summary"][
-        ["method", "log_likelihood", "crps_s", "coverage_50", "coverage_90", "pit_distance"]
-    ]
-
-
-def _weighted(rows: pd.DataFrame, measure: str) -> float | None:
-    """Mean over all moves of all folds."""
-    values = rows[measure].astype(float)
-    if not len(rows) or values.isna().any():
-        return None
-    return float(np.average(values, weights=rows["n_moves"]))
+    return tables["summary"][["method", "log_likelihood", "crps_s", "coverage_50", "coverage_90"]]

@@ -1,88 +1,33 @@
-"""What does not learn rewards: constant velocity.
+"""Constant velocity: the distance over the speed so far, times what people differ by from that."""
 
-It predicts one direction of each move and one time of arrival of each person. The directions are
-calibrated by how often people of the training folds went each way when a direction was predicted,
-the times by the factors between measured and predicted ones.
-"""
-
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from lab.experiments.study.people.forecasts import asked_of
-from lab.experiments.study.people.problem import AHEAD, DIRECTIONS, neighbours
-from lab.experiments.study.people.recordings import Run, Walker
-from lab.experiments.study.people.settings import GridSettings
-from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.grid.grid import DIRECTION_VECTORS
+from lab.experiments.study.people.people import Asked, People
+from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrival.law import ArrivalLaw
 
 CONSTANT_VELOCITY = "constant velocity"
-DISTANCE_OVER_SPEED = "distance over speed"
-#: How long one move is extrapolated.
-_MOVE_S = 3.0
-_SLOWEST_MPS = 0.2
+_SLOWEST_MPS, _SOONEST_S = 0.2, 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Straight:
-    """(N,) direction of each move, in the order of `moves_of`; (P,) seconds until arrival."""
-
-    directions: IntArray
-    arrival_s: FloatArray
-
-
-def straight_on(runs: tuple[Run, ...], settings: GridSettings) -> Straight:
-    """What constant velocity predicts of all walkers of the runs."""
-    directions, arrival_s = [], []
-    for run in runs:
-        line_m = run.goal_line_m + settings.hysteresis_m
-        for number, walker in enumerate(run.walkers):
-            one = asked_of(walker, number, run, settings.observed_cells)
-            directions += [_straight(run, walker, j) for j in range(1, run.arrival_of(walker))]
-            distance_m = max(line_m - walker.at(one.time_s)[0], 0.0)
-            arrival_s.append(distance_m / speed_so_far_mps(walker, one.time_s))
-    return Straight(np.array(directions, dtype=np.int64), np.array(arrival_s))
+def straight_laws(people: People, training: BoolArray, asked: Sequence[Asked]) -> list[ArrivalLaw]:
+    """The forecasts asked for; training: (P,) of whom measured over predicted times are taken."""
+    known = people.asked_of(training)
+    factors = np.sort([one.duration_s / straight_s(people, one) for one in known])
+    return [scaled_law(straight_s(people, one), factors, people.times_s) for one in asked]
 
 
-def speed_so_far_mps(walker: Walker, time_s: float) -> float:
-    """Progress along the corridor since the first position, per time."""
-    moved_m = walker.at(time_s)[0] - walker.position_m[0, 0]
-    return float(max(moved_m / max(time_s - walker.time_s[0], 1e-9), _SLOWEST_MPS))
+def straight_s(people: People, one: Asked) -> float:
+    """Seconds until a person is in the last column who keeps the mean speed along the corridor."""
+    walker, run = people.walkers[one.walker], people.runs[people.run_of[one.walker]]
+    here_m, since_s = walker.ahead_m(one.time_s), one.time_s - float(walker.time_s[0])
+    speed_mps = (here_m - float(walker.position_m[0, 0])) / max(since_s, _SOONEST_S)
+    return float(max((run.goal_line_m - here_m) / max(speed_mps, _SLOWEST_MPS), _SOONEST_S))
 
 
-def _exit(run: Run, cell: int, way: FloatArray) -> int:
-    """Direction in which (T, 2) positions leave a cell; ahead where they do not."""
-    away = (way - run.grid.centers_m[cell]) / (run.grid.cell_size_m / 2)
-    out = np.flatnonzero(np.abs(away).max(axis=1) > 1.0)
-    if not len(out):
-        return AHEAD
-    east, north = away[out[0]]
-    steps = DIRECTION_VECTORS[list(DIRECTIONS)]
-    order = np.argsort(-(steps @ np.array([east, north])), kind="stable")
-    near = run.grid.neighbours[cell, list(DIRECTIONS)]
-    return int(next(d for d in order if near[d] != cell))
-
-
-def _straight(run: Run, walker: Walker, j: int) -> int:
-    """At the velocity with which the cell is entered."""
-    time_s, cell = float(walker.crossings.entered_s[j]), int(walker.crossings.state[j])
-    ahead = np.linspace(0.0, _MOVE_S, 61)[:, None] * walker.velocity_mps(time_s)
-    return _exit(run, cell, walker.at(time_s) + ahead)
-
-
-def confusion(predicted: IntArray, measured: IntArray) -> FloatArray:
-    """(4, 4) share of each measured direction given the predicted one, one added to each."""
-    counts = np.ones((4, 4))
-    np.add.at(counts, (predicted, measured), 1.0)
-    return np.asarray(counts / counts.sum(axis=1, keepdims=True))
-
-
-def free_directions(run: Run) -> BoolArray:
-    """(C, 4) mask of the directions that lead to another cell."""
-    return np.asarray(neighbours(run) != np.arange(run.grid.n_states)[:, None])
-
-
-def calibrated(table: FloatArray, predicted: IntArray, free: BoolArray) -> FloatArray:
-    """(N, 4) the row of `confusion` of each prediction, on the (N, 4) directions that are free."""
-    share = np.where(free, table[predicted], 0.0)
-    return np.asarray(share / share.sum(axis=1, keepdims=True))
+def scaled_law(time_s: float, factors: FloatArray, times_s: FloatArray) -> ArrivalLaw:
+    """One time, multiplied by each of the sorted factors with the same probability."""
+    cdf = np.searchsorted(time_s * factors, times_s, side="right") / len(factors)
+    return ArrivalLaw(times_s, cdf, 1.0)

@@ -55,9 +55,8 @@ class ExploringDriver:
         self._rng = episode_rng(self._seed, episode, POLICY)
         self._action = Action.WAIT
 
-    def decide(self, observation: Observation) -> Action:
+    def decide(self, _observation: Observation, state: int) -> Action:
         """The direction it has, or a new one."""
-        state = self._grid.state_at(observation.x_m, observation.y_m)
         neighbours = self._grid.neighbours[state]
         if self._rng.random() < _CHANGES_MIND or neighbours[self._action] == state:
             waits = self._rng.random() < _WAITS

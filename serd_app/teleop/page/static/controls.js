@@ -2,6 +2,7 @@
 // A page that loses the focus sends "away", which stops the robot, and then nothing.
 
 const HEARTBEAT_MS = 100;
+const CLICK_MS = 1000;
 const STICK = 0.5;
 const KEY_DIRECTIONS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
 const STEPS = { north: [1, 0], south: [-1, 0], west: [0, 1], east: [0, -1] };
@@ -74,11 +75,11 @@ export class Controls {
       });
       button.addEventListener("keyup", (event) => { if (event.key === "Enter") this.release(direction); });
       button.addEventListener("blur", () => this.release(direction));
-      // A screen reader clicks without pointer or key: a tap.
+      // A screen reader clicks without pointer or key: the direction is held for a while.
       button.addEventListener("click", (event) => {
         if (event.detail) return;
         this.hold(direction);
-        this.release(direction);
+        setTimeout(() => this.release(direction), CLICK_MS);
       });
     }
   }

@@ -2,7 +2,7 @@
 
 const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
 const HINTS = {
-  directions: "Tap an arrow key for the next cell, hold it to continue; each full ring is a decision. M: velocity.",
+  directions: "The robot drives in a direction while its arrow key is held. M: velocity.",
   velocity: "Arrow keys drive and turn while held; up is forward. M: directions.",
 };
 const PHASES = {
@@ -52,7 +52,6 @@ export class Panel {
       parts[mode].setAttribute("aria-pressed", String(state.mode === mode));
     }
     const byDirections = state.mode === "directions";
-    parts.ring.style.strokeDasharray = `${byDirections ? 100 * (state.world?.decided ?? 0) : 0} 100`;
     parts.choice.textContent = byDirections ? ARROWS[state.choice] : "";
     parts.choice.style.fontSize = state.choice === "wait" ? "" : "22px";
     parts.hint.textContent = HINTS[state.mode];

@@ -1,10 +1,10 @@
-// The hallway from above: floor, walls, people, robot, scan, and the next choice.
+// The hallway from above: floor, walls, people, robot, scan and waypoint.
 
 import { Brush } from "./brush.js";
 
 const NAMES = [
   "floor", "wall", "grid", "goal", "goalLine", "start", "person", "personNose", "robot", "nose", "trail",
-  "seen", "scan", "next", "chosen", "text", "teaches", "layer", "arrow",
+  "seen", "scan", "chosen", "text", "teaches", "layer", "arrow",
 ];
 let COLOURS = colours();
 
@@ -17,7 +17,6 @@ function colours() {
 // Cells that are smaller have no numbers.
 const LABELLED_PX = 20;
 const TRAIL_STEP_M = 0.08;
-const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
 
 export class View extends Brush {
   constructor(canvas) {
@@ -134,7 +133,7 @@ export class View extends Brush {
   drawWorld(state) {
     const { world } = state;
     this.drawScan();
-    this.drawChoice(state);
+    this.drawWaypoint(state);
     this.drawNextStart(state);
     this.drawTrail();
     for (const person of world.people) this.drawPerson(person);
@@ -156,27 +155,14 @@ export class View extends Brush {
     this.discs(hits, Math.min(0.04, 2 / this.scale), COLOURS.scan);
   }
 
-  // The cell being driven to, filled, with its waypoint; the cell chosen next, dashed.
-  drawChoice(state) {
+  // Where the robot drives to: the waypoint, and its cell, filled.
+  drawWaypoint({ waypoint }) {
+    if (!waypoint) return;
     const { context } = this;
-    const size = this.scene.cell_size_m;
-    if (state.waypoint && state.action !== "wait") {
-      const cell = this.cells.get(this.cellKey(state.waypoint));
-      context.fillStyle = COLOURS.chosen;
-      if (cell) context.fillRect(...this.square(cell, size));
-      this.ring(state.waypoint, 0.17, COLOURS.robot, 3);
-    }
-    const step = STEPS[state.choice];
-    if (!step || state.mode !== "directions") return;
-    const from = state.waypoint && state.action !== "wait" ? state.waypoint : state.world.robot;
-    const next = this.cells.get(this.cellKey([from[0] + step[0] * size, from[1] + step[1] * size]));
-    if (!next) return;
-    context.save();
-    context.setLineDash([6, 4]);
-    context.lineWidth = 2.5;
-    context.strokeStyle = COLOURS.next;
-    context.strokeRect(...this.square(next, size - 0.12));
-    context.restore();
+    const cell = this.cells.get(this.cellKey(waypoint));
+    context.fillStyle = COLOURS.chosen;
+    if (cell) context.fillRect(...this.square(cell, this.scene.cell_size_m));
+    this.ring(waypoint, 0.17, COLOURS.robot, 3);
   }
 
   drawNextStart({ next_start: place, episode }) {

@@ -123,9 +123,9 @@ def test_messages_are_those_of_ros_2_with_their_definitions(ros1_bag):
     ids=["odometry", "tf", "own type"],
 )
 def test_a_drive_is_read_from_it(ros1_bag, mapping):
-    drive = mapped_drive_in(BagReader(ros1_bag), mapping, 2.0)
+    drive = mapped_drive_in(BagReader(ros1_bag), mapping)
     np.testing.assert_allclose(drive.position_m[[0, -1]], [[0.0, 0.5], [8.0, 0.5]], atol=1e-6)
-    assert drive.intent_action.tolist() == [Action.EAST] * 4
+    assert drive.intent_action.tolist() == [Action.EAST]
 
 
 def test_it_is_checked_and_converted(ros1_bag, tmp_path):

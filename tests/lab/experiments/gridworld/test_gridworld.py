@@ -49,7 +49,7 @@ def test_the_default_by_evidence_is_compared_too_and_predicts_better_than_irl(ro
 def test_the_policy_of_draws_is_the_mean_of_their_soft_policies():
     problem = scenes(SMALL)[0].world.problem
     weights, tables = np.array([[6.0, 6.0], [0.0, 2.0]]), np.stack([true_dynamics()] * 2)
-    draws = PosteriorDraws(weights, weights, tables, tables)
+    draws = PosteriorDraws(weights, weights, weights, tables, tables)
     averaged = Estimate(weights.mean(axis=0), true_dynamics(), None, converged=True, draws=draws)
     each = [soft_policy(problem, one, true_dynamics()).probabilities for one in weights]
     assert policy_of(problem, averaged) == pytest.approx((each[0] + each[1]) / 2.0, abs=1e-9)

@@ -32,8 +32,9 @@ def problem(study):
 
 
 def decisions_of(role, study):
+    place = study.scenario
     found, _ = demonstrations_of_bag(
-        BAGS / role, study.problem.grid, study.scenario.decision_period_s
+        BAGS / role, study.problem.grid, place.patience_s, place.wait_s
     )
     return found.decisions
 

@@ -40,18 +40,16 @@ def suggested(bag, tmp_path):
     with patch.object(BagReader, "messages", autospec=True, side_effect=BagReader.messages) as read:
         found = suggest_mapping(path)
     assert read.call_count == 1
-    assert set(found.reports) == {1.0, 2.0}
-    for report in found.reports.values():
-        assert report.n_decisions >= 5
-        assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
+    report = found.report
+    assert report.n_decisions >= 5
+    assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
     text = found.yaml(tmp_path / "mapping.yaml")
     assert yaml_model(text, BagMapping, name="mapping.yaml") == found.mapping
-    for period_s, report in found.reports.items():
-        recording = read_recording(path, period_s, mapping=found.mapping, tolerant=True)
-        assert recording.assumed == (ASSUMED_UNITS,)
-        assert f"# {ASSUMED_UNITS}\n" in text
-        grid = fitted_grid([recording], found.cell_size_m)
-        assert demonstrations_of_all([recording], grid, period_s)[0].report == report
+    recording = read_recording(path, mapping=found.mapping, tolerant=True)
+    assert recording.assumed == (ASSUMED_UNITS,)
+    assert f"# {ASSUMED_UNITS}\n" in text
+    grid = fitted_grid([recording], found.cell_size_m)
+    assert demonstrations_of_all([recording], grid, 4.0, 1.0)[0].report == report
     return found
 
 
@@ -192,9 +190,8 @@ def test_a_bag_without_a_robot_that_moves_is_refused_with_its_topics(
 def test_the_real_bag_keeps_the_last_command():
     found = suggest_mapping(REAL_BAG)
     assert (found.mapping.action_from, found.mapping.hold_s) == ("velocity", None)
-    for report in found.reports.values():
-        assert report.n_decisions > 15
-        assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
+    assert found.report.n_decisions > 15
+    assert found.report.n_moving_waits <= MOST_MOVING_WAITS * found.report.n_decisions
 
 
 @pytest.mark.parametrize("robots", [("",), ("/a", "/b")])

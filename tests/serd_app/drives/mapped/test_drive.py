@@ -9,12 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.demonstrations.discretise import NO_COMMAND, decisions_from_drive
 from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.mapped.actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.mapped.actions import (
+    PoseTrack,
+    actions_of_waypoints,
+    hidden_intents,
+    intents_of_velocities,
+    posed_intents,
+)
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import NOT_FINITE
+from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE
 from serd_app.drives.sessions import read_drives
 from serd_app.drives.transforms import Poses, TransformTree
 from serd_bag.errors import BagError
@@ -37,60 +44,78 @@ def transform(parent, child, time_s, x, y, yaw):
     return Transform(header, child, (x, y, 0.0, *turned))
 
 
-def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5):
-    """Actions at 0 s and 2 s for commands (time, forward, left), None where none held."""
+SPAN = EpisodeSpan(0, 0.0, 4.0, "arrived")
+
+
+def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(0.0, 4.0), **more):
+    """(time, action) of the intents that commands (time, forward, left) mean."""
     rows = np.array(commands, dtype=float).reshape(-1, 3)
-    actions, heard = actions_of_velocities(
-        decision_time_s=np.array([0.0, 2.0]),
-        period_s=2.0,
+    found = intents_of_velocities(
+        (span,),
         command_time_s=rows[:, 0],
         command_mps=rows[:, 1:],
-        pose_time_s=np.array([0.0, 4.0]),
-        yaw_rad=np.full(2, yaw_rad),
+        pose_time_s=np.array(pose_time_s),
+        yaw_rad=np.broadcast_to(yaw_rad, len(pose_time_s)),
         hold_s=hold_s,
+        **more,
     )
-    return [action if known else None for action, known in zip(actions, heard, strict=True)]
+    assert found.hold_s == math.inf
+    return list(zip(found.time_s.round(6).tolist(), found.action.tolist(), strict=True))
 
 
-def test_a_command_that_is_held_through_a_turn_means_the_heading_of_each_period():
+def test_a_command_that_is_held_through_a_turn_means_the_heading_of_the_next_second():
+    """It turns by a quarter in 2 s: through north-east at 1 s, which is the middle of a second that
+    begins at 0.5 s."""
     time_s = np.arange(0.0, 8.01, 0.1)
-    actions, commanded = actions_of_velocities(
-        decision_time_s=np.array([0.0, 2.0, 4.0, 6.0]),
-        period_s=2.0,
-        command_time_s=np.array([0.0]),
-        command_mps=np.array([[0.5, 0.0]]),
-        pose_time_s=time_s,
-        yaw_rad=np.pi / 4.0 * (time_s - 1.0),  # a quarter turn in each period
+    actions = velocity_actions(
+        [(0.0, 0.5, 0.0)],
+        yaw_rad=np.pi / 4.0 * time_s,
         hold_s=10.0,
+        span=EpisodeSpan(0, 0.0, 8.0, "arrived"),
+        pose_time_s=time_s,
     )
-    assert commanded.all()
-    assert [Action(each) for each in actions] == [
+    assert [action for _, action in actions] == [
         Action.EAST,
         Action.NORTH,
         Action.WEST,
         Action.SOUTH,
+        Action.EAST,
     ]
+    at_s = [time_s for time_s, _ in actions]
+    np.testing.assert_allclose(at_s, [0.0, 0.5, 2.5, 4.5, 6.5], atol=0.11)
 
 
 def test_velocity_commands_mean_the_direction_they_drive_to():
     steady = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
-    assert velocity_actions(steady) == [Action.EAST, Action.EAST]
-    assert velocity_actions(steady, math.pi / 2) == [Action.NORTH, Action.NORTH]
-    assert velocity_actions(steady, math.pi) == [Action.WEST, Action.WEST]
+    assert velocity_actions(steady) == [(0.0, Action.EAST)]
+    assert velocity_actions(steady, math.pi / 2) == [(0.0, Action.NORTH)]
+    assert velocity_actions(steady, math.pi) == [(0.0, Action.WEST)]
     backwards = [(time_s, -speed, left) for time_s, speed, left in steady]
-    assert velocity_actions(backwards) == [Action.WEST, Action.WEST]
+    assert velocity_actions(backwards) == [(0.0, Action.WEST)]
 
 
 def test_a_command_that_is_not_repeated_ends_after_its_hold_time():
-    assert velocity_actions([(0.0, 0.5, 0.0)]) == [Action.EAST, None]
-    assert velocity_actions([(0.0, 0.5, 0.0)], hold_s=0.1) == [Action.WAIT, None]
-    assert velocity_actions([(1.75, 0.5, 0.0)]) == [Action.EAST, Action.EAST]
+    assert velocity_actions([(0.0, 0.5, 0.0)]) == [(0.0, Action.EAST), (0.5, SILENCE)]
+    assert velocity_actions([(0.0, 0.5, 0.0)], hold_s=math.inf) == [(0.0, Action.EAST)]
+    waiting = velocity_actions([(1.0, 0.5, 0.0)], waits_in_silence=True)
+    assert [action for _, action in waiting] == [Action.WAIT, Action.EAST, Action.WAIT]
 
 
-def test_where_no_command_held_nobody_decided_to_wait():
-    assert velocity_actions([]) == [None, None]
-    assert velocity_actions([(2.1, 0.0, 0.0)]) == [None, Action.WAIT]
-    assert velocity_actions([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)]) == [None, None]
+def test_where_no_command_holds_nobody_decided_to_wait():
+    assert velocity_actions([]) == [(0.0, SILENCE)]
+    stopped = velocity_actions([(2.0, 0.0, 0.0)])
+    assert stopped == [(0.0, SILENCE), (2.0, Action.WAIT), (2.5, SILENCE)]
+    assert velocity_actions([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)]) == [(0.0, SILENCE)]
+
+
+def test_each_episode_has_an_intent_at_its_start():
+    spans = SPAN, EpisodeSpan(1, 4.0, 6.0, "arrived")
+    assert hidden_intents(spans).time_s.tolist() == [0.0, 4.0]
+    track = PoseTrack(*[np.array([0.0, 6.0])] * 2, np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0]]))
+    moving = posed_intents(BagMapping(action_from="motion"), track, spans)
+    assert moving.time_s.tolist() == [0.0, 4.0]
+    assert moving.action.tolist() == [Action.EAST] * 2
+    assert len(posed_intents(BagMapping(action_from="motion"), track, ()).time_s) == 0
 
 
 def test_waypoints_mean_the_direction_to_them():
@@ -180,7 +205,7 @@ def drive_with_tf(path, messages, tf_times_s):
         pose = messages.pose(time_s, 0.5, 0.5 * (time_s - 49.0), frame="odom")
         rows += [("/pose", time_s, pose), ("/cmd_vel", time_s, messages.twist(0.5))]
     mapping = DRIVEN.model_copy(update={"frame": "map"})
-    return mapped_drive_in(written(path, KINDS, *rows), mapping, 2.0)
+    return mapped_drive_in(written(path, KINDS, *rows), mapping)
 
 
 def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, messages):
@@ -188,7 +213,7 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, mess
     assert drive.n_unplaced_poses == 20 + 10
     assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
     np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
-    _, report = decisions_from_drive(drive, grid_around(drive.position_m, 0.5), 2.0)
+    _, report = decisions_from_drive(drive, grid_around(drive.position_m, 0.5), 4.0, 1.0)
     assert report.n_unplaced_poses == 30
 
 
@@ -226,7 +251,7 @@ def test_each_press_of_a_button_ends_an_episode(tmp_path, messages, kind, field,
     ]
     bag = written(tmp_path / "bag", KINDS | {"/button": kind}, *drive_east(messages), *rows)
     mapping = DRIVEN.model_copy(update={"button_topic": "button", "button_field": field})
-    drive = mapped_drive_in(bag, mapping, 1.0)
+    drive = mapped_drive_in(bag, mapping)
     assert [(each.start_s, each.end_s) for each in drive.episodes] == [
         (50.0, pytest.approx(53.0)),
         (pytest.approx(53.0), 58.0),
@@ -244,32 +269,32 @@ def test_poses_given_in_several_frames_are_each_brought_from_their_own(tmp_path,
         for topic, time_s, data in rows
     ]
     mapping = DRIVEN.model_copy(update={"frame": "map"})
-    one = mapped_drive_in(written(tmp_path / "one", KINDS, *rows), mapping, 2.0)
+    one = mapped_drive_in(written(tmp_path / "one", KINDS, *rows), mapping)
     mixed = written(tmp_path / "two", KINDS, *in_map)
-    two = mapped_drive_in(mixed, mapping, 2.0)
+    two = mapped_drive_in(mixed, mapping)
     np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
     np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
     assert one.intent_action.tolist() == two.intent_action.tolist()
     with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
-        mapped_drive_in(mixed, DRIVEN, 2.0)
+        mapped_drive_in(mixed, DRIVEN)
 
 
 def test_a_topic_of_actions_without_a_message_is_refused(tmp_path, messages):
     poses = [row for row in drive_east(messages) if row[0] == "/pose"]
     silent = written(tmp_path / "silent", KINDS, *poses)
     with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
-        mapped_drive_in(silent, DRIVEN, 2.0)
+        mapped_drive_in(silent, DRIVEN)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_command_that_is_not_finite_is_left_out_and_counted(tmp_path, messages, bad):
     rows = [*drive_east(messages)]
-    sound = mapped_drive_in(written(tmp_path / "sound", KINDS, *rows), DRIVEN, 2.0)
+    sound = mapped_drive_in(written(tmp_path / "sound", KINDS, *rows), DRIVEN)
     rows.append(("/cmd_vel", 53.05, messages.twist(bad)))
-    drive = mapped_drive_in(written(tmp_path / "bad", KINDS, *rows), DRIVEN, 2.0)
+    drive = mapped_drive_in(written(tmp_path / "bad", KINDS, *rows), DRIVEN)
     assert (sound.n_bad_commands, drive.n_bad_commands) == (0, 1)
     assert drive.intent_action.tolist() == sound.intent_action.tolist()
-    _, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
+    _, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert str(report).endswith("; 1 commands not finite")
 
 
@@ -281,7 +306,7 @@ def test_an_intent_or_waypoint_that_is_not_finite_is_dropped_and_counted(tmp_pat
         wishes[1] = ("/wish", 52.0, make(52.0, np.nan, 0.5))
         bag = written(tmp_path / source, KINDS | {"/wish": kind}, *poses, *wishes)
         mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
-        drive = mapped_drive_in(bag, mapping, 2.0)
+        drive = mapped_drive_in(bag, mapping)
         assert drive.dropped == {NOT_FINITE: 1}
         assert drive.intent_time_s.tolist() == [50.0, 54.0]
         assert drive.intent_action.tolist() == [Action.EAST, Action.EAST]
@@ -293,7 +318,7 @@ def test_an_intent_that_was_sent_again_is_one(tmp_path, messages):
     wishes = [("/wish", time_s, messages.intent(time_s, 1.0, 0.0)) for time_s in times_s]
     bag = written(tmp_path / "again", KINDS | {"/wish": VECTOR}, *poses, *wishes)
     mapping = BagMapping(pose_topic="/pose", action_from="intent", action_topic="/wish")
-    drive = mapped_drive_in(bag, mapping, 2.0)
+    drive = mapped_drive_in(bag, mapping)
     assert drive.intent_time_s.tolist() == [50.0, 52.0, 54.0]
 
 
@@ -309,11 +334,11 @@ def test_what_counts_as_a_gap_follows_how_often_poses_come(
         if topic != "/pose" or not 54.05 < time_s < 54.0 + gap_s - 0.05
     ]
     bag = written(tmp_path / "gap", KINDS, *rows)
-    drive = mapped_drive_in(bag, DRIVEN, 2.0)
+    drive = mapped_drive_in(bag, DRIVEN)
     assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
     assert len(drive.episodes) == n_episodes
     given = DRIVEN.model_copy(update={"longest_gap_s": 0.3})
-    assert len(mapped_drive_in(bag, given, 2.0).episodes) == 2
+    assert len(mapped_drive_in(bag, given).episodes) == 2
 
 
 @pytest.mark.parametrize("far_m", [3e4, 1e6, 1e300, -1.7e308])
@@ -356,9 +381,9 @@ def test_poses_of_two_runs_of_a_clock_are_never_mixed(
     mapping = BagMapping(pose_topic=topic, action_from="hidden", **frames)
     if sentence:
         with pytest.raises(BagError, match=sentence):
-            mapped_drive_in(bag, mapping, 2.0)
+            mapped_drive_in(bag, mapping)
     else:
-        assert len(mapped_drive_in(bag, mapping, 2.0).pose_time_s) > 70
+        assert len(mapped_drive_in(bag, mapping).pose_time_s) > 70
 
 
 @pytest.mark.parametrize("n_late", [1, 10])
@@ -368,7 +393,7 @@ def test_poses_that_a_recorder_received_late_are_no_second_run(tmp_path, message
         time_s = 100.0 + 0.1 * tick + (0.05 if 60 <= row < 60 + n_late else 0.0)
         rows.append(("/pose", time_s, messages.pose(time_s, 0.5, 0.1 * tick)))
     bag = BagReader(write_bag(tmp_path / "late", KINDS, rows))
-    drive = mapped_drive_in(bag, BagMapping(pose_topic="/pose", action_from="hidden"), 2.0)
+    drive = mapped_drive_in(bag, BagMapping(pose_topic="/pose", action_from="hidden"))
     assert len(drive.pose_time_s) == 120 + n_late
 
 
@@ -378,19 +403,19 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
         frame="map",
         action_from="velocity",
         action_topic="cmd_vel",
-        minimum_speed_mps=0.15,  # the last command is held for 0.4 s of the third period
     )
-    drive = mapped_drive_in(foreign_bag, mapping, 2.0)
-    decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
+    drive = mapped_drive_in(foreign_bag, mapping)
+    decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert drive.position_m[0].tolist() == [10.5, 0.5]
-    assert decisions.time_s.tolist() == [50.0, 52.0, 54.0]
-    assert decisions.action.tolist() == [Action.NORTH] * 2 + [Action.WAIT]
+    np.testing.assert_allclose(decisions.time_s, [50.0, 51.2, 53.2], atol=1e-6)
+    assert decisions.action.tolist() == [Action.NORTH] * 3
+    assert decisions.censored.tolist() == [False, False, True]  # by the end of the last command
     assert report.dropped == {NO_COMMAND: 1}
-    assert report.n_intents == 4
     silent = mapping.model_copy(update={"silence": "wait"})
-    waiting = mapped_drive_in(foreign_bag, silent, 2.0)
-    _, report = decisions_from_drive(waiting, grid_around(drive.position_m, 1.0), 2.0)
-    assert (report.n_decisions, report.dropped) == (4, {})
+    waiting = mapped_drive_in(foreign_bag, silent)
+    _, report = decisions_from_drive(waiting, grid_around(drive.position_m, 1.0), 4.0, 1.0)
+    assert report.dropped == {}
+    assert report.n_moving_waits >= 3
 
 
 @pytest.mark.parametrize(
@@ -427,7 +452,7 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
 )
 def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
     with pytest.raises(BagError, match=sentence):
-        mapped_drive_in(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"), 2.0)
+        mapped_drive_in(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"))
 
 
 ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"
@@ -436,11 +461,11 @@ ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"
 def test_the_motion_itself_is_the_action(foreign_bag):
     """It drives north at 0.5 m/s for 8 s; the topic of its commands is not needed."""
     mapping = BagMapping(pose_topic="/robot/pose", action_from="motion")
-    drive = mapped_drive_in(foreign_bag, mapping, 2.0)
-    assert drive.intent_time_s.tolist() == [50.0, 52.0, 54.0, 56.0]
-    assert drive.intent_action.tolist() == [Action.NORTH] * 4
+    drive = mapped_drive_in(foreign_bag, mapping)
+    assert drive.intent_time_s.tolist() == [50.0]
+    assert drive.intent_action.tolist() == [Action.NORTH]
     slow = mapping.model_copy(update={"minimum_speed_mps": 0.51})
-    assert set(mapped_drive_in(foreign_bag, slow, 2.0).intent_action) == {Action.WAIT}
+    assert set(mapped_drive_in(foreign_bag, slow).intent_action) == {Action.WAIT}
 
 
 def test_a_pose_from_tf_is_the_chain_from_the_frame_of_the_grid(tmp_path, messages):
@@ -452,13 +477,13 @@ def test_a_pose_from_tf_is_the_chain_from_the_frame_of_the_grid(tmp_path, messag
     mapping = BagMapping(pose_topic="tf", action_from="motion", robot_frame="base")
     for frame in ("map", ""):
         known = mapping.model_copy(update={"frame": frame})
-        drive = mapped_drive_in(bag, known, 2.0)
+        drive = mapped_drive_in(bag, known)
         np.testing.assert_allclose(drive.position_m[:, 0], np.arange(81) / 10, atol=1e-9)
         np.testing.assert_allclose(drive.position_m[:, 1], 2.0)
-        assert drive.intent_action.tolist() == [Action.EAST] * 4
+        assert drive.intent_action.tolist() == [Action.EAST]
     still = mapping.model_copy(update={"frame": "odom"})
     with pytest.raises(BagError, match="frame 'base' must move in 'odom', /tf_static holds it"):
-        mapped_drive_in(bag, still, 2.0)
+        mapped_drive_in(bag, still)
 
 
 def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(tmp_path, messages):
@@ -483,9 +508,9 @@ def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(tmp_path, mess
     )  # fmt: skip
     listed = steered.model_copy(update={"action_topic": "/state", "action_fields": ("data.4",)})
     for mapping in (steered, listed):
-        drive = mapped_drive_in(bag, mapping, 2.0)
+        drive = mapped_drive_in(bag, mapping)
         np.testing.assert_allclose(drive.position_m[[0, -1]], [[0.0, 0.5], [8.0, 0.5]], atol=1e-9)
-        assert drive.intent_action.tolist() == [Action.SOUTH] * 4
+        assert drive.intent_action.tolist() == [Action.SOUTH]
 
 
 @pytest.mark.skipif(
@@ -500,21 +525,22 @@ def test_the_real_robot_becomes_demonstrations():
         stop_s=None,
         round_trips=False,
     )
-    drive = mapped_drive_in(BagReader(REAL_BAG), mapping, 2.0)
+    drive = mapped_drive_in(BagReader(REAL_BAG), mapping)
     grid = grid_around(drive.position_m, 0.5)
-    decisions, report = decisions_from_drive(drive, grid, 2.0)
+    decisions, report = decisions_from_drive(drive, grid, 4.0, 1.0)
     assert len(drive.pose_time_s) == 290
     assert len(drive.episodes) == 1
     assert report.n_decisions == len(decisions) >= 25
-    assert report.n_intents == math.ceil((drive.pose_time_s[-1] - drive.pose_time_s[0]) / 2.0)
+    np.testing.assert_allclose(decisions.dwell_s.sum(), np.ptp(drive.pose_time_s), atol=0.5)
     moved = decisions.select(decisions.state != decisions.next_state)
     assert len(moved) >= 4
     assert set(decisions.action) > {Action.WAIT}
     unknown = mapped_drive_in(
-        BagReader(REAL_BAG), mapping.model_copy(update={"silence": "unknown"}), 2.0
+        BagReader(REAL_BAG), mapping.model_copy(update={"silence": "unknown"})
     )
-    assert unknown.dropped == {NO_COMMAND: 12}
-    assert len(unknown.intent_time_s) + 12 == report.n_intents
+    silent, silences = decisions_from_drive(unknown, grid, 4.0, 1.0)
+    assert silent.dwell_s.sum() < 0.8 * decisions.dwell_s.sum()
+    assert 5 < silences.dropped[NO_COMMAND] <= (unknown.intent_action == SILENCE).sum()
 
 
 @pytest.mark.parametrize(
@@ -557,7 +583,7 @@ def own_bag(tmp_path, messages):
 
 def test_a_mapping_of_our_own_topics_changes_nothing(own_bag):
     direct = read_drives(own_bag)[0]
-    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="episode"), 2.0)
+    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="episode"))
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert mapped.episodes == direct.episodes
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
@@ -568,7 +594,7 @@ def test_waypoints_ahead_mean_what_the_intents_say(own_bag):
     mapping = BagMapping(
         action_from="waypoint", action_topic="waypoint", episode_topic="/robot/episode"
     )
-    drive = mapped_drive_in(BagReader(own_bag), mapping, 2.0)
+    drive = mapped_drive_in(BagReader(own_bag), mapping)
     assert set(drive.intent_action) == {Action.NORTH}
     assert np.array_equal(drive.intent_time_s, read_drives(own_bag)[0].intent_time_s)
 

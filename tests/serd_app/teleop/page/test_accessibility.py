@@ -13,11 +13,11 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from serd_app.navigation.overlay import overlay_of
-from serd_app.navigation.strategy import load_strategy
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
+from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.browser import (
@@ -35,9 +35,8 @@ HALLWAY = load_scenario("hallway")
 PEOPLE = ((1.0, 5.0), (4.4, 9.0))
 STATE = {
     "type": "state",
-    "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), HALLWAY, None),
+    "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), None),
     "is_stale": False,
-    "action": "north",
     "waypoint": [2.5, 3.5],
     "episode": {
         "phase": "running",

@@ -158,7 +158,7 @@ def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, key_driv
     assert serd(*command.removeprefix("next: serd ").split()).code == 0
     values = serd("bag", "suggest", bag, "--json").values
     assert values["mapping"] == load_yaml_model(mapping, BagMapping).model_dump(mode="json")
-    assert values["reports"]["1.0"]["n_moving_waits"] == 0
+    assert values["report"]["n_moving_waits"] == 0
 
 
 def test_topics_have_width_in_a_pipe_also_beside_long_delays(messages, tmp_path, root):

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
+from serd_bag.errors import FileError
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action
@@ -27,8 +27,11 @@ def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag
     assert ended.code == 0
     decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
     assert grid.fingerprint() == grid_of(load_scenario("hallway")).fingerprint()
-    assert decisions.state.tolist() == [grid.state_at(4.5, 1.5 + row) for row in range(5)]
-    assert decisions.next_state.tolist() == [grid.state_at(4.5, 2.5 + row) for row in range(5)]
+    states = [grid.state_at(4.5, 1.5 + row) for row in range(6)]
+    assert decisions.state.tolist() == states
+    assert decisions.next_state.tolist() == [*states[1:], states[-1]]
+    np.testing.assert_allclose(decisions.dwell_s, [1.2, 2.0, 2.0, 2.0, 2.0, 0.8], atol=1e-6)
+    assert decisions.censored.tolist() == [False] * 5 + [True]
     assert set(decisions.action.tolist()) == {Action.NORTH}
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert f"decisions: {table}" in ended.out
@@ -40,10 +43,9 @@ def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):
     table.with_suffix(".flow.csv").write_text("of another recording")
     values = serd("demos", drive_bag(), "--scenario", "hallway", "--output", table, "--json").values
     record = load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord)
-    assert (record.scenario, record.decision_period_s) == ("hallway", 2.0)
+    assert (record.scenario, record.patience_s, record.wait_s) == ("hallway", 4.0, 1.0)
     assert record.grid_fingerprint == load_grid(table.with_suffix(".grid.yaml")).fingerprint()
-    assert record.goal_entry_s == (2.0,)
-    assert [each.n_decisions for each in record.bags] == [5]
+    assert [each.n_decisions for each in record.bags] == [6]
     assert values["flow"] is None
     assert not table.with_suffix(".flow.csv").exists()
 
@@ -66,17 +68,28 @@ def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_b
     assert "1 of 2 as in the scenario, 0 opposite" in serd(*words).out
 
 
-def test_moves_that_no_outcome_is_are_counted_as_faults_and_kept(serd, drive_bag, tmp_path):
-    """The robot drives 1 m per period: four cells of 0.25 m."""
+def without(bag, target, lost):
+    """A copy of a bag without the messages of a topic within two times (s)."""
+    topic, from_s, until_s = lost
+    with BagWriter(target) as writer:
+        for each in BagReader(bag).topics.values():
+            writer.add_topic(each.name, each.type_name)
+        for message in BagReader(bag).messages():
+            if message.topic != topic or not from_s < message.log_time_ns / 1e9 < until_s:
+                writer.write(message.topic, message.data, message.log_time_ns)
+    return target
+
+
+def test_decisions_that_a_gap_of_poses_loses_are_faults(serd, drive_bag, tmp_path):
     table = tmp_path / "decisions.csv"
-    words = ("demos", drive_bag(), "--cell-size-m", "0.25", "--output", table)
-    assert serd(*words, "--json").values["bags"][0]["fault_share"] == 1.0
+    torn = without(drive_bag(), tmp_path / "torn", ("/robot_pose", 104.5, 105.5))
+    words = ("demos", torn, "--scenario", "hallway", "--output", table)
+    assert serd(*words, "--json").values["bags"][0]["fault_share"] == 1 / 6
     report = report_of_table(table)
-    assert (report.n_diagonal, report.n_far, report.n_moves) == (0, 5, 5)
-    assert report.fault_share == 1.0
-    assert "100.0 % of 5 moves are no outcome of the grid" in serd(*words).out
+    assert (report.n_decisions, report.n_taken) == (5, 6)
+    assert "16.7 % of 6 decisions are lost as poses are missing or beyond walls" in serd(*words).out
     ended = serd("demos", drive_bag("other"), "--scenario", "hallway", "--output", table)
-    assert "no outcome of the grid" not in ended.out
+    assert "are lost" not in ended.out
     assert report_of_table(table).fault_share == 0.0
     assert report_of_table(tmp_path / "another.csv") is None
 
@@ -84,23 +97,23 @@ def test_moves_that_no_outcome_is_are_counted_as_faults_and_kept(serd, drive_bag
 def test_episodes_of_several_bags_stay_apart(serd, drive_bag):
     bags = drive_bag("one"), drive_bag("two", x_m=5.5)
     values = serd("demos", *bags, "--scenario", "hallway", "--json").values
-    assert [each["n_decisions"] for each in values["bags"]] == [5, 5]
-    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5 + [1] * 5
+    assert [each["n_decisions"] for each in values["bags"]] == [6, 6]
+    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 6 + [1] * 6
 
 
 def test_what_is_dropped_is_counted_with_its_reason(serd, drive_bag):
     bags = drive_bag("good"), drive_bag("far", x_m=40.0)
     ended = serd("demos", *bags, "--scenario", "hallway")
     assert ended.code == 0
-    assert "dropped 5: robot off the grid" in ended.out
-    assert "far: 5 of 5 intents with the robot off the grid; is it this scenario?" in ended.out
+    assert "dropped 3: robot off the grid" in ended.out
+    assert "far: 3 of 3 decisions with the robot off the grid; is it this scenario?" in ended.out
     assert "good:" not in ended.out
 
 
 def test_bags_without_a_single_decision_are_refused_with_the_counts(serd, drive_bag, tmp_path):
     refusal = serd("demos", drive_bag(x_m=40.0), "--scenario", "hallway").refusal
     assert "there is no decision to learn from" in refusal
-    assert "5 robot off the grid" in refusal
+    assert "3 robot off the grid" in refusal
     assert not list((tmp_path / "here").iterdir())
 
 
@@ -111,7 +124,7 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert "serd bag recover" in serd("demos", bag, "--scenario", "hallway").refusal
     words = ("demos", bag, "--scenario", "hallway", "--tolerant")
     values = serd(*words, "--json").values
-    assert 0 < values["bags"][0]["n_decisions"] < 5
+    assert 0 < values["bags"][0]["n_decisions"] < 6
     damage = values["bags"][0]["damage"]
     assert "at byte" in damage[0]
     record = load_yaml_model(values["files"]["record"], DemonstrationRecord).bags[0]
@@ -128,10 +141,9 @@ def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, 
     assert copy.code == 0, copy.err
     words = ("demos", bag, people, bag, tmp_path / "copy", "--scenario", "hallway")
     values = serd(*words, "--json").values
-    assert [each["n_decisions"] for each in values["bags"]] == [5, 0, 0, 0]
-    assert values["bags"][2]["dropped"] == {"of an episode that was there before": 5}
-    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5
-    assert load_yaml_model(values["files"]["record"], DemonstrationRecord).goal_entry_s == (2.0,)
+    assert [each["n_decisions"] for each in values["bags"]] == [6, 0, 0, 0]
+    assert values["bags"][2]["dropped"] == {"of an episode that was there before": 6}
+    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 6
     assert values["flow"]["n_sightings"] == 60
 
 
@@ -156,7 +168,7 @@ def runs_among_people(folder, n_runs=4):
 def test_of_tables_of_a_robot_among_people_the_robot_is_learned_from(serd, tmp_path):
     files, robots = zip(*runs_among_people(tmp_path), strict=True)
     table, model = tmp_path / "decisions.csv", tmp_path / "model.yaml"
-    words = ("--cell-size-m", "0.8", "--period-s", "1", "--output", table)
+    words = ("--cell-size-m", "0.8", "--output", table)
     ended = serd("demos", *files, *words)
     assert ended.code == 0
     assert ended.out.count("robot demonstrates among 2 people") == len(files)
@@ -164,7 +176,7 @@ def test_of_tables_of_a_robot_among_people_the_robot_is_learned_from(serd, tmp_p
     decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
     for number, robot in enumerate(robots):
         states = decisions.state[decisions.episode == number]
-        assert states.tolist() == grid.states_at(robot[: 10 * len(states) : 10]).tolist()
+        assert states.tolist() == list(dict.fromkeys(grid.states_at(robot).tolist()))
     assert serd("learn", table, "--output", model).code == 0
     grid_of_model = load_yaml_model(model, ModelFile).grid
     assert grid_of_model.fingerprint == grid.fingerprint()
@@ -175,23 +187,32 @@ def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, 
     ended = serd("demos", *bags, "--cell-size-m", "1", "--output", table)
     assert ended.code == 0
     decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
-    expected = [grid.state_at(x_m, 1.5 + row) for x_m in (4.5, 40.5) for row in range(5)]
+    expected = [grid.state_at(x_m, 1.5 + row) for x_m in (4.5, 40.5) for row in range(6)]
     assert decisions.state.tolist() == expected
     assert grid.state_at(20.5, 3.5) == -1
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_cells_fit_the_motion_of_a_foreign_robot_where_no_size_is_given(serd, drive_bag, tmp_path):
-    """It drives 1 m in 2 s, so half a metre in the usual period of 1 s."""
+    """It drives half a metre in a second."""
     mapping, table = tmp_path / "mapping.yaml", tmp_path / "decisions.csv"
     mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
     bag = drive_bag(pose="/amcl", intent="/wish")
     words = ("demos", bag, "--mapping", mapping, "--output", table)
     assert serd(*words).code == 0
     assert load_grid(table.with_suffix(".grid.yaml")).cell_size_m == 0.5
-    assert load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord).decision_period_s == 1.0
-    assert serd(*words, "--period-s", 2).code == 0
-    assert load_grid(table.with_suffix(".grid.yaml")).cell_size_m == 1.0
+    assert load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord).patience_s == 4.0
+    assert serd(*words, "--cell-size-m", 2).code == 0
+    assert load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord).patience_s == 12.0
+
+
+def test_a_record_of_decisions_with_a_period_is_refused(serd, drive_bag, tmp_path):
+    table = tmp_path / "decisions.csv"
+    assert serd("demos", drive_bag(), "--scenario", "hallway", "--output", table).code == 0
+    record = table.with_suffix(".yaml")
+    record.write_text(record.read_text().replace("format_version: 2", "format_version: 1"))
+    with pytest.raises(FileError, match="got 1 of another version; run 'serd demos' again"):
+        report_of_table(table)
 
 
 def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
@@ -208,23 +229,29 @@ def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
         (("a", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
         (("a",), "a must hold rows of values, it holds none"),
         (("a", "--scenario", "hallway", "--cell-size-m", "1"), "must be given, got both"),
-        (("a", "--scenario", "hallway", "--period-s", "1"), "--period-s must be left out"),
         (("a", "--cell-size-m", "0"), "--cell-size-m must be finite and above 0, got 0"),
-        (("a", "--cell-size-m", "1", "--period-s", "1e-6"), "--period-s must be at least 0.001"),
-        (("a", "--cell-size-m", "1", "--period-s", "nan"), "--period-s must be finite and above 0"),
+        (("a", "--cell-size-m", "1", "--period-s", "1"), "or after patience_s (docs/scenarios.md)"),
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
-        (
-            ("a", "--scenario", "hallway", "--mapping", "c.yaml", "--output", "c.csv"),
-            "--output must not overwrite what is read, c.csv would overwrite c.yaml",
-        ),
-        (("a", "--scenario", "b.yaml", "--output", "b.csv"), "b.csv would overwrite b.yaml"),
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("a", "b.yaml", "c.yaml"):
+    Path("a").touch()
+    assert sentence in serd("demos", *words).refusal
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("a", "--scenario", "hallway", "--mapping", "m.yaml", "--output", "m.csv"),
+        ("a", "--scenario", "m.yaml", "--output", "m.csv"),
+    ],
+)
+def test_what_is_read_is_not_overwritten(serd, words):
+    for name in ("a", "m.yaml"):
         Path(name).touch()
+    sentence = "--output must not overwrite what is read, m.csv would overwrite m.yaml"
     assert sentence in serd("demos", *words).refusal
 
 
@@ -252,7 +279,7 @@ def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
     mapping.write_text(
         "pose_topic: odom\naction_from: velocity\naction_topic: cmd_vel\nsilence: wait\n"
     )
-    words = ("demos", bag, "--cell-size-m", "0.5", "--period-s", "1", "--mapping", mapping)
+    words = ("demos", bag, "--cell-size-m", "0.5", "--mapping", mapping)
     (found,) = serd(*words, "--json").values["bags"]
     assert found["n_moving_waits"] > 0.1 * found["n_decisions"]
     sentence = f"{found['n_moving_waits']} of {found['n_decisions']} decisions wait while the robot"
@@ -268,12 +295,7 @@ def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
     bag = drive_bag(pose="/amcl", intent="/wish")
-    with BagWriter(tmp_path / "gaps") as writer:
-        for topic in BagReader(bag).topics.values():
-            writer.add_topic(topic.name, topic.type_name)
-        for message in BagReader(bag).messages():
-            if not 104.5e9 < message.log_time_ns < 105.5e9:
-                writer.write(message.topic, message.data, message.log_time_ns)
+    without(bag, tmp_path / "gaps", ("/amcl", 104.5, 105.5))
     options = ("--scenario", "hallway", "--mapping", mapping)
     ended = serd("demos", tmp_path / "gaps", *options)
     assert "gaps: cut into 2 episodes at 1 gap of more than 0.5 s between poses; " in ended.out
@@ -281,7 +303,7 @@ def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp
 
 
 def test_actions_can_be_hidden(serd, drive_bag, tmp_path):
-    """At the times of intents, or without any every period."""
+    """Where cells are entered, with intents or without."""
     shown, hidden = tmp_path / "shown.csv", tmp_path / "hidden.csv"
     options = ("--scenario", "hallway", "--output")
     serd("demos", drive_bag("one"), *options, shown)
@@ -293,7 +315,7 @@ def test_actions_can_be_hidden(serd, drive_bag, tmp_path):
         assert found.hidden.all()
         np.testing.assert_array_equal(found.state, first.state)
         np.testing.assert_array_equal(found.next_state, first.next_state)
-    assert "5 decisions without action" in ended.out
+    assert "6 decisions without action" in ended.out
 
 
 def test_a_bag_of_poses_alone_needs_no_mapping(serd, drive_bag, tmp_path):
@@ -306,7 +328,7 @@ def test_a_bag_of_poses_alone_needs_no_mapping(serd, drive_bag, tmp_path):
     ended = serd("demos", bag, "--scenario", "hallway", "--output", table)
     assert ended.code == 0, ended.err
     assert load_decisions(table).hidden.all()
-    assert len(load_decisions(table)) == 5
+    assert len(load_decisions(table)) == 6
 
 
 def test_a_mapping_of_bags_and_tables_together_is_refused(serd, drive_bag, tmp_path):
@@ -326,15 +348,13 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
         for step in range(41)
     ]
     path.write_text("id,t,x,y\n" + "\n".join(lines))
-    values = serd(
-        "demos", path, "--cell-size-m", 1, "--period-s", 1, "--output", table, "--json"
-    ).values
-    assert (values["bags"][0]["n_decisions"], values["bags"][0]["n_episodes"]) == (160, 20)
+    values = serd("demos", path, "--cell-size-m", 1, "--output", table, "--json").values
+    assert (values["bags"][0]["n_decisions"], values["bags"][0]["n_episodes"]) == (200, 20)
     assert load_decisions(table).hidden.all()
     assert values["flow"]["n_known"] == 11
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("action_from: motion\n")
-    words = ("demos", path, "--cell-size-m", 1, "--period-s", 1, "--output", table)
+    words = ("demos", path, "--cell-size-m", 1, "--output", table)
     assert serd(*words, "--mapping", mapping).code == 0
     assert set(load_decisions(table).action.tolist()) == {Action.EAST}
     mapping.write_text("unit: cm\nstop_s: 5\n")
@@ -345,38 +365,6 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
     mapping.write_text("pose_topic: odom\n")
     ended = serd("demos", path, "--mapping", mapping, "--cell-size-m", 1)
     assert "pose_topic is not a known key" in ended.err
-
-
-def robot_among_people(path, names=("robot", "anna", "ben")):
-    """A robot goes east at 0.5 m/s and stands from 10 s to 13 s; people pass 2 m to its north."""
-    rows = []
-    for number in range(231):
-        time_s = number / 10
-        x_m = 0.5 * (min(time_s, 10.0) + max(time_s - 13.0, 0.0))
-        rows += [f"{names[0]},{time_s},{x_m:.3f},0.5"]
-        rows += [f"{name},{time_s},{10 - 0.5 * time_s:.3f},2.5" for name in names[1:]]
-    path.write_text("id,t,x,y\n" + "\n".join(rows))
-    return path
-
-
-def test_times_in_cells_are_written_and_learned_from(serd, tmp_path):
-    path, table = robot_among_people(tmp_path / "walk.csv"), tmp_path / "decisions.csv"
-    words = ("demos", path, "--cell-size-m", 1, "--period-s", 2, "--output", table)
-    assert serd(*words).code == 0
-    rows = load_crossings(tmp_path / "decisions.crossings.csv")
-    assert [row.dwell_s for row in rows[1:4]] == pytest.approx([2.0] * 3, abs=1e-6)
-    assert sum(row.dwell_s > 4.9 for row in rows) == 1
-    area_m2 = load_grid(tmp_path / "decisions.grid.yaml").n_states
-    assert {row.people_pm2 for row in rows} == {2 / area_m2}
-    assert {row.lookahead_cells for row in rows} == {1}
-    # A gap of more than half a second, across which it is not known when cells were crossed.
-    lines = path.read_text().splitlines()
-    kept = [line for line in lines[1:] if not 4.1 < float(line.split(",")[1]) < 5.9]
-    path.write_text("\n".join([lines[0], *kept]))
-    assert serd(*words).code == 0
-    fewer = load_crossings(tmp_path / "decisions.crossings.csv")
-    assert len(fewer) < len(rows)
-    assert not any(row.entered_s < 5.0 < row.entered_s + row.dwell_s for row in fewer)
 
 
 def test_people_of_a_bag_can_be_the_experts(serd, people_bag, tmp_path):
@@ -398,12 +386,12 @@ def test_an_area_says_what_is_walkable(serd, tmp_path):
     (tmp_path / "walk.csv").write_text("\n".join(["id,t,x,y", *lines]) + "\n")
     (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 6 0, 6 3, 0 3, 0 0))")
     words = ("demos", tmp_path / "walk.csv", "--area", tmp_path / "room.wkt")
-    ended = serd(*words, "--cell-size-m", 1, "--period-s", 1, "--output", "walk.decisions.csv")
+    ended = serd(*words, "--cell-size-m", 1, "--output", "walk.decisions.csv")
     assert ended.code == 0, ended.err
     table = tmp_path / "here" / "walk.decisions.csv"
     grid, decisions = load_grid(table.with_suffix(".grid.yaml")), load_decisions(table)
     assert (grid.origin_m, grid.walkable.shape, grid.n_states) == ((0.0, 0.0), (3, 6), 18)
-    assert np.bincount(decisions.episode).tolist() == [4, 2]
+    assert np.bincount(decisions.episode).tolist() == [5, 2]
     assert "robot off the grid" in ended.out
     refusal = serd(*words, "--scenario", "hallway").refusal
     assert "either --scenario or --area must be given, got both" in refusal
@@ -419,7 +407,7 @@ def test_equal_decisions_of_several_tables_count_and_a_table_given_twice_once(se
     for number, path in enumerate(paths):
         rows = (f"{step / 10},{0.1 * step},{0.01 * number}" for step in range(60))
         path.write_text("\n".join(["t,x,y", *rows]) + "\n")
-    words = ("--cell-size-m", 1, "--period-s", 1, "--json")
+    words = ("--cell-size-m", 1, "--json")
     one, three, twice = (
         sum(bag["n_decisions"] for bag in serd("demos", *given, *words).values["bags"])
         for given in (paths[:1], paths, [paths[0], paths[0]])
@@ -441,7 +429,7 @@ def test_cells_where_people_walk_beside_a_robot_are_walkable_and_those_elsewhere
         )
     ]
     path.write_text("t,id,x,y\n" + "".join(f"{t},{who},{x},{y}\n" for t, who, x, y in rows))
-    words = ("--cell-size-m", 1, "--period-s", 1, "--output", output)
+    words = ("--cell-size-m", 1, "--output", output)
     assert serd("demos", path, *words).code == 0
     grid = load_grid(output.with_suffix(".grid.yaml"))
     states = grid.states_at(np.array([[3.0, 3.5], [3.0, 4.5], [3.0, 6.5], [503.0, 900.0]]))

@@ -1,36 +1,39 @@
 """`serd learn`: a table of decisions becomes a model, with and without a scenario."""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
-from serd_app.learning import recipe
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
-from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_core.bayes.draws import N_DRAWS, laplace_draws
-from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from serd_files.episode_table import load_episodes
+from serd_core.bayes.draws import N_DRAWS
+from serd_core.grid.navigation import with_dwell_times
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.grid_file import save_grid
 from serd_files.model_file import load_model
 from serd_files.yaml_config import model_yaml
+from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
-from tests.conftest import OUTCOMES
+from tests.conftest import MEAN_S, OUTCOMES
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 WEIGHTS = {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.2}
 TRUTH = np.array(list(OUTCOMES.values()))
+
+
+def problem_with(flow=None):
+    """Of the hallway, whose decisions take time."""
+    untimed = navigation_problem_of(HALLWAY, 0.99, flow=flow)
+    return with_dwell_times(untimed, patience_s=HALLWAY.patience_s, wait_s=HALLWAY.wait_s)
 
 
 def test_states_alone_are_learned_from(serd, demonstrations, tmp_path):
@@ -54,14 +57,16 @@ def demonstrations(tmp_path):
     """Writes what `serd demos` writes: a soft expert's decisions under a flow of people."""
 
     def make(scenario: str = "hallway", flow=None, n_episodes: int = 30, **changes) -> Path:
-        problem = navigation_problem_of(HALLWAY, 0.99, flow=flow)
+        problem = problem_with(flow)
         weights = np.array([WEIGHTS[name] for name in problem.feature_names])
         start = np.zeros(GRID.n_states)
         start[start_states_of(HALLWAY, GRID, "train")] = 1.0
-        decisions = sample_decisions(
+        model = problem.mdp.transitions
+        truth = model.parameters_from(TRUTH, list(MEAN_S.values()), 5.0)
+        decisions = sample_timed_decisions(
             problem.mdp,
-            soft_policy(problem, weights, TRUTH).probabilities,
-            TRUTH,
+            soft_policy(problem, weights, model.local_probabilities(truth)).probabilities,
+            truth,
             start / start.sum(),
             n_episodes=n_episodes,
             n_steps=60,
@@ -70,14 +75,12 @@ def demonstrations(tmp_path):
         table = tmp_path / "decisions.csv"
         save_decisions(table, decisions)
         save_grid(tmp_path / "decisions.grid.yaml", GRID, scenario)
-        bag = BagRecord(
-            bag="b", n_decisions=1, n_episodes=1, n_diagonal=0, n_far=0, dropped={}, n_bad_poses=0
-        )
+        bag = BagRecord(bag="b", n_decisions=1, n_censored=0, n_episodes=1)
         values = {
             "scenario": scenario,
             "grid_fingerprint": GRID.fingerprint(),
-            "decision_period_s": 2.0,
-            "goal_entry_s": (0.5, 1.5),
+            "patience_s": HALLWAY.patience_s,
+            "wait_s": HALLWAY.wait_s,
             "bags": (bag,),
         }
         record = DemonstrationRecord(**(values | changes))
@@ -97,35 +100,6 @@ def learned(ended, *, code: int = 0):
     return json.loads(ended.out)
 
 
-def test_times_of_drives_predict_drives_with_their_look_ahead(
-    serd, demonstrations, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(recipe, "laplace_draws", partial(laplace_draws, n=4))
-    table, model, runs = demonstrations(), tmp_path / "model.yaml", tmp_path / "runs"
-    assert serd("learn", table, "--output", model).code == 0
-    drive = ("navigate", model, "--people", 0, "--lookahead", 3, "--output", runs, "--json")
-    for episodes in (1, 3):  # the second resumes the first
-        before = learned(serd(*drive, "--episodes", episodes))
-    crossings = load_crossings(runs / "crossings.csv")
-    assert {row.episode for row in crossings} == {0, 1, 2}
-    arrived = sum(row.dwell_s for row in crossings if row.episode == 2)
-    assert arrived == pytest.approx(load_episodes(runs / "episodes.csv")[2].time_of_arrival_s)
-    words = ("--output", model, "--times", runs / "crossings.csv", "--report", tmp_path / "page")
-    ended = serd("learn", table, *words)
-    assert ended.code == 0, ended.err
-    assert "look-ahead 3: " in ended.out
-    assert "area train, look-ahead 3" in (tmp_path / "page/report.html").read_text()
-    ended = serd("navigate", model, "--people", 0, "--lookahead", 3, "--episodes", 1, "--seed", 7)
-    assert "predicted by the times in cells of 3 drives with look-ahead 3" in ended.out
-    (times,) = load_model(model).crossing_times
-    assert times.n_episodes == 3
-    start = start_distribution(HALLWAY, "train")
-    ahead = load_strategy(str(model), HALLWAY, "optimal", lookahead_cells=3).law_from(start)
-    assert abs(ahead.quantile_s(0.5) - before["measured_median_s"]) < 4.0
-    assert before["predicted_median_s"] - before["measured_median_s"] > 15.0
-    assert "decisions.csv" in serd("learn", table, "--output", model, "--times", table).refusal
-
-
 def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrations):
     found = learned(serd("learn", demonstrations(), "--json"))
     assert found["converged"]
@@ -135,7 +109,12 @@ def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrati
     assert (np.abs(np.subtract(weights, list(WEIGHTS.values()))) < 3 * errors).all()
     assert (found["scenario"], found["flow"], found["n_episodes"]) == ("hallway", "scenario", 30)
     model = load_model(found["model"], expected_grid=GRID)
-    assert (model.goal_entry_s, model.flow, model.decision_period_s) == ((0.5, 1.5), (), 2.0)
+    assert (model.patience_s, model.wait_s, model.flow) == (HALLWAY.patience_s, HALLWAY.wait_s, ())
+    times = {row["model"]: row for row in found["knowledge"]["durations"]}
+    for name, true_s in MEAN_S.items():
+        row = times[name]
+        assert row["lower_s"] / 1.3 < true_s < 1.3 * row["upper_s"]
+    assert found["mean_dwell_s"]["with_flow"] == pytest.approx(times["with_flow"]["median_s"], 0.05)
     assert [f"{weight:.6f}" for weight in model.weights] == [f"{weight:.6f}" for weight in weights]
 
 
@@ -181,17 +160,6 @@ def test_a_model_of_a_fitted_grid_drives_on_its_cells(serd, demonstrations):
 
 def read(table, goals_m=(), scenario=""):
     return read_learning_files(table, discount=0.99, goals_m=goals_m, scenario=scenario)
-
-
-def test_entries_into_one_goal_area_are_not_those_into_another(demonstrations):
-    table, goal = demonstrations(), navigation_problem_of(HALLWAY, 0.99).goal_states
-    same_m = tuple(map(tuple, GRID.centers_m[goal]))
-    assert read(table).demonstrations.goal_entry_s == (0.5, 1.5)
-    assert read(table, same_m).demonstrations.goal_entry_s == (0.5, 1.5)
-    assert read(table, ((4.5, 10.5),)).demonstrations.goal_entry_s == ()
-    elsewhere = demonstrations(scenario="", flow=flow_of(HALLWAY, GRID))
-    assert read(elsewhere).demonstrations.goal_entry_s == (0.5, 1.5)
-    assert read(elsewhere, scenario="hallway").demonstrations.goal_entry_s == ()
 
 
 def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
@@ -295,20 +263,25 @@ def test_bad_input_gets_a_sentence_and_exit_code_2(serd, demonstrations, words, 
 
 
 def test_files_that_do_not_belong_together_are_refused(serd, demonstrations):
-    another_period = serd("learn", demonstrations(decision_period_s=1.0))
-    assert "decision_period_s must be 2 as in the scenario, got 1" in another_period.err
+    another_patience = serd("learn", demonstrations(patience_s=1.0))
+    assert "patience_s must be 4 as in the scenario, got 1" in another_patience.err
+    another_wait = serd("learn", demonstrations(wait_s=2.0))
+    assert "wait_s must be 1 as in the scenario, got 2" in another_wait.err
     another_grid = serd("learn", demonstrations(grid_fingerprint="0"))
     assert "but it is another; run 'serd demos' again" in another_grid.err
     no_plan = serd("learn", demonstrations(scenario=""), "--flow", "scenario")
     assert "--flow scenario needs a scenario" in no_plan.err
     table = demonstrations()
-    table.write_text(table.read_text() + "0,99.0,100000,1,3,\n")
+    lines = table.read_text().splitlines()
+    last = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
+    beyond = ",".join((last | {"time_s": "999.0", "state": "100000"}).values())
+    table.write_text("\n".join([*lines, beyond, ""]))
     assert "states must be below 176" in serd("learn", table).err
     for suffix in (".yaml", ".grid.yaml"):
         table.with_suffix(suffix).unlink()
         sentence = f"decisions.csv: decisions{suffix}, which is written with it, must be beside it"
         assert sentence in serd("learn", table).err
-    assert another_period.code == another_grid.code == no_plan.code == 2
+    assert another_patience.code == another_wait.code == another_grid.code == no_plan.code == 2
 
 
 @pytest.mark.parametrize("method", get_args(MethodName))
@@ -320,9 +293,10 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     assert found["converged"]
     model = load_model(found["model"], expected_grid=GRID)
     assert (model.method, model.fit.n_episodes) == (method, 6)
-    problem = load_strategy(found["model"], HALLWAY, "optimal").problem
-    chosen = optimal_policy(problem, model.weights, model.outcome_probabilities).greedy
-    assert chosen.shape == (GRID.n_states,)
+    assert all(each.mean_s > 0.2 for each in model.outcome_models)
+    strategy = load_strategy(found["model"], HALLWAY, "optimal")
+    law = strategy.law_from(start_distribution(HALLWAY, "train"))
+    assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
 
 
 def test_the_evidence_decides_whether_the_expert_knows_the_dynamics(serd, demonstrations):
@@ -357,8 +331,34 @@ def test_what_is_known_of_outcomes_is_printed_and_mapped(serd, demonstrations, t
     ended = serd("learn", table, "--output", model)
     assert ended.code == 0, ended.err
     assert "against flow: " in ended.out
+    assert "against flow, time of a move: " in ended.out
+    assert "most confounded: how long a move " in ended.out
+    assert "with flow, time of a move: " in ended.out
     assert "a demonstration from " in ended.out
-    for name in ("posterior.csv", "next_demonstration.csv", "next_demonstration.png"):
+    for name in (
+        "posterior.csv",
+        "durations.csv",
+        "next_demonstration.csv",
+        "next_demonstration.png",
+    ):
         assert model.with_suffix(f".{name}").stat().st_size > 100
     found = learned(serd("learn", table, "--method", "mdce_serd", "--json"))
     assert found["knowledge"] is None
+
+
+def test_files_of_decisions_with_a_period_are_refused_with_the_command_that_makes_them_again(
+    serd, demonstrations
+):
+    table = demonstrations()
+    record = table.with_suffix(".yaml")
+    text = record.read_text().replace("format_version: 2", "format_version: 1")
+    record.write_text(text.replace("patience_s: 4.0", "decision_period_s: 2.0"))
+    refusal = " ".join(serd("learn", table).refusal.split())
+    assert "format_version must be 2, got 1 of another version; run 'serd demos' again" in refusal
+    found = learned(serd("learn", demonstrations(n_episodes=5), "--method", "mdce_irl", "--json"))
+    model = Path(found["model"])
+    text = model.read_text().replace("format_version: 2", "format_version: 1")
+    model.write_text(text.replace("patience_s: 4.0", "decision_period_s: 2.0"))
+    for command in ("navigate", "report"):
+        refusal = " ".join(serd(command, model).refusal.split())
+        assert "run 'serd demos' and then 'serd learn' again" in refusal

@@ -13,7 +13,7 @@ import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_cli.main import main
-from serd_files.model_file import ModelDraws, load_model
+from serd_files.model_file import load_model
 from serd_files.yaml_config import model_yaml, save_yaml_model
 from serd_sim.scenario.grid import flow_of, grid_of
 from serd_sim.scenario.scenario import load_scenario
@@ -22,7 +22,7 @@ from support.foreign_bags import STEP_S, ForeignBag
 from tests.serd_cli.test_map_journey import SPEED_MPS, laps
 
 FIGURES = {
-    *("forecast", "resolution", "visitation", "policy", "outcomes", "weights", "progress"),
+    *("forecast", "visitation", "policy", "outcomes", "weights", "progress"),
     *("gain", "features", "surprises"),
 }
 
@@ -43,7 +43,7 @@ def three_commands(tmp_path_factory):
     """A folder in which three commands were run, and what they printed."""
     folder = tmp_path_factory.mktemp("three")
     bag = foreign_bag(folder / "bag")
-    grid = ("--cell-size-m", "0.5", "--period-s", "1")
+    grid = ("--cell-size-m", "0.5")
     printed = io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
@@ -77,7 +77,8 @@ def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
     assert shown(page) == FIGURES
     text = page.read_text(encoding="utf-8")
     assert "After 8 demonstrations with" in text
-    assert "cells of 0.5 m, a decision every 1 s" in text
+    assert "cells of 0.5 m, patience of 4 s" in text
+    assert "% of " in re.search(r"Faults of the demonstrations</th><td>([^<]*)", text)[1]
 
 
 def test_a_model_is_reported_with_its_drives_and_chosen_starts(learned):
@@ -85,7 +86,7 @@ def test_a_model_is_reported_with_its_drives_and_chosen_starts(learned):
     words = ("--episodes", "driven/episodes.csv", "--start", "3.4,2.2", "--output", "driven/page")
     found = json.loads(learned("report", "model.yaml", *words, "--json").out)
     assert (found["n_episodes"], found["n_demonstrations"]) == (3, 8)
-    without = {"visitation", "resolution", "surprises"}
+    without = {"visitation", "surprises"}
     assert shown(found["report"]) == (FIGURES - without) | {"arrival"}
     assert ">3.4, 2.2</th>" in Path(found["report"]).read_text(encoding="utf-8")
 
@@ -127,9 +128,8 @@ def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_wit
     old = model.model_copy(
         update={
             "reward_weights": {**model.reward_weights, "social_norm": 7.1},
-            "draws": ModelDraws(
-                reward_weights=tuple((*row, 7.1) for row in model.draws.reward_weights),
-                learned=model.draws.learned,
+            "draws": model.draws.model_copy(
+                update={"reward_weights": tuple((*row, 7.1) for row in model.draws.reward_weights)}
             ),
         }
     )
@@ -137,16 +137,6 @@ def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_wit
     found = json.loads(learned("report", "model.yaml", "--json").out)
     assert set(found["reward_weights"]) == {"goal", "inverse_wall_distance"}
     assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
-
-
-def test_a_grid_that_is_too_fine_is_warned_of_on_the_page(serd, tmp_path):
-    bag = foreign_bag(tmp_path / "bag")
-    assert serd("bag", "suggest", bag, "--output", "mapping.yaml").code == 0
-    words = ("--mapping", "mapping.yaml", "--cell-size-m", 0.25, "--period-s", 1)
-    assert serd("demos", bag, *words).code == 0
-    learned = serd("learn", "decisions.csv", "--method", "mdce_irl", "--report", "page")
-    assert learned.code == 0, learned.err
-    assert '<p class="warning">Cells of 0.25 m' in Path("page/report.html").read_text()
 
 
 def test_a_recording_is_reported_against_a_model_of_a_scenario_with_people(serd, root, tmp_path):

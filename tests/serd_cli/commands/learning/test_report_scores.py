@@ -1,16 +1,18 @@
 """How usual trajectories are for a model: its own kind of episodes is, another kind is not."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 
 def walks(path, y_m, seed, n=30):
@@ -42,8 +44,7 @@ def model(serd, learned, tmp_path):
     table, file = learned / "decisions.csv", learned / "model.yaml"
     if not file.exists():
         people = walks(learned / "people.csv", 0.5, seed=0)
-        words = ("--cell-size-m", 1, "--period-s", 1)
-        assert serd("demos", people, *words, "--output", table).code == 0
+        assert serd("demos", people, "--cell-size-m", 1, "--output", table).code == 0
         assert serd("learn", table, "--output", file).code == 0
     shutil.copytree(learned, tmp_path, dirs_exist_ok=True)
     return tmp_path / file.name
@@ -80,7 +81,9 @@ def test_several_recordings_are_scored_together_and_decisions_alone(model, tmp_p
     table = tmp_path / "decisions.csv"
     found = familiarity_of(model, [table])
     assert found.discretised == ""
-    assert len(found.decisions) + found.files.n_after_goal == len(load_decisions(table))
+    whole = load_decisions(table)
+    n_censored = int(found.files.demonstrations.decisions.censored.sum())
+    assert len(found.decisions) + n_censored + found.files.n_after_goal == len(whole)
     assert f"decisions left out: {found.files.left_out()}" in found.sentence()
     with pytest.raises(AppError, match="a table of decisions must be compared alone"):
         familiarity_of(model, [recordings[0], table])
@@ -103,3 +106,30 @@ def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
     model.with_suffix(".grid.yaml").unlink()
     with pytest.raises(FileError, match=r"model\.grid\.yaml, which is written with it, must be be"):
         familiarity_of(model, [people])
+
+
+def test_decisions_that_another_command_ended_are_not_scored(model, tmp_path):
+    """Of what they would have led to nothing is known; what was reached is scored as before."""
+    table = tmp_path / "decisions.csv"
+    before, whole = familiarity_of(model, [table]), load_decisions(table)
+    second = np.flatnonzero(whole.episode == whole.episodes[0])[1]
+    cut = TimedDecisions(
+        **{
+            name: np.insert(column, second, column[second])
+            for name, column in whole.columns().items()
+        }
+    )
+    censored, again = np.zeros(len(cut), dtype=bool), cut.state.copy()
+    censored[second] = True
+    next_state = np.where(censored, again, cut.next_state)
+    time_s = cut.time_s.copy()
+    time_s[second] -= 0.01
+    dwell_s = np.where(censored, 0.01, cut.dwell_s)
+    save_decisions(
+        table,
+        replace(cut, time_s=time_s, next_state=next_state, dwell_s=dwell_s, censored=censored),
+    )
+    found = familiarity_of(model, [table])
+    assert len(load_decisions(table)) == len(whole) + 1
+    assert len(found.decisions) == len(before.decisions)
+    assert found.as_json() == before.as_json()

@@ -46,13 +46,13 @@ def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_period_too_short_for_the_next_cell_is_remarked(serd, tmp_path):
+def test_a_patience_too_short_for_a_cell_is_remarked(serd, tmp_path):
     file = tmp_path / "slow.yaml"
-    mine = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.4)
+    mine = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.2)
     file.write_text(model_yaml(mine))
     words = "scenario", "show", file, "--output", tmp_path / "plan.png"
-    assert "drives 0.8 m in a decision period of 2 s, less than a cell of 1 m" in serd(*words).out
-    assert serd(*words, "--json").values["remark"] == mine.period_remark
+    assert "drives 0.8 m within patience_s = 4 s, less than a cell of 1 m" in serd(*words).out
+    assert serd(*words, "--json").values["remark"] == mine.patience_remark
 
 
 def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):

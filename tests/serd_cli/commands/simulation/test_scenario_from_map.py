@@ -16,7 +16,7 @@ def test_a_map_becomes_a_scenario_file_and_a_picture(serd, tmp_path):
     assert text.startswith("# Place of the map depot.yaml.\n")
     assert (here / "depot-scenario.png").read_bytes().startswith(b"\x89PNG")
     scenario = load_scenario(here / "depot-scenario.yaml")
-    assert (scenario.name, scenario.cell_size_m, scenario.decision_period_s) == ("depot", 0.41, 1.5)
+    assert (scenario.name, scenario.cell_size_m, scenario.patience_s) == ("depot", 0.41, 4.0)
     assert scenario.robot.radius_m == 0.18
     assert serd("scenario", "show", "depot-scenario.yaml", "--json").values["people"] == 0
 
@@ -28,14 +28,12 @@ def test_the_numbers_as_json_name_the_files(serd, tmp_path):
         0.4,
         "--robot-radius-m",
         0.15,
-        "--period-s",
-        1.5,
         "--output",
         "m.yaml",
     )
     values = serd("scenario", "from-map", path, *words, "--json").values
     assert values["file"] == str(tmp_path / "here" / "m.yaml")
-    assert (values["cell_size_m"], values["decision_period_s"]) == (0.4, 1.5)
+    assert (values["cell_size_m"], values["patience_s"]) == (0.4, 4.0)
     assert values["cells_area_m2"] < values["free_area_m2"]
 
 

@@ -182,7 +182,6 @@ def traps(results: Results) -> pd.DataFrame:
 
 def demonstrations_table(results: Results) -> pd.DataFrame:
     """One row per expert and set, over all repetitions; shares of decisions by outcome model."""
-    period_s = results.scenario.decision_period_s
     table: list[Row] = []
     for expert in EXPERTS:
         every = [
@@ -201,7 +200,7 @@ def demonstrations_table(results: Results) -> pd.DataFrame:
                     "repetitions": len(sets),
                     "episodes": n_episodes,
                     "decisions": n_decisions,
-                    "mean_s": period_s * n_decisions / n_episodes,
+                    "mean_s": sum(each.dwell_s.sum() for each in sets) / n_episodes,
                 }
                 | dict(zip(results.problem.model_names, counts / n_decisions, strict=True))
             )

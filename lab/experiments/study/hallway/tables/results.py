@@ -9,7 +9,7 @@ import pandas as pd
 
 from lab.experiments.running.tables import Row
 from lab.experiments.study.arrival.distances import ArrivalTables
-from lab.experiments.study.arrival.stage import measured_cdf, n_episodes, n_periods
+from lab.experiments.study.arrival.stage import STEP_S, measured_cdf, n_episodes, n_steps
 from lab.experiments.study.products import load_part
 from lab.experiments.study.recordings.experts import EXPERTS
 from lab.experiments.study.study import Study
@@ -48,16 +48,14 @@ class Results(Study):
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""
-        period_s, periods = self.scenario.decision_period_s, n_periods(self.scenario)
+        steps = n_steps(self.scenario)
         rows = self.measured[(self.measured[["expert", "method"]] == [expert, method]).all(axis=1)]
-        measured = [
-            measured_cdf(driven, period_s, periods) for _, driven in rows.groupby("repetition")
-        ]
+        measured = [measured_cdf(driven, steps) for _, driven in rows.groupby("repetition")]
         return ArrivalTables(
             predicted=np.array([each["cdf"] for each in self.predictions(expert, method)]),
             measured=np.array(measured),
             n_episodes=n_episodes(self.settings, expert),
-            period_s=period_s,
+            step_s=STEP_S,
         )
 
     @cached_property

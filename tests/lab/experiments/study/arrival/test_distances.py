@@ -5,23 +5,23 @@ import pytest
 from lab.experiments.study.arrival.distances import ArrivalTables, distance_row, ks_p_value
 from lab.experiments.study.arrival.stage import measured_cdf
 
-PERIOD_S = 2.0
+LONG_S = 2.0
 
 
-def step_at(period, periods=20):
-    return (np.arange(periods + 1) >= period).astype(float)
+def step_at(step, steps=20):
+    return (np.arange(steps + 1) >= step).astype(float)
 
 
 def tables(predicted, measured, n_episodes=10):
-    return ArrivalTables(np.array(predicted), np.array(measured), n_episodes, PERIOD_S)
+    return ArrivalTables(np.array(predicted), np.array(measured), n_episodes, LONG_S)
 
 
-def test_a_prediction_that_is_two_periods_late_is_four_seconds_off(settings):
+def test_a_prediction_that_is_two_steps_late_is_four_seconds_off(settings):
     late = tables([step_at(12)] * 3, [step_at(10)] * 3)
     row = distance_row(late, settings.statistics, np.random.default_rng(0))
     assert row["ks"] == 1.0
-    assert row["wasserstein_s"] == row["crps_s"] == 2 * PERIOD_S
-    assert row["predicted_mean_s"] - row["measured_mean_s"] == pytest.approx(2 * PERIOD_S)
+    assert row["wasserstein_s"] == row["crps_s"] == 2 * LONG_S
+    assert row["predicted_mean_s"] - row["measured_mean_s"] == pytest.approx(2 * LONG_S)
     assert row["arrival_error"] == 0.0
     assert row["ks_p_value"] < 0.01
 
@@ -37,7 +37,7 @@ def test_errors_that_cancel_out_are_seen_by_the_score_alone(settings):
     crossed = tables([step_at(8), step_at(12)], [step_at(12), step_at(8)])
     row = distance_row(crossed, settings.statistics, np.random.default_rng(0))
     assert row["ks"] == 0.0
-    assert row["crps_s"] == 4 * PERIOD_S
+    assert row["crps_s"] == 4 * LONG_S
 
 
 def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(settings):
@@ -46,7 +46,7 @@ def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_lat
     measured[:, -1] = 0.8
     late = tables(0.5 * measured, measured)
     row = distance_row(late, settings.statistics, rng)
-    # Who never arrives counts with the limit, 20 periods, in both means.
+    # Who never arrives counts with the limit, 20 steps, in both means.
     assert row["wasserstein_s"] == pytest.approx(row["predicted_mean_s"] - row["measured_mean_s"])
     assert row["arrival_error"] == pytest.approx(-0.4)
     assert late.measured_means_s.mean() == pytest.approx(row["measured_mean_s"])
@@ -78,7 +78,7 @@ def test_the_score_is_that_of_its_definition_episode_by_episode():
     arrived = rng.integers(1, 30, size=6)
     measured = np.mean([step_at(each) for each in arrived], axis=0)
     gaps = [(predicted - step_at(each))[:-1] for each in arrived]
-    expected = np.mean([PERIOD_S * (gap**2).sum() for gap in gaps])
+    expected = np.mean([LONG_S * (gap**2).sum() for gap in gaps])
     assert tables([predicted], [measured], 6).scores[0] == pytest.approx(expected)
 
 
@@ -94,6 +94,6 @@ def test_the_test_accepts_episodes_that_were_drawn_from_the_prediction():
     assert 0.3 < np.mean(p_values) < 0.7
 
 
-def test_measured_times_are_rounded_up_to_whole_periods_and_what_never_arrived_stays_out():
-    rows = pd.DataFrame({"arrived": [True, True, False, True], "time_s": [2.05, 4.0, 10.0, 9.95]})
-    np.testing.assert_allclose(measured_cdf(rows, 2.0, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])
+def test_measured_times_are_rounded_to_whole_steps_and_what_never_arrived_stays_out():
+    rows = pd.DataFrame({"arrived": [True, True, False, True], "time_s": [0.9, 1.1, 2.5, 2.3]})
+    np.testing.assert_allclose(measured_cdf(rows, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])

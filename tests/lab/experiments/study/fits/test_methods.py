@@ -132,10 +132,12 @@ def test_reirl_takes_the_choice_that_is_best_on_validation(problem, trial):
 
 def test_the_cloned_robot_does_what_was_done_most(trial):
     learned, subset = behavioural_cloning(trial), trial.decisions
-    state = np.bincount(subset.state).argmax()
-    done = np.bincount(subset.action[subset.state == state], minlength=5)
-    assert np.sort(done)[-1] > np.sort(done)[-2]
-    assert learned.greedy[state] == done.argmax()
+    done = np.zeros((len(learned.greedy), 5), dtype=np.int64)
+    np.add.at(done, (subset.state, subset.action), 1)
+    second, first = np.sort(done, axis=1)[:, -2:].T
+    clear = np.flatnonzero(first > second + 2)
+    assert len(clear) > 3
+    assert learned.greedy[clear].tolist() == done[clear].argmax(axis=1).tolist()
 
 
 @pytest.mark.parametrize("name", list(METHODS))

@@ -1,0 +1,251 @@
+"""The plan of a learned model in a scenario: policy, traps, predicted arrival and the way to go.
+
+The robot plans with the posterior mean of K = P E[gamma^tau], in which Bellman's equation is linear
+(docs/semi_markov.md). Where the learned policy is trapped it takes the way of least expected time
+(`serd_core.arrival.arriving_policy`). All that is predicted is of this policy.
+
+A model that was learned on another grid transfers its reward weights by feature name and its local
+models by their names; they mean the same only for cells of the same size. Grid, flow, walls, goal,
+patience and the length of a wait are the scenario's own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from serd_bag.errors import FileError
+from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
+from serd_core.arrival.chain import ArrivalByState
+from serd_core.arrival.law import ArrivalLaw, steps_within
+from serd_core.arrival.trap_states import Traps
+from serd_core.bayes.draws import averaged_policy
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
+from serd_core.semi_markov.arrival import timed_arrival
+from serd_core.semi_markov.models import require_timed
+from serd_files.model_file import ModelFile, Probabilities, load_model, require_grid
+from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.model_problem import problem_of_model
+from serd_sim.scenario.scenario import Scenario
+
+SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
+#: Seconds between the times for which arrivals are predicted.
+STEP_S = 0.2
+#: Draws over which a prediction is averaged; every one takes the solution of a chain.
+MOST_DRAWS = 12
+_OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
+
+
+@dataclass(frozen=True, eq=False)
+class Strategy:
+    """A solved model on the grid of a scenario.
+
+    scenario: its goal area is the one planned for. problem: its decisions take time. learned: the
+    policy of the learned rewards and dynamics in all states. draws: (n, N) of the dynamics, over
+    which predictions are averaged; the learned ones alone without a posterior. transferred: whether
+    the model was learned on another grid.
+    """
+
+    scenario: Scenario
+    problem: NavigationProblem
+    learned: Policy
+    file: ModelFile
+    draws: FloatArray
+    timeout_s: float
+    transferred: bool = False
+    _arrivals: dict[Policy, tuple[ArrivalByState, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    @cached_property
+    def driven(self) -> ArrivingPolicy:
+        """The policy to drive, with its arrival, and what is trapped."""
+        model = require_timed(self.problem.mdp.transitions)
+        return arriving_policy(
+            self.problem,
+            self.learned,
+            model.outcomes.local_probabilities(self.draws).mean(axis=0),
+            np.mean([model.expected_seconds(each) for each in self.draws], axis=0),
+            lambda policy: ArrivalByState.average(self._arrival_of_draws(policy)),
+            self.n_steps,
+        )
+
+    @property
+    def policy(self) -> Policy:
+        """The learned policy, and where it is trapped the way of least expected time."""
+        return self.driven.policy
+
+    @property
+    def by_time(self) -> BoolArray:
+        """(S,) states in which the policy takes the way of least expected time."""
+        return self.driven.by_time
+
+    @property
+    def traps(self) -> Traps:
+        """The states from which neither the learned policy nor the way of least time arrives."""
+        return self.driven.traps
+
+    @property
+    def arrival(self) -> ArrivalByState:
+        """The remaining time from every state, up to the time-out, in steps of `STEP_S`."""
+        return self.driven.arrival
+
+    @property
+    def n_steps(self) -> int:
+        """Those steps until the time-out."""
+        return steps_within(self.timeout_s, STEP_S)
+
+    def law_from(self, start_distribution: FloatArray) -> ArrivalLaw:
+        """Time of arrival (s) of an episode from (S,) start probabilities, up to the time-out."""
+        each = self._arrival_of_draws(self.policy)
+        cdf = np.stack([arrival.cdf @ start_distribution for arrival in each])
+        ever = [arrival.arrival_probability @ start_distribution for arrival in each]
+        return ArrivalLaw(self._times_s, cdf.mean(axis=0), float(np.mean(ever)), cdf)
+
+    def law_of_cell(self, state: int) -> ArrivalLaw:
+        """The remaining time (s) of a robot that decides in a cell, up to the time-out."""
+        ever = float(self.arrival.arrival_probability[state])
+        return ArrivalLaw(self._times_s, self.arrival.cdf[:, state], ever)
+
+    @property
+    def _times_s(self) -> FloatArray:
+        return np.asarray(STEP_S * np.arange(self.n_steps + 1), dtype=np.float64)
+
+    def _arrival_of_draws(self, policy: Policy) -> tuple[ArrivalByState, ...]:
+        if policy not in self._arrivals:
+            self._arrivals[policy] = tuple(
+                timed_arrival(self.problem, policy.probabilities, each, STEP_S, self.n_steps)
+                for each in self.draws[:MOST_DRAWS]
+            )
+        return self._arrivals[policy]
+
+    def intended_path_m(self, state: int) -> FloatArray:
+        """(N, 2) centres of the cells of the greedy policy, up to the goal or a repetition."""
+        grid, path = self.problem.grid, [state]
+        while True:
+            following = int(grid.neighbours[path[-1], self.policy.greedy[path[-1]]])
+            if following in path:
+                return np.asarray(grid.centers_m[path], dtype=np.float64)
+            path.append(following)
+
+
+def load_strategy(
+    path: str,
+    scenario: Scenario,
+    kind: str,
+    *,
+    transfer: bool = False,
+    timeout_s: float | None = None,
+    file: ModelFile | None = None,
+) -> Strategy:
+    """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
+
+    kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
+    the stochastic policy of the expert. transfer: whether to accept a model of another grid.
+    timeout_s: the scenario's when None. file: the content of the file, read when None.
+    """
+    file = load_model(path) if file is None else file
+    grid = grid_of(scenario)
+    transferred = file.grid.fingerprint != grid.fingerprint()
+    if transferred and not transfer:
+        require_grid(path, file, grid)
+    require_same_scale(path, file, scenario.name, scenario.cell_size_m)
+    problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
+    model = require_timed(problem.mdp.transitions)
+    draws = dynamics_draws(path, own, problem)
+    table = model.local_probabilities(draws).mean(axis=0)
+    if kind == "soft" and own.draws.learned:
+        weights = np.array(own.draws.reward_weights)
+        policy = soft_policy(problem, own.weights, table)
+        tables = model.local_probabilities(draws)
+        policy = replace(policy, probabilities=averaged_policy(problem, weights, tables))
+    else:
+        policy = SOLVERS[kind](problem, own.weights, table)
+    return Strategy(
+        scenario=scenario,
+        problem=problem,
+        learned=policy,
+        file=file,
+        draws=draws,
+        timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
+        transferred=transferred,
+    )
+
+
+def dynamics_draws(path: str | Path, file: ModelFile, problem: NavigationProblem) -> FloatArray:
+    """(n, N) draws of a file's dynamics on a problem; the learned ones where it has no draws."""
+    if not file.draws.learned:
+        return learned_dynamics(path, file, problem)[None, :]
+    kept = file.draws
+    rows = zip(kept.learned, kept.mean_s, kept.shape, strict=True)
+    return np.stack([_parameters(path, file, problem, *row) for row in rows])
+
+
+def learned_dynamics(
+    path: str | Path, file: ModelFile, problem: NavigationProblem, *, believed: bool = False
+) -> FloatArray:
+    """(N,) parameters of the learned dynamics of a file, or of what the expert believed."""
+    rows = file.outcome_models
+    timed = [each for each in rows if each.shape]
+    return _parameters(
+        path,
+        file,
+        problem,
+        tuple(each.believed if believed else each.learned for each in rows),
+        tuple(each.believed_mean_s if believed else each.mean_s for each in timed),
+        tuple(each.shape or 0.0 for each in timed),
+    )
+
+
+def _parameters(
+    path: str | Path,
+    file: ModelFile,
+    problem: NavigationProblem,
+    outcomes: Sequence[Probabilities],
+    mean_s: Sequence[float],
+    shape: Sequence[float],
+) -> FloatArray:
+    """mean_s, shape: of the outcome models that have a shape."""
+    model, names = require_timed(problem.mdp.transitions), [m.name for m in file.outcome_models]
+    timed = [each.name for each in file.outcome_models if each.shape]
+    laws = [
+        name for name, law in zip(problem.model_names, model.law_of, strict=True) if law[0] >= 0
+    ]
+    for what, needed, there in (
+        ("outcome_models", problem.model_names, names),
+        ("outcome_models with a shape", laws, timed),
+        ("outcome_names", _OUTCOME_NAMES, file.outcome_names),
+    ):
+        missing = [name for name in needed if name not in there]
+        if missing:
+            raise FileError(
+                f"{path}: {what} must have {', '.join(needed)}, but {missing[0]!r} is missing"
+                "; learn the model again"
+            )
+    columns = [file.outcome_names.index(name) for name in _OUTCOME_NAMES]
+    table = np.array(outcomes)[[names.index(name) for name in problem.model_names]][:, columns]
+    of_law = [timed.index(name) for name in laws]
+    return model.parameters_from(table, np.array(mean_s)[of_law], np.array(shape)[of_law])
+
+
+def start_distribution(scenario: Scenario, area: str) -> FloatArray:
+    """(S,) uniform over the cells of a start area in which the robot starts."""
+    grid = grid_of(scenario)
+    states = start_states_of(scenario, grid, area)
+    return np.bincount(states, minlength=grid.n_states) / len(states)
+
+
+def require_same_scale(
+    path: str | Path, file: ModelFile, where: str | Path, cell_size_m: float
+) -> None:
+    """FileError where the cells of `where` are not as long as the model's."""
+    if file.grid.cell_size_m != cell_size_m:
+        raise FileError(
+            f"{path}: was learned with cells of {file.grid.cell_size_m:g} m, but {str(where)!r} has"
+            f" {cell_size_m:g} m; what it knows of a move holds for its own only: learn one here"
+        )

@@ -1,0 +1,85 @@
+"""Arrival by decisions that take time: known cases, and drawn drives."""
+
+import numpy as np
+import pytest
+from scipy.stats import gamma
+
+import serd_core as sc
+from serd_core.arrival.chain import arrival_by_state
+from serd_core.grid.navigation import with_dwell_times
+from serd_core.semi_markov.arrival import dwell_steps, timed_arrival
+from support.semi_markov import timed_ring
+from support.small_problems import room
+
+
+def timed_room(log_pace=None):
+    problem = with_dwell_times(room(6, 3, 17), patience_s=4.0, wait_s=1.0, log_pace=log_pace)
+    rng = np.random.default_rng(5)
+    table = rng.dirichlet([1.0, 12.0, 1.0, 1.0, 1.0], 4)
+    model = problem.mdp.transitions
+    truth = model.parameters_from(table, np.array([0.9, 1.6, 1.2]), np.array([9.0, 4.0, 6.0]))
+    policy = sc.optimal_policy(
+        problem, np.ones(len(problem.feature_names)), model.local_probabilities(truth)
+    )
+    return problem, truth, policy.probabilities
+
+
+def test_where_every_decision_takes_a_second_it_is_the_number_of_decisions():
+    problem = room(7, 3, 20)
+    rng = np.random.default_rng(2)
+    table = rng.dirichlet(np.ones(5), 4)
+    policy = rng.gamma(1.0, size=problem.mdp.available.shape) * problem.mdp.available
+    policy /= policy.sum(axis=1, keepdims=True)
+    none = np.full((4, 5), -1)
+    timed = sc.semi_markov_problem(problem, law_of=none)
+    truth = timed.mdp.transitions.parameters_from(table, 1.0, 1.0)
+    found = timed_arrival(timed, policy, truth, 1.0, 60)
+    expected = arrival_by_state(problem, policy, table, 60)
+    np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
+
+
+def test_drawn_drives_arrive_as_predicted_with_stays_waits_and_places():
+    log_pace = np.random.default_rng(1).normal(0.0, 0.4, 18)
+    problem, truth, policy = timed_room(log_pace)
+    start = np.eye(18)[0]
+    drives = sc.sample_timed_decisions(
+        problem.mdp,
+        policy,
+        truth,
+        start,
+        n_episodes=3000,
+        n_steps=400,
+        rng=np.random.default_rng(4),
+    )
+    last = np.append(np.flatnonzero(np.diff(drives.episode)), len(drives) - 1)
+    times_s = drives.time_s[last] + drives.dwell_s[last]
+    predicted = timed_arrival(problem, policy, truth, 0.1, 600).cdf[:, 0]
+    measured = np.searchsorted(np.sort(times_s), 0.1 * np.arange(601) + 0.05) / len(times_s)
+    # Dvoretzky, Kiefer and Wolfowitz: exceeded once in 10^6; steps round each of ten moves.
+    assert np.abs(measured - predicted).max() < np.sqrt(np.log(2e6) / 6000)
+    stays = drives.state == drives.next_state
+    assert set(np.unique(drives.dwell_s[stays])) == {1.0, 4.0}  # waits, and patience
+
+
+def test_steps_hold_the_law_and_times_that_do_not_vary_are_one_step():
+    mass = dwell_steps(np.array([2.0, 1.3, 99.0]), np.array([5.0, np.inf, np.inf]), 0.1, 100)
+    assert mass[1].tolist() == np.eye(101)[13].tolist()
+    assert not mass[2].any()
+    below = gamma(5.0, scale=0.4).cdf(0.1 * (np.arange(1, 101) + 0.5))
+    np.testing.assert_allclose(np.cumsum(mass[0])[1:], below, atol=1e-12)
+    assert mass[0, 0] == 0.0
+
+
+def test_slower_places_arrive_later_and_expected_seconds_are_those_of_the_law():
+    problem, truth, policy = timed_room()
+    slow = sc.semi_markov_problem(problem, log_pace=np.full(18, np.log(2.0)))
+    here, there = (
+        timed_arrival(each, policy, truth, 0.1, 900).mean_periods[0] * 0.1
+        for each in (problem, slow)
+    )
+    seconds = problem.mdp.transitions.expected_seconds(truth)
+    assert seconds.shape == problem.mdp.available.shape
+    assert here < there < 2.0 * here + 1e-6
+    _, ring_truth = timed_ring()
+    with pytest.raises(sc.SerdError, match="problem must have dwell times"):
+        timed_arrival(room(4, 2, 7), np.ones((8, 5)) / 5, ring_truth, 0.1, 10)

@@ -1,0 +1,355 @@
+"""What decisions that take time inform about, and standard errors of their fits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.special
+import scipy.stats
+
+import serd_core as sc
+from serd_core.bayes.laplace import inverse_root
+from serd_core.demonstrations.observations import observe
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.coordinates import LogPosterior, free_numbers
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import UniformPrior
+from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.gamma_law import fisher_information, log_density
+from tests.serd_core.semi_markov.test_models import differences
+from tests.support.semi_markov import (
+    AGAINST,
+    GOAL,
+    LAWS,
+    OUTCOMES,
+    PLACES,
+    WAIT,
+    WEIGHTS,
+    WITH,
+    demonstrations,
+    ring,
+    timed_ring,
+)
+from tests.support.small_problems import PROPER
+
+PRIOR = PROPER + DwellPrior(1.0)
+
+
+@pytest.fixture(scope="module")
+def learned():
+    timed, truth = timed_ring()
+    rng = np.random.default_rng(11)
+    decisions = demonstrations(timed, truth, rng, n_episodes=30, starts=np.arange(4, 8))
+    fit = sc.fit_mdce_serd(timed, decisions, initial_weights=np.ones(2), prior=PRIOR)
+    return timed, decisions, fit, sc.laplace(timed, decisions, fit)
+
+
+@pytest.fixture(scope="module")
+def known(learned):
+    return sc.outcome_information(learned[3])
+
+
+def test_counts_inform_of_outcomes_as_where_moves_take_no_time(learned, known):
+    _, decisions, _, _ = learned
+    ended = decisions.select(~decisions.censored)
+    assert len(ended) < len(decisions)
+    plain = ring()
+    fit = sc.fit_mdce_serd(plain, ended, initial_weights=np.ones(2), prior=PROPER)
+    found = sc.outcome_information(sc.laplace(plain, ended, fit))
+    np.testing.assert_array_equal(known.n_decisions, found.n_decisions)
+    np.testing.assert_allclose(known.from_transitions, found.from_transitions, rtol=1e-9)
+    np.testing.assert_array_equal(known.n_decisions, np.bincount(ended.action, minlength=3))
+
+
+def test_intervals_of_outcomes_are_those_of_probabilities(learned, known):
+    timed, _, fit, _ = learned
+    models = timed.mdp.transitions
+    assert known.lower.shape == OUTCOMES.shape
+    assert np.all((known.lower > 0) & (known.lower < known.median) & (known.upper < 1))
+    probability = models.moves.local_probabilities(fit.parameters.truth)
+    assert np.all(known.lower[WITH] < probability[WITH])
+    assert np.all(probability[WITH] < known.upper[WITH])
+    tables = models.moves.local_probabilities(known.draws.truth)
+    np.testing.assert_array_equal(known.median, np.median(tables, axis=0))
+
+
+def test_where_every_move_takes_one_second_all_is_as_without_time():
+    plain, rng = ring(), np.random.default_rng(10)
+    policy = sc.soft_policy(plain, WEIGHTS, OUTCOMES).probabilities
+    drawn = sc.sample_decisions(plain.mdp, policy, OUTCOMES, n_episodes=8, n_steps=30, rng=rng)
+    none = np.zeros(len(drawn), dtype=np.bool_)
+    given = sc.TimedDecisions(**drawn.columns(), dwell_s=np.ones(len(drawn)), censored=none)
+    timed = sc.semi_markov_problem(plain, law_of=np.full((3, 3), -1))
+    found = []
+    for problem, decisions in ((plain, drawn), (timed, given)):
+        fit = sc.fit_mdce_serd(problem, decisions)
+        posterior = sc.laplace(problem, decisions, fit)
+        information = sc.fit_information(problem, decisions, fit)
+        found.append(
+            (
+                sc.outcome_information(posterior),
+                sc.expected_information_gain(posterior),
+                information,
+                sc.standard_errors(problem, information),
+                sc.clustered_outer_product(problem, information, decisions),
+            )
+        )
+    (one, gain, matrices, errors, meat), others = found
+    for name in ("from_transitions", "from_choices", "shared", "lower", "upper"):
+        np.testing.assert_allclose(getattr(others[0], name), getattr(one, name), atol=1e-9)
+    np.testing.assert_allclose(others[1], gain, atol=1e-10)
+    for name in ("observed", "outer_product"):
+        expected = getattr(matrices, name)
+        np.testing.assert_allclose(getattr(others[2], name), expected, atol=1e-9)
+    for name in ("reward", "outcome_probabilities"):
+        np.testing.assert_allclose(getattr(others[3], name), getattr(errors, name), rtol=1e-8)
+    np.testing.assert_allclose(others[4], meat, atol=1e-8)
+
+
+def test_dwell_times_inform_by_the_divergence_of_a_law_by_quadrature():
+    """One law of all moves, which choices say nothing about: rewards weigh nothing."""
+    timed = sc.semi_markov_problem(ring(), law_of=np.zeros((3, 3), dtype=np.int64))
+    truth = timed.mdp.transitions.parameters_from(OUTCOMES, 1.6, 5.0)
+    decisions = demonstrations(timed, truth, np.random.default_rng(5), until_command_s=1e6)
+    decisions = decisions.select(np.arange(25))
+    prior = sc.GaussianPrior(1e-4, sc.Block.REWARD) + sc.DirichletPrior(0.7) + DwellPrior(1.0)
+    fit = sc.fit_mdce_serd(timed, decisions, initial_weights=np.zeros(2), prior=prior)
+    found = sc.laplace(timed, decisions, fit)
+    laws = sc.dwell_summary(found, sc.laplace_draws(found, np.random.default_rng(6), 600))
+    log_mean, log_shape = np.linspace(-0.5, 1.5, 400), np.linspace(-1.0, 4.0, 300)
+    a, scale = np.exp(log_shape), np.exp(log_mean[:, None] - log_shape)
+    dwell_s = decisions.dwell_s
+    logs = (a - 1.0) * np.log(dwell_s).sum() - dwell_s.sum() / scale
+    logs -= 25.0 * (scipy.special.gammaln(a) + a * np.log(scale))
+    wide = scipy.stats.norm(0.0, np.sqrt(10.0))
+    logs += wide.logpdf(log_mean)[:, None]
+    logs += scipy.stats.norm(np.log(4.0), 1.0).logpdf(log_shape)
+    density = scipy.integrate.trapezoid(np.exp(logs - logs.max()), log_shape, axis=1)
+    density /= scipy.integrate.trapezoid(density, log_mean)
+    terms = density * (np.log(np.maximum(density, 1e-300)) - wide.logpdf(log_mean))
+    divergence = scipy.integrate.trapezoid(terms, log_mean)
+    assert laws.n_dwells.tolist() == [25.0]
+    assert laws.from_dwells[0] == pytest.approx(divergence, rel=0.02)
+    assert laws.from_choices[0] < 0.05
+    assert laws.source(0) == "dwell times"
+    mass = scipy.integrate.cumulative_trapezoid(density, log_mean, initial=0.0)
+    expected = np.exp(np.interp([0.05, 0.5, 0.95], mass, log_mean))
+    np.testing.assert_allclose(laws.mean_interval_s[:, 0], expected, rtol=0.03)
+    np.testing.assert_array_equal(laws.weight_correlation.shape, (2, 1))
+
+
+def test_of_an_avoided_move_choices_inform_and_its_own_dwell_times_cannot(learned, known):
+    timed, decisions, _, found = learned
+    laws = sc.dwell_summary(found, known.draws)
+    assert laws.n_chosen[AGAINST] == laws.n_dwells[AGAINST] == 0
+    assert laws.from_dwells[AGAINST] == pytest.approx(0.0, abs=1e-12)
+    assert laws.from_choices[AGAINST] > 0.2
+    assert laws.source(AGAINST) == "choices"
+    assert laws.source(WITH) == "dwell times"
+    np.testing.assert_array_equal(laws.n_dwells, np.bincount(decisions.action, minlength=3))
+    # Slow and unlikely moves are avoided alike.
+    assert laws.mean_interval_s[0, AGAINST] < 3.0 < laws.mean_interval_s[2, AGAINST]
+    log_mean = known.draws.truth[:, timed.mdp.transitions.means][:, AGAINST]
+    forward = timed.mdp.transitions.moves.local_probabilities(known.draws.truth)[:, AGAINST, 0]
+    expected = np.quantile(log_mean - np.log(forward), [0.05, 0.5, 0.95])
+    np.testing.assert_allclose(laws.log_mean_over_probability[:, AGAINST, 0], expected)
+    expected = np.corrcoef(known.draws.reward[:, 1], log_mean)[0, 1]
+    assert laws.weight_correlation[1, AGAINST] == pytest.approx(expected)
+
+
+def test_a_dislike_of_the_move_leaves_less_to_its_slowness(learned, known):
+    _, decisions, _, found = learned
+    plain = sc.semi_markov_problem(
+        sc.TabularProblem(ring().mdp, ring().features[..., :1], ("goal",))
+    )
+    fit = sc.fit_mdce_serd(plain, decisions, initial_weights=np.ones(1), prior=PRIOR)
+    alone = sc.laplace(plain, decisions, fit)
+    without = sc.dwell_summary(alone, sc.laplace_draws(alone, np.random.default_rng(0), 400))
+    both = sc.dwell_summary(found, known.draws)
+    assert both.from_choices[AGAINST] < without.from_choices[AGAINST]
+    # Slowness and dislike each explain that the move is avoided.
+    assert both.weight_correlation[1, AGAINST] < -0.15
+
+
+def test_choices_by_a_belief_of_its_own_say_nothing_of_the_durations_of_the_world(learned):
+    timed, decisions, _, _ = learned
+    fit = sc.fit_mdce_serd(timed, decisions, belief=sc.FreeBelief())
+    found = sc.laplace(timed, decisions, fit)
+    laws = sc.dwell_summary(found, sc.laplace_draws(found, np.random.default_rng(0), 400))
+    assert np.all(laws.from_choices < 0.06)
+    assert laws.from_dwells[WITH] > 1.0
+    assert laws.source(AGAINST) == "prior only"
+
+
+def test_the_information_of_a_gamma_law_is_the_expected_curvature():
+    log_mean, log_shape = 0.3, np.log(3.7)
+    law = scipy.stats.gamma(3.7, scale=np.exp(log_mean) / 3.7)
+
+    def expected(name: str) -> float:
+        def integrand(t: float) -> float:
+            found = log_density(np.array([np.log(t)]), np.array([log_mean]), np.array([log_shape]))
+            return -float(getattr(found, name)[0]) * law.pdf(t)
+
+        return scipy.integrate.quad(integrand, 0.0, 20.0)[0]
+
+    by_mean, by_shape = fisher_information(np.array([log_shape]))
+    assert by_mean[0] == pytest.approx(expected("mean_mean"), rel=1e-7)
+    assert by_shape[0] == pytest.approx(expected("shape_shape"), rel=1e-7)
+    assert expected("mean_shape") == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("laws", ["of models", "and patience"])
+def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations(laws):
+    """A naive twin, with the scores of choices, moves and dwell times."""
+    timed, truth = timed_ring(laws)
+    decisions = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=1e6)
+    fit = sc.fit_mdce_serd(timed, decisions)
+    found = sc.laplace(timed, decisions, fit)
+    start, length, n_episodes = 9, 5, 2000
+    table = timed.mdp.transitions.local_probabilities(fit.parameters.truth)
+    drawn = sc.sample_timed_decisions(
+        timed.mdp,
+        sc.soft_policy(timed, fit.reward_weights, table).probabilities,
+        fit.parameters.truth,
+        np.eye(PLACES)[start],
+        n_episodes=n_episodes,
+        n_steps=length,
+        rng=np.random.default_rng(4),
+    )
+    outer = sc.fit_information(timed, drawn, fit).outer_product / n_episodes
+    root = found.coordinates.table @ found.root
+    added = root.T @ outer @ root
+    expected = 0.5 * np.linalg.slogdet(np.eye(len(added)) + added)[1]
+    gain = sc.expected_information_gain(found, longest=length)
+    assert gain[start] == pytest.approx(expected, rel=0.05)
+    assert gain[GOAL] == 0.0
+
+
+@pytest.fixture(scope="module", params=[(laws, paced) for laws in LAWS for paced in (False, True)])
+def fitted(request):
+    laws, paced = request.param
+    rng = np.random.default_rng(7)
+    pace = rng.normal(0.0, 0.3, PLACES) if paced else None
+    timed, truth = timed_ring(laws, pace)
+    decisions = demonstrations(timed, truth, rng)
+    hidden = np.arange(len(decisions)) % 7 == 3
+    decisions = replace(decisions, action=np.where(hidden, -1, decisions.action))
+    start = timed.mdp.transitions.parameters_from(OUTCOMES, 1.3, 3.0)
+    return timed, decisions, sc.fit_mdce_serd(timed, decisions, dynamics=start)
+
+
+def test_scores_are_the_gradients_of_single_decisions(fitted):
+    timed, decisions, fit = fitted
+    information = sc.fit_information(timed, decisions, fit)
+    shown = np.flatnonzero(~decisions.hidden)
+    assert decisions.censored[shown].any()
+    assert len(information.scores) > len(shown)
+    for place in range(0, len(shown), 5):
+        one = observe(timed.mdp, decisions.select(shown[[place]]))
+        at = Posterior(timed, one, MdcePolicy(), UniformPrior()).evaluate(fit.parameters)
+        expected = sc.TiedBelief().pull_back(at.gradient, fit.parameters)
+        np.testing.assert_allclose(information.scores[place], expected, atol=1e-8)
+
+
+def test_scores_add_up_to_the_gradient_of_the_likelihood(fitted):
+    timed, decisions, fit = fitted
+    information = sc.fit_information(timed, decisions, fit)
+    seen = observe(timed.mdp, decisions)
+    counts = np.ones(len(information.scores))
+    counts[len(counts) - len(seen.hidden.count) :] = seen.hidden.count
+    likelihood = Posterior(timed, seen, MdcePolicy(), UniformPrior())
+    space = free_numbers(timed, sc.TiedBelief(), fit.parameters)
+    objective, at = LogPosterior(likelihood, space), space.of(fit.parameters)
+    gradient = differences(lambda free: objective.evaluate(free)[0], at)
+    size = np.abs(information.scores).max()
+    np.testing.assert_allclose(counts @ information.scores, gradient, atol=1e-7 * size)
+    scores = counts[:, None] * information.scores
+    np.testing.assert_allclose(information.outer_product, scores.T @ information.scores)
+    assert information.n_decisions == counts.sum()
+
+
+def test_the_observed_information_is_that_of_differences_and_of_laplace(fitted):
+    timed, decisions, fit = fitted
+    information = sc.fit_information(timed, decisions, fit)
+    prior = fit.assumed.whole_prior
+    posterior = Posterior(timed, observe(timed.mdp, decisions), MdcePolicy(), prior)
+    space = free_numbers(timed, sc.TiedBelief(), fit.parameters)
+    objective = LogPosterior(posterior, space)
+    slopes = differences(lambda free: objective.evaluate(free)[1], space.of(fit.parameters))
+    size = np.abs(slopes).max()
+    np.testing.assert_allclose(information.observed, -slopes, atol=1e-7 * size)
+    names = timed.mdp.transitions.parameter_names
+    assert information.names[2:] == tuple(f"dynamics {name}" for name in names)
+    found = sc.laplace(timed, decisions, fit)
+    table = found.coordinates.table
+    whole = table.T @ information.observed @ table
+    of_prior = LogPosterior(posterior, found.coordinates).prior_information(found.mode)
+    root, _ = inverse_root(whole, of_prior, found.coordinates.describe)
+    np.testing.assert_allclose(root, found.root, atol=1e-6)
+    # Laplace's approximation is in no direction wider than the prior, a standard error may be.
+    errors = sc.standard_errors(timed, information)
+    expected = np.sqrt(np.diag(table @ np.linalg.inv(whole) @ table.T))
+    laws = slice(timed.mdp.transitions.means.start + 2, None)
+    np.testing.assert_allclose(errors.free[laws], expected[laws], rtol=1e-6)
+    np.testing.assert_allclose(errors.reward, expected[:2], rtol=1e-6)
+    assert np.all(np.diag(found.covariance) < expected**2 * (1.0 + 1e-6))
+
+
+def test_errors_of_outcomes_are_those_of_their_probabilities(learned):
+    timed, decisions, fit, found = learned
+    information, table = sc.fit_information(timed, decisions, fit), found.coordinates.table
+    errors = sc.standard_errors(timed, information)
+    slopes = timed.mdp.transitions.moves.local_jacobian(fit.parameters.truth) @ table[2:]
+    covariance = slopes @ np.linalg.inv(table.T @ information.observed @ table) @ slopes.T
+    expected = np.sqrt(np.diag(covariance)).reshape(OUTCOMES.shape)
+    np.testing.assert_allclose(errors.outcome_probabilities, expected, rtol=1e-6)
+    plain = np.sqrt(OUTCOMES[WITH, 0] * (1 - OUTCOMES[WITH, 0]) / np.sum(decisions.action == WITH))
+    assert errors.outcome_probabilities[WITH, 0] == pytest.approx(plain, rel=0.5)
+
+
+def test_the_law_of_an_avoided_move_is_not_identified_by_the_decisions_alone(learned):
+    timed, decisions, fit, _ = learned
+    found = sc.identifiability(sc.fit_information(timed, decisions, fit))
+    moved = {name for direction in found.null for name, _ in direction.loadings}
+    assert {
+        f"dynamics log mean dwell {AGAINST}",
+        f"dynamics log shape of dwell {AGAINST}",
+    } <= moved
+    assert not {f"dynamics log mean dwell {law}" for law in (WITH, WAIT)} & moved
+
+
+def test_clusters_of_timed_decisions_are_episodes_of_those_of_the_information(learned):
+    timed, decisions, fit, _ = learned
+    information = sc.fit_information(timed, decisions, fit)
+    meat = sc.clustered_outer_product(timed, information, decisions)
+    sums = np.array(
+        [information.scores[decisions.episode == each].sum(axis=0) for each in decisions.episodes]
+    )
+    n = len(sums)
+    np.testing.assert_allclose(meat, n / (n - 1) * sums.T @ sums, rtol=1e-9, atol=1e-9)
+    with pytest.raises(sc.SerdError, match="must be those of the information"):
+        sc.clustered_outer_product(timed, information, decisions.select(np.arange(50)))
+
+
+def test_censored_choices_count_where_moves_take_no_time(learned):
+    _, decisions, _, _ = learned
+    plain = ring()
+    fit = sc.fit_mdce_serd(plain, decisions)
+    information = sc.fit_information(plain, decisions, fit)
+    assert information.n_decisions == len(decisions)
+    seen = observe(plain.mdp, decisions)
+    likelihood = Posterior(plain, seen, MdcePolicy(), UniformPrior()).evaluate(fit.parameters)
+    expected = sc.TiedBelief().pull_back(likelihood.gradient, fit.parameters)
+    np.testing.assert_allclose(information.scores.sum(axis=0), expected, atol=1e-9)
+
+
+def test_a_fit_of_rewards_alone_knows_nothing_of_dwell_times(learned):
+    timed, decisions, _, _ = learned
+    fit = sc.fit_mdce_serd(timed, decisions, belief=sc.FixedBelief())
+    found = sc.laplace(timed, decisions, fit)
+    draws = sc.laplace_draws(found, np.random.default_rng(0), 8)
+    with pytest.raises(sc.SerdError, match="must have learned outcome models, got one of rewards"):
+        sc.dwell_summary(found, draws)
+    with pytest.raises(sc.SerdError, match="problem must have dwell times, got transitions of"):
+        sc.dwell_summary(replace(found, posterior=replace(found.posterior, problem=ring())), draws)
