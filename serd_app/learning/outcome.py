@@ -9,7 +9,9 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
-from serd_core.arrival.arriving_policy import NEVER_S, least_time_policy
+from serd_core.arrival.absorption import probability_of_ever_arriving
+from serd_core.arrival.arriving_policy import least_time_policy
+from serd_core.arrival.chain import goal_mask, policy_chain
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
@@ -66,7 +68,9 @@ def learned_traps(
     grid, model = problem.grid, require_timed(problem.mdp.transitions)
     greedy = optimal_policy(problem, weights, model.local_probabilities(truth)).greedy
     outcomes, seconds = model.outcomes.local_probabilities(truth), model.expected_seconds(truth)
-    reaching = -least_time_policy(problem, outcomes, seconds).value < 0.5 * NEVER_S
+    fastest = least_time_policy(problem, outcomes, seconds).probabilities
+    chain = policy_chain(problem.by_decisions.mdp, fastest, outcomes)
+    reaching = probability_of_ever_arriving(chain, goal_mask(problem)) > 0.5
     looping = trap_states(grid.neighbours, greedy, problem.goal_states) & reaching
     first = np.unique(decisions.episode, return_index=True)[1]
     starts = np.unique(decisions.state[first])

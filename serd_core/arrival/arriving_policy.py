@@ -1,16 +1,16 @@
 """The policy that is driven: the learned one where it arrives, the way of least time elsewhere.
 
 Learned rewards may make it best to wait or to walk in circles in some states (`trap_states`). There
-the policy of the fewest expected decision periods is taken instead, which solves the stochastic
-shortest path problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
+the policy of the least expected time is taken instead, which solves the stochastic shortest path
+problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
 
-    V(s) = min_a 1 + sum_s' P(s'|s,a) V(s'),    V(goal) = 0
+    V(s) = min_a E[tau | s, a] + sum_s' P(s'|s,a) V(s'),    V(goal) = 0
 
 over the actions that are meant to lead to another cell: waiting is no way, even where the learned
-dynamics expect that a robot which waits is carried along. Each period ends the drive with the
-probability 1 / `NEVER_S`, so the equation is that of a discounted problem and V is finite: a
-drive that never arrives counts as `NEVER_S`. Hence the probability of arriving comes first,
-and then the time.
+dynamics expect that a robot which waits is carried along. Each decision ends the drive with the
+probability 1 / `NEVER`, so the equation is that of a discounted problem and V is finite: a drive
+that never arrives counts as `NEVER` decisions. Hence the probability of arriving comes first, and
+then the time.
 """
 
 from collections.abc import Callable
@@ -26,8 +26,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy
 
-#: Expected periods of a drive that never arrives.
-NEVER_S = 1e9
+#: Expected decisions of a drive that never arrives.
+NEVER = 1e9
 #: A state that arrives before the time-out with less than this probability is called a trap.
 TRAP_PROBABILITY = 0.5
 
@@ -104,7 +104,7 @@ def least_time_policy(
     aimed_at = np.take_along_axis(models.successors, intended, axis=2)[:, :, 0]
     moves = models.available & (aimed_at != np.arange(models.n_states)[:, None])
     available = np.where(moves.any(axis=1, keepdims=True), moves, models.available)
-    mdp = Mdp(replace(models, available=available), 1.0 - 1.0 / NEVER_S)
+    mdp = Mdp(replace(models, available=available), 1.0 - 1.0 / NEVER)
     cost = np.where(goal_mask(problem)[:, None], 0.0, -np.asarray(seconds))
     timed = TabularProblem(mdp, cost[:, :, None], ("seconds",))
     return optimal_policy(timed, np.ones(1), outcome_probabilities)

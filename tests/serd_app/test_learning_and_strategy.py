@@ -19,7 +19,8 @@ from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, Grid, Outcome
+from serd_core.grid.navigation import NO_FLOW, build_navigation_problem, with_dwell_times
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_core.semi_markov.timed_decisions import TimedDecisions
@@ -265,3 +266,21 @@ def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
         f"the learned policy reaches the goal from all {n_goals} cells; from {176 - n_goals}"
         " further cells no policy does"
     )
+
+
+def test_cells_that_are_cut_off_do_not_reach_the_goal_however_quick_moves_are():
+    grid = Grid((0.0, 0.0), 0.2, np.array([[1, 1, 1, 0, 1, 1]], dtype=bool))
+    by_decisions = build_navigation_problem(
+        grid=grid,
+        flow=np.full(5, NO_FLOW),
+        goal_states=[0],
+        wall_distance_m=np.full(5, 0.1),
+        discount=0.99,
+    )
+    problem = with_dwell_times(by_decisions, patience_s=4.0, wait_s=1.0)
+    sure = np.eye(5)[[Outcome.FORWARD] * 3 + [Outcome.STAY]]
+    truth = problem.mdp.transitions.parameters_from(sure, 0.2, 5.0)
+    start = np.array([2])
+    decisions = Decisions(start, np.zeros(1), start, np.array([Action.WEST]), np.array([1]))
+    counted = learned_traps(problem, decisions, np.array([1.0, 0.0]), truth)
+    assert (counted.n_reaching_cells, counted.n_cells) == (3, 5)

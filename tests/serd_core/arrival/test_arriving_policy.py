@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.arrival.arriving_policy import (
-    NEVER_S,
+    NEVER,
     TRAP_PROBABILITY,
     arriving_policy,
     least_time_policy,
@@ -111,7 +111,7 @@ def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_the
     problem = problem_of([[1, 1, 0, 1, 1], [0, 0, 0, 0, 1]], [1])
     periods = -least_time(problem, outcomes_of(SURE)).value
     assert periods[:2].tolist() == pytest.approx([1.0, 0.0])
-    assert (periods[2:] > 0.99 * NEVER_S).all()
+    assert (periods[2:] > 0.99 * NEVER).all()
 
 
 def test_moves_that_nearly_never_succeed_are_counted_and_not_lost():
