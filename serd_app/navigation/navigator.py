@@ -49,7 +49,7 @@ class ProgressMonitor:
 
     def update(self, arrival: ArrivalByState, state: int, n_steps_left: int) -> GiveUp | None:
         """The reason to give up at the next decision; None to go on. state: -1 off the grid."""
-        mean = float(arrival.mean_periods[state]) if state >= 0 else float("inf")
+        mean = float(arrival.mean_steps[state]) if state >= 0 else float("inf")
         if mean < self._minimum_mean:
             self._minimum_mean, self.decisions_without_progress = mean, 0
         else:

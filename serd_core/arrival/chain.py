@@ -1,17 +1,17 @@
 """Time of arrival predicted by the absorbing chain of a policy (Fig. 5.10).
 
-The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision period at
-a time; what has reached a goal state has arrived. Goals absorb under every policy.
+The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision at a
+time; what has reached a goal state has arrived. Goals absorb under every policy.
 
 Run backwards it gives the arrival from every state at once, index order [n, s]:
 
     F_0(s) = 1[s is a goal],  F_n(s) = sum_s' P_pi[s, s'] F_(n-1)(s'),  F_n(goal) = 1
 
-F_n(s) is the probability of having arrived n decision periods after being in s. Since the chain has
-no memory, that is the law of the remaining time given all that has happened so far.
+F_n(s) is the probability of having arrived n decisions after being in s. Since the chain has no
+memory, that is the law of the remaining time given all that has happened so far.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -43,22 +43,13 @@ class GoalProblem(Protocol):
 class ArrivalTimes:
     """Predicted arrival.
 
-    periods: (n_periods + 1,) 0, 1, ...; cdf: probability of having arrived by each period.
-    arrival_probability: probability of ever arriving. cdf_draws: (n, n_periods + 1) by each draw
-    of a posterior, of which the others are means; None for one model.
+    periods: (n_periods + 1,) 0, 1, ... decisions, or steps of time; cdf: probability of having
+    arrived by each. arrival_probability: probability of ever arriving.
     """
 
     periods: IntArray
     cdf: FloatArray
     arrival_probability: float
-    cdf_draws: FloatArray | None = None
-
-    @classmethod
-    def average(cls, each: Sequence["ArrivalTimes"]) -> "ArrivalTimes":
-        """Posterior prediction from that of each draw."""
-        cdf_draws = np.stack([one.cdf for one in each])
-        probability = float(np.mean([one.arrival_probability for one in each]))
-        return cls(each[0].periods, cdf_draws.mean(axis=0), probability, cdf_draws)
 
 
 def arrival_time_distribution(
@@ -68,7 +59,7 @@ def arrival_time_distribution(
     start_distribution: FloatArray,
     n_periods: int,
 ) -> ArrivalTimes:
-    """Distribution of the number of decision periods until a goal state is reached.
+    """Distribution of the number of decisions until a goal state is reached.
 
     policy: (S, A) probabilities; outcome_probabilities: None for transitions without parameters;
     start_distribution: (S,) probabilities.
@@ -119,7 +110,10 @@ def policy_chain(
 
 @dataclass(frozen=True, eq=False)
 class ArrivalByState:
-    """cdf: (n_periods + 1, S) F_n(s); arrival_probability: (S,) of ever arriving."""
+    """cdf: (n_steps + 1, S) F_n(s); arrival_probability: (S,) of ever arriving.
+
+    A step is a decision, or where decisions take time a step of time.
+    """
 
     cdf: FloatArray
     arrival_probability: FloatArray
@@ -134,17 +128,17 @@ class ArrivalByState:
         return cls(cdf / number, probability / number)
 
     @property
-    def n_periods(self) -> int:
-        """The horizon in decision periods."""
+    def n_steps(self) -> int:
+        """The horizon."""
         return len(self.cdf) - 1
 
     @cached_property
-    def mean_periods(self) -> FloatArray:
-        """(S,) mean of min(periods until arrival, horizon): sum over n < horizon of 1 - F_n."""
+    def mean_steps(self) -> FloatArray:
+        """(S,) mean of min(steps until arrival, horizon): sum over n < horizon of 1 - F_n."""
         return np.asarray((1.0 - self.cdf[:-1]).sum(axis=0))
 
     def from_state(self, state: int) -> ArrivalTimes:
-        """The law of the remaining periods of a robot that is in `state` now."""
+        """The law of the remaining steps of a robot that is in `state` now."""
         if not 0 <= state < self.cdf.shape[1]:
             last = self.cdf.shape[1] - 1
             raise SerdError(f"state must be a state from 0 to {last}, got {state}; use the grid's")
@@ -154,9 +148,9 @@ class ArrivalByState:
             arrival_probability=float(self.arrival_probability[state]),
         )
 
-    def within(self, n_periods: int) -> FloatArray:
-        """(S,) probability of arriving within so many periods; the horizon where it is beyond."""
-        return np.asarray(self.cdf[min(max(n_periods, 0), self.n_periods)])
+    def within(self, n_steps: int) -> FloatArray:
+        """(S,) probability of arriving within so many steps; the horizon where it is beyond."""
+        return np.asarray(self.cdf[min(max(n_steps, 0), self.n_steps)])
 
 
 def arrival_by_state(
@@ -165,7 +159,7 @@ def arrival_by_state(
     outcome_probabilities: FloatArray | None,
     n_periods: int,
 ) -> ArrivalByState:
-    """Run the chain of an (S, A) policy backwards from its goals for `n_periods` periods.
+    """Run the chain of an (S, A) policy backwards from its goals for `n_periods` decisions.
 
     outcome_probabilities: None for transitions without parameters.
     """

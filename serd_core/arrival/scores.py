@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
-from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
-from serd_core.errors import SerdError
+from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, measured_times_s
 
 #: Series drawn for a probability, and for a power; factors of delay that are tried.
 N_SERIES, N_POWER = 2000, 400
@@ -25,12 +24,11 @@ def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
 
     (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007). SerdError without a time.
     """
-    measured = _measured(arrival_times_s)
+    measured = measured_times_s(arrival_times_s)
     # Between two steps of the law, or of a measured time, both functions are constant.
     ends = np.unique(np.concatenate([law.times_s, measured[measured < law.times_s[-1]]]))
     predicted = law.probability_by(ends[:-1])
-    arrived = np.sort(measured)
-    scores = (predicted[:, None] - (arrived <= ends[:-1, None] + 1e-9)) ** 2
+    scores = (predicted[:, None] - (measured <= ends[:-1, None] + SAME_TIME_S)) ** 2
     return float((np.diff(ends) @ scores).mean())
 
 
@@ -42,7 +40,7 @@ def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) 
     is the largest difference at the steps of the law, to whose nearest one each time is rounded.
     SerdError without a time.
     """
-    measured = _measured(arrival_times_s)
+    measured = measured_times_s(arrival_times_s)
     gap = _gaps_of(law, measured[None, :])[0]
     by_chance = _gaps_by_chance(law, len(measured), 1.0, N_SERIES, seed)
     return float((1 + np.sum(by_chance >= gap - 1e-12)) / (1 + N_SERIES))
@@ -63,16 +61,6 @@ def detectable_delay(law: ArrivalLaw, n: int, seed: int = 0) -> float:
         else:
             low = middle + 1
     return float(DELAYS[low]) if low < len(DELAYS) else float("inf")
-
-
-def _measured(arrival_times_s: ArrayLike) -> FloatArray:
-    measured = np.asarray(arrival_times_s, dtype=np.float64)
-    if not measured.size or np.isnan(measured).any():
-        raise SerdError(
-            f"arrival_times_s must hold at least one time and no NaN, got {measured.tolist()}"
-            "; use inf for an episode that did not arrive"
-        )
-    return measured
 
 
 def _gaps_by_chance(law: ArrivalLaw, n: int, delay: float, n_series: int, seed: int) -> FloatArray:

@@ -8,12 +8,8 @@ and none is diagonal or far, whatever the period of the positions is, unless wal
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
-from serd_core.arrays import FloatArray, IntArray, first_index, float_array
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
 
@@ -113,42 +109,3 @@ class CellTracker:
         if not (0 <= row < rows and 0 <= column < columns):
             return -1
         return int(self._grid.state_of_cell[row, column])
-
-
-@dataclass(frozen=True, eq=False)
-class Crossings:
-    """Cells in their order, with times.
-
-    state: (N,); entered_s: (N,) when each was entered, for the first one that of the first position
-    on the grid; left_s: when the last one was left, NaN where the trajectory ends in it.
-    """
-
-    state: IntArray
-    entered_s: FloatArray
-    left_s: float
-
-    def __len__(self) -> int:
-        return len(self.state)
-
-
-def cell_crossings(
-    grid: Grid, time_s: FloatArray, position_m: FloatArray, hysteresis_m: float = 0.0
-) -> Crossings:
-    """The cells of (T, 2) positions at increasing times (T,), until the grid is left."""
-    times = float_array("time_s", time_s, (None,))
-    places = float_array("position_m", position_m, (len(times), 2))
-    if (late := first_index(np.diff(times) <= 0)) is not None:
-        raise SerdError(
-            f"time_s must increase, got {times[late[0] + 1]} after {times[late[0]]}; sort the rows"
-        )
-    tracker, entered, left_s = CellTracker(grid, hysteresis_m), list[Entered](), np.nan
-    for at_s, (x_m, y_m) in zip(times.tolist(), places.tolist(), strict=True):
-        entered += tracker.see(at_s, x_m, y_m)
-        if entered and entered[-1].state < 0:
-            left_s = entered.pop().time_s
-            break
-    return Crossings(
-        state=np.array([each.state for each in entered], dtype=np.int64),
-        entered_s=np.array([each.time_s for each in entered], dtype=np.float64),
-        left_s=left_s,
-    )

@@ -32,7 +32,7 @@ class Action(IntEnum):
 
 
 class Outcome(IntEnum):
-    """What one decision period did, relative to the intended direction (Table 5.1)."""
+    """What a decision led to, relative to the intended direction (Table 5.1)."""
 
     STAY = 0
     FORWARD = 1

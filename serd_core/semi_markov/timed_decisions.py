@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array, float_array, require_each
+from serd_core.arrays import BoolArray, FloatArray, bool_array, float_array, require_each
 from serd_core.demonstrations.decisions import COLUMNS, Decisions
 
 TIMED_COLUMNS = (*COLUMNS, "dwell_s", "censored")
@@ -41,12 +41,6 @@ class TimedDecisions(Decisions):
         require_each("next_state", self.next_state, ~moved, "be the state where censored", fix)
         object.__setattr__(self, "dwell_s", dwell)
         object.__setattr__(self, "censored", censored)
-
-    def select(self, rows: BoolArray | IntArray) -> "TimedDecisions":
-        """The decisions of the given rows (mask (N,) or indices), in that order."""
-        chosen = super().select(rows)
-        assert isinstance(chosen, TimedDecisions)
-        return chosen
 
     def columns(self) -> dict[str, Any]:
         """The columns by name."""

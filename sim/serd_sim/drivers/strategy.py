@@ -156,16 +156,12 @@ def load_strategy(
         require_grid(path, file, grid)
     require_same_scale(path, file, scenario.name, scenario.cell_size_m)
     problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
-    model = require_timed(problem.mdp.transitions)
-    draws = dynamics_draws(path, own, problem)
-    table = model.local_probabilities(draws).mean(axis=0)
+    draws = dynamics_of_draws(path, own, problem)
+    tables = require_timed(problem.mdp.transitions).local_probabilities(draws)
+    policy = SOLVERS[kind](problem, own.weights, tables.mean(axis=0))
     if kind == "soft" and own.draws.learned:
         weights = np.array(own.draws.reward_weights)
-        policy = soft_policy(problem, own.weights, table)
-        tables = model.local_probabilities(draws)
         policy = replace(policy, probabilities=averaged_policy(problem, weights, tables))
-    else:
-        policy = SOLVERS[kind](problem, own.weights, table)
     return Strategy(
         scenario=scenario,
         problem=problem,
@@ -177,7 +173,7 @@ def load_strategy(
     )
 
 
-def dynamics_draws(path: str | Path, file: ModelFile, problem: NavigationProblem) -> FloatArray:
+def dynamics_of_draws(path: str | Path, file: ModelFile, problem: NavigationProblem) -> FloatArray:
     """(n, N) draws of a file's dynamics on a problem; the learned ones where it has no draws."""
     if not file.draws.learned:
         return learned_dynamics(path, file, problem)[None, :]

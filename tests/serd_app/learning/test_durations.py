@@ -24,7 +24,7 @@ from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
-from serd_sim.drivers.strategy import dynamics_draws, learned_dynamics
+from serd_sim.drivers.strategy import dynamics_of_draws, learned_dynamics
 from tests.conftest import OUTCOMES
 
 #: A hallway of 3 by 9 cells: people walk south in the west, north in the east; the goal is north.
@@ -191,7 +191,7 @@ def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path)
     back = learned_dynamics(path, file, PROBLEM)
     table = MODEL.local_probabilities
     np.testing.assert_allclose(table(back), table(found.fit.parameters.truth), atol=1e-9)
-    draws = dynamics_draws(path, file, PROBLEM)
+    draws = dynamics_of_draws(path, file, PROBLEM)
     assert len(draws) == len(file.draws.mean_s)
     laws = MODEL.laws(draws)
     np.testing.assert_allclose(np.exp(draws[:, MODEL.means]), file.draws.mean_s)

@@ -58,8 +58,8 @@ def test_the_mean_remaining_time_is_that_of_the_law_cut_off_at_the_horizon():
     every = arrival_by_state(problem, policy, table, 25)
     mass = np.diff(every.cdf, axis=0, prepend=0.0)
     cut_off = mass.T @ np.arange(26) + 25 * (1 - every.cdf[-1])
-    np.testing.assert_allclose(every.mean_periods, cut_off)
-    assert every.mean_periods[0] == pytest.approx(6.0, abs=1e-4)
+    np.testing.assert_allclose(every.mean_steps, cut_off)
+    assert every.mean_steps[0] == pytest.approx(6.0, abs=1e-4)
 
 
 @settings(deadline=None, max_examples=25)

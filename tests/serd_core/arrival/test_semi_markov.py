@@ -85,7 +85,7 @@ def test_classes_follow_the_outcome_models():
     faster = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(1.0), 200)
     assert np.all(found.cdf <= faster.cdf + 1e-7)
     assert np.all(found.cdf >= slower.cdf - 1e-7)
-    assert found.mean_periods[0] > faster.mean_periods[0] + 0.1
+    assert found.mean_steps[0] > faster.mean_steps[0] + 0.1
 
 
 def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):

@@ -74,8 +74,7 @@ def test_slower_places_arrive_later_and_expected_seconds_are_those_of_the_law():
     problem, truth, policy = timed_room()
     slow = sc.semi_markov_problem(problem, log_pace=np.full(18, np.log(2.0)))
     here, there = (
-        timed_arrival(each, policy, truth, 0.1, 900).mean_periods[0] * 0.1
-        for each in (problem, slow)
+        timed_arrival(each, policy, truth, 0.1, 900).mean_steps[0] * 0.1 for each in (problem, slow)
     )
     seconds = problem.mdp.transitions.expected_seconds(truth)
     assert seconds.shape == problem.mdp.available.shape
