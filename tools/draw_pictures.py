@@ -126,7 +126,7 @@ def draw_episode(path: Path, _kept: Path) -> None:
 
 def draw_episode_3d(path: Path, _kept: Path) -> None:
     """A moment of it behind the robot, among more people."""
-    options = ("--people", "60", "--view", "chase", "--at", "28")
+    options = ("--people", "60", "--view", "chase", "--at", "13")
     _serd("episode", "render", "hallway", *options, "--output", path)
 
 
