@@ -45,10 +45,13 @@ class CellTracker:
         self.state = -1
         self._last_s, self._last = 0.0, (0.0, 0.0)
 
-    def see(self, time_s: float, x_m: float, y_m: float) -> Sequence[Entered]:
+    def see(
+        self, time_s: float, x_m: float, y_m: float, *, is_last: bool = False
+    ) -> Sequence[Entered]:
         """Take the next position, later than the last one; the cells entered since, in order.
 
-        A position that is not finite is none.
+        A position that is not finite is none. is_last: the way ends in the cell of the position,
+        so that borders count without hysteresis.
         """
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             return ()
@@ -60,10 +63,11 @@ class CellTracker:
             self.state = self._grid.state_at(x_m, y_m)
             return () if self.state < 0 else (Entered(time_s, self.state),)
         row, column = self._grid.cells[self.state].tolist()
-        if self._is_in((column, row), place):
+        margin = 0.0 if is_last else self._margin
+        if self._is_in((column, row), place, margin):
             return ()
         entered, latest_s = list[Entered](), before_s
-        while (move := self._first_border(before, place, (column, row))) is not None:
+        while (move := self._first_border(before, place, (column, row), margin)) is not None:
             share, axis, side = move
             column, row = (column + side, row) if axis == 0 else (column, row + side)
             self.state = self._state(column, row)
@@ -71,27 +75,33 @@ class CellTracker:
             entered.append(Entered(latest_s, self.state))
             if self.state < 0:
                 return entered
-        if not self._is_in((column, row), place) and (there := self._grid.state_at(x_m, y_m)) >= 0:
+        there = self._grid.state_at(x_m, y_m)
+        if there >= 0 and not self._is_in((column, row), place, margin):
             self.state = there
             entered.append(Entered(time_s, there))
         return entered
 
-    def _is_in(self, cell: tuple[int, int], place: tuple[float, float]) -> bool:
+    @staticmethod
+    def _is_in(cell: tuple[int, int], place: tuple[float, float], margin: float) -> bool:
         """Whether no border is passed, walls or not."""
-        (column, row), (east, north), margin = cell, place, self._margin
+        (column, row), (east, north) = cell, place
         return (
             column - margin <= east <= column + 1 + margin
             and row - margin <= north <= row + 1 + margin
         )
 
     def _first_border(
-        self, before: tuple[float, float], after: tuple[float, float], cell: tuple[int, int]
+        self,
+        before: tuple[float, float],
+        after: tuple[float, float],
+        cell: tuple[int, int],
+        margin: float,
     ) -> tuple[float, int, int] | None:
         """(share of the step, axis, side) of the border that is passed first; None where none."""
         passed = []
         for axis in (0, 1):
             for side in (-1, 1):
-                border = cell[axis] + (side > 0) + side * self._margin
+                border = cell[axis] + (side > 0) + side * margin
                 if side * (after[axis] - border) <= 0 or self._is_wall(cell, axis, side):
                     continue
                 moved = after[axis] - before[axis]

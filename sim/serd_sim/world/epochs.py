@@ -93,9 +93,7 @@ class DecisionEpochs:
 
     def see(self, time_s: float, x_m: float, y_m: float) -> bool:
         """Whether a decision is to be taken at this place; `take` it then."""
-        if self._seen is None or self._seen[0] != time_s:
-            self._seen = time_s, self._advance(time_s, x_m, y_m)
-        return self._seen[1]
+        return self._see(time_s, x_m, y_m, arrived=False)
 
     def take(self, time_s: float, action: int) -> None:
         """Begin the decision for an action; one of an earlier time that still runs is censored."""
@@ -114,29 +112,33 @@ class DecisionEpochs:
             self._running = None
 
     def end(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> None:
-        """End the drive at a place: what was decided led to the goal, or is censored."""
-        if self.see(time_s, x_m, y_m) or self._running is None:
-            return
-        begin_s, before, action = self._running
-        reached = self._grid.state_at(x_m, y_m)
-        if arrived and reached != before and reached in self._grid.neighbours[before]:
-            # The goal is entered less far than a crossing needs.
-            self.ended.append(Epoch(before, action, begin_s, time_s, reached))
-            self._running = None
-        self.interrupt(time_s)
+        """End the drive at a place: what was decided led to the goal, or is censored.
 
-    def _advance(self, time_s: float, x_m: float, y_m: float) -> bool:
-        entered = self._cells.see(time_s, x_m, y_m)
+        The goal is entered at its border, less far than a crossing needs, and when the robot
+        arrived, also where patience ran out.
+        """
+        if not self._see(time_s, x_m, y_m, arrived=arrived):
+            self.interrupt(time_s)
+
+    def _see(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> bool:
+        if self._seen is None or self._seen[0] != time_s:
+            self._seen = time_s, self._advance(time_s, x_m, y_m, arrived=arrived)
+        return self._seen[1]
+
+    def _advance(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> bool:
+        entered = self._cells.see(time_s, x_m, y_m, is_last=arrived)
         if self._is_elsewhere(x_m, y_m):
             self.lose()
             entered = self._cells.see(time_s, x_m, y_m)
+        if arrived and entered:
+            entered = [*entered[:-1], Entered(time_s, entered[-1].state)]
         self._entered_s = entered[-1].time_s if entered else None
         if self._running is None:
             return True
         begin_s, state, action = self._running
         if not entered:
             limit_s = self._wait_s if action == Action.WAIT else self._patience_s
-            if time_s - begin_s < limit_s - _SAME_TIME_S:
+            if arrived or time_s - begin_s < limit_s - _SAME_TIME_S:
                 return False
             entered = (Entered(time_s, state),)
         for entered_s, reached in entered:

@@ -129,6 +129,35 @@ def test_a_goal_counts_as_entered_at_its_border_and_a_timeout_censors(
     assert epochs.ended == [Epoch(state(0, 0), EAST, 0.0, 0.2, next_state, censored=censored)]
 
 
+@pytest.mark.parametrize(
+    ("goal", "between"), [((1.02, 1.05), state(0, 1)), ((1.05, 1.02), state(1, 0))]
+)
+def test_a_goal_that_is_entered_across_a_corner_is_reached_by_two_crossings(epochs, goal, between):
+    drive(epochs, [(0.5, 0.5), (0.95, 0.95)], EAST)
+    epochs.end(0.2, *goal, arrived=True)
+    assert [(each.state, each.next_state, each.censored) for each in epochs.ended] == [
+        (state(0, 0), between, False),
+        (between, state(1, 1), False),
+    ]
+
+
+def test_a_goal_behind_a_corner_is_reached_when_one_border_was_crossed_far_enough(epochs):
+    drive(epochs, [(0.5, 0.5), (0.5, 0.95), (0.95, 1.05)], NORTH)
+    epochs.end(0.3, 1.02, 1.3, arrived=True)
+    assert [each.next_state for each in epochs.ended] == [state(0, 1), state(1, 1)]
+
+
+@pytest.mark.parametrize(("action", "end_s"), [(EAST, 4.0), (WAIT, 1.0)])
+def test_a_goal_that_is_reached_when_patience_runs_out_is_reached(epochs, action, end_s):
+    drive(epochs, [(0.5, 0.5), (0.98, 0.5)], action)
+    epochs.end(end_s, 1.01, 0.5, arrived=True)
+    assert [(each.next_state, each.censored) for each in epochs.ended] == [(state(1, 0), False)]
+    epochs.begin()
+    drive(epochs, [(0.5, 0.5)], action)
+    epochs.end(end_s, 0.6, 0.5, arrived=True)
+    assert epochs.ended == [Epoch(state(0, 0), action, 0.0, end_s, state(0, 0), censored=True)]
+
+
 def test_a_drive_that_ends_with_a_crossing_has_it_once(epochs):
     drive(epochs, [(0.5, 0.5), (0.9, 0.5)], EAST)
     epochs.end(0.2, 1.4, 0.5, arrived=True)
