@@ -20,8 +20,9 @@ class PolicyDriver:
     """Chooses by `probabilities` (S, 5): a likeliest action, or one drawn when not greedy.
 
     Of equally likely actions one is drawn, but for the direction in which the robot has just come,
-    which it keeps. A greedy robot that is still in the cell where it
-    decided to move was blocked: what it has done there since is left out, until nothing is left.
+    which it keeps. A greedy robot that is still in the cell where it decided to move was blocked.
+    Until it is two cells away from where it was blocked, what it has done in a cell is left out
+    there, until nothing is left: so cells that block each other do not hold it.
     """
 
     def __init__(
@@ -49,12 +50,12 @@ class PolicyDriver:
                 "; pass Policy.probabilities of a problem on this grid"
             )
         if not np.array_equal(table, self._probabilities):
-            self._tried.clear()  # what another policy did was not blocked
+            self._clear()  # what another policy did was not blocked
         self._probabilities = table
 
     def begin(self, episode: int) -> None:
         """Start the random numbers of this episode."""
-        self._tried_in, self._tried = -1, set[Action]()
+        self._clear()
         self._last = Action.WAIT
         self._rng = episode_rng(self._seed, episode, POLICY)
 
@@ -62,25 +63,42 @@ class PolicyDriver:
         """The policy's action in a cell; WAIT outside the grid."""
         if state < 0:
             return Action.WAIT
-        if state != self._tried_in:
-            self._tried_in, self._tried = state, set()
-        row = self._likeliest(state) if self._greedy else self._probabilities[state]
+        tried = self._tried_in(state)
+        row = self._likeliest(state, tried) if self._greedy else self._probabilities[state]
         if self._greedy and row[self._last] and self._last != Action.WAIT:
             row = np.eye(len(row))[self._last]
         action = self._last = Action(int(self._rng.choice(len(row), p=row / row.sum())))
-        if self._tried or action != Action.WAIT:
-            self._tried.add(action)
+        if tried or action != Action.WAIT:
+            tried.add(action)
         return action
 
-    def _likeliest(self, state: int) -> FloatArray:
+    def _clear(self) -> None:
+        self._state, self._tried, self._blocked_in = -1, dict[int, set[Action]](), set[int]()
+
+    def _tried_in(self, state: int) -> set[Action]:
+        """What a blocked robot has done in a cell; empty for one that was not blocked."""
+        if state == self._state and self._tried[state]:
+            self._blocked_in.add(state)
+        elif state != self._state and not self._is_near_blocked(state):
+            self._clear()
+        self._state = state
+        return self._tried.setdefault(state, set())
+
+    def _is_near_blocked(self, state: int) -> bool:
+        """Whether the robot was blocked in this cell or in one beside it."""
+        cells = self._grid.cells
+        away = np.abs(cells[list(self._blocked_in)] - cells[state]).sum(axis=1)
+        return bool((away < 2).any())
+
+    def _likeliest(self, state: int, tried: set[Action]) -> FloatArray:
         """(5,) 1 for each of the likeliest actions that are left."""
-        row = self._left(state) if self._tried else self._probabilities[state]
+        row = self._left(state, tried) if tried else self._probabilities[state]
         if not row.any():
-            self._tried.clear()
+            tried.clear()
             row = self._probabilities[state]
         return np.asarray(row >= row.max() - _EQUAL, dtype=np.float64)
 
-    def _left(self, state: int) -> FloatArray:
+    def _left(self, state: int, tried: set[Action]) -> FloatArray:
         """(5,) the policy's weights of what a blocked robot has not tried, 0 towards walls.
 
         Where the policy has no other action, all other ways out of the cell are as likely.
@@ -88,10 +106,10 @@ class PolicyDriver:
         ways = self._grid.neighbours[state] != state
         row = np.where(ways, self._probabilities[state], 0.0)
         row[Action.WAIT] = self._probabilities[state, Action.WAIT]
-        row[list(self._tried)] = 0.0
+        row[list(tried)] = 0.0
         if not row.any():
             row[:] = ways
-            row[list(self._tried)] = 0.0
+            row[list(tried)] = 0.0
         return row
 
 

@@ -136,13 +136,35 @@ def test_a_blocked_robot_of_a_policy_with_one_action_takes_any_other_way_but_no_
     assert all(set(order) == set(Action) - {Action.WAIT} for order in seen)
 
 
-def test_a_robot_that_left_the_cell_or_begins_again_takes_the_likeliest_action_again():
+def test_a_robot_that_is_two_cells_away_or_begins_again_takes_the_likeliest_action_again():
     driver = driver_by(0.0, 0.6, 0.4, 0.0, 0.0)
     assert decided(driver, 2, blocked=True) == [Action.NORTH, Action.EAST]
+    driver.decide(SEEN, THERE)
+    driver.decide(SEEN, GRID.state_at(4.5, 2.5))
     driver.decide(SEEN, THERE)
     assert decided(driver, 2, blocked=True) == [Action.NORTH, Action.EAST]
     driver.begin(1)
     assert driver.decide(SEEN, HERE) == Action.NORTH
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_cells_that_block_each_other_are_left_by_a_third_way(seed):
+    """Both prefer north, where somebody stands, and then the way to the other one."""
+    probabilities = np.tile([0.0, 1.0, 0.0, 0.0, 0.0], (GRID.n_states, 1))
+    probabilities[HERE] = [0.0, 0.5, 0.3, 0.1, 0.1]
+    probabilities[THERE] = [0.0, 0.5, 0.1, 0.1, 0.3]
+    driver = PolicyDriver(GRID, probabilities, seed=seed)
+    way = [HERE]
+    while len(way) < 20 and way[-1] in (HERE, THERE):
+        action = driver.decide(SEEN, way[-1])
+        way.append(way[-1] if action == Action.NORTH else int(GRID.neighbours[way[-1], action]))
+    assert way[:6] == [HERE, HERE, THERE, THERE, HERE, way[5]]
+    assert way[5] not in (HERE, THERE)
+
+
+def test_a_robot_that_comes_back_without_being_blocked_decides_as_before():
+    driver = driver_by(0.0, 0.6, 0.4, 0.0, 0.0)
+    assert decided(driver, 5, blocked=False) == [Action.NORTH] * 5
 
 
 def test_a_policy_that_waits_goes_on_waiting():
