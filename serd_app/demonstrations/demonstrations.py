@@ -8,6 +8,7 @@ from pathlib import Path
 from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
+    DividedEpisodes,
     decisions_from_drive,
     episode_rows,
     joined_reports,
@@ -111,6 +112,8 @@ def demonstrations_of_each(
 class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
+    An episode is divided into decisions again only where something of it has come since.
+
     earlier: demonstrations known before. report: what was left out of the last session.
     hidden: whether poses and episodes alone are used.
     """
@@ -128,6 +131,7 @@ class LiveDrive(DriveSessions):
         super().__init__(source)
         self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
         self._hidden = hidden
+        self._divided = DividedEpisodes()
         self.report: DiscretisationReport | None = None
 
     def gathered(self, *, unfinished: bool = True) -> Demonstrations:
@@ -139,17 +143,25 @@ class LiveDrive(DriveSessions):
         seen = {row for one in known for row in one.episode_rows.values()}
         for each in (*before, last):
             drive = with_hidden_actions(each) if self._hidden else each
-            here, self.report = fresh_from_drive(drive, self._grid, *self._times_s, seen)
+            here, self.report = fresh_from_drive(
+                drive, self._grid, *self._times_s, seen, self._divided
+            )
             known.append(here)
         return joined(known)
 
 
 def fresh_from_drive(
-    drive: RecordedDrive, grid: Grid, patience_s: float, wait_s: float, seen: set[bytes]
+    drive: RecordedDrive,
+    grid: Grid,
+    patience_s: float,
+    wait_s: float,
+    seen: set[bytes],
+    divided: DividedEpisodes | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """What the drive adds to the episodes seen, to which its own are added.
 
-    An episode that was seen already in every decision counts once.
+    An episode that was seen already in every decision counts once. divided: see
+    `decisions_from_drive`.
     """
-    decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen)
+    decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen, divided)
     return Demonstrations(decisions), report

@@ -9,6 +9,8 @@ is counted.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
 from typing import Annotated
 
 import numpy as np
@@ -104,26 +106,48 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
     )
 
 
+@dataclass(frozen=True)
+class DividedEpisode:
+    """The decisions of an episode that ended, how many are lost, and how many lack a command."""
+
+    ended: Sequence[Epoch]
+    n_lost: int
+    n_silent: int
+
+
+#: By a digest of all that an episode is divided by.
+DividedEpisodes = dict[bytes, DividedEpisode]
+
+
 def decisions_from_drive(
     drive: RecordedDrive,
     grid: Grid,
     patience_s: float,
     wait_s: float,
     seen: set[bytes] | None = None,
+    divided: DividedEpisodes | None = None,
 ) -> tuple[TimedDecisions, DiscretisationReport]:
     """Decisions of a recorded drive on a grid, and what was left out.
 
     patience_s, wait_s: see `DecisionEpochs`. seen: `episode_rows` of episodes that are dropped
-    here; those of this drive are added.
+    here; those of this drive are added. divided: episodes that are not divided anew; those of this
+    drive are added.
     """
     dropped = Counter(drive.dropped) + _outside(drive)
     epochs = DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
-    ended = dict[int, list[Epoch]]()
+    ended = dict[int, Sequence[Epoch]]()
+    known = {} if divided is None else divided
+    place = f"{grid.fingerprint()} {patience_s} {wait_s}"
     for span in drive.episodes:
-        if span.demonstrates:
-            dropped[NO_COMMAND] += _follow(epochs, drive, span, patience_s)
-            dropped[LOST] += epochs.n_lost
-            ended[span.number] = epochs.ended
+        if not span.demonstrates:
+            continue
+        course = _course(drive, span, patience_s)
+        key = course.digest(place)
+        if key not in known:
+            known[key] = _followed(epochs, course)
+        dropped[NO_COMMAND] += known[key].n_silent
+        dropped[LOST] += known[key].n_lost
+        ended[span.number] = known[key].ended
     every = decisions_of(ended, drive.source)
     dropped[OFF_GRID] += sum(map(len, ended.values())) - len(every)
     repeated = _repeated(every, set() if seen is None else seen)
@@ -177,21 +201,57 @@ def _outside(drive: RecordedDrive) -> Counter[str]:
     return Counter({reason: int(found.sum()) for reason, found in reasons.items()})
 
 
-def _follow(
-    epochs: DecisionEpochs, drive: RecordedDrive, span: EpisodeSpan, patience_s: float
-) -> int:
-    """Take the decisions of an episode; how often none was taken for lack of a command."""
-    epochs.begin()
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """An episode as its decisions need it.
+
+    time_s, x_m, y_m (T,): places; after_gap (T,): whether a gap is before each; since_s, command
+    (T,): from when on which command is in force then. is_lost: whether the end is not recorded.
+    """
+
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    after_gap: BoolArray
+    since_s: FloatArray
+    command: IntArray
+    is_lost: bool
+    arrived: bool
+
+    @property
+    def columns(self) -> tuple[FloatArray | BoolArray | IntArray, ...]:
+        return self.time_s, self.x_m, self.y_m, self.after_gap, self.since_s, self.command
+
+    def digest(self, place: str) -> bytes:
+        """Of all of it; place: what else decisions depend on."""
+        found = sha256(f"{place} {len(self.time_s)} {self.is_lost} {self.arrived}".encode())
+        for column in self.columns:
+            found.update(column.tobytes())
+        return found.digest()
+
+
+def _course(drive: RecordedDrive, span: EpisodeSpan, patience_s: float) -> _Course:
     time_s, position_m, after_gap = _way(drive, span)
-    if not len(time_s):
-        return 0
     hold_s = patience_s if drive.intent_hold_s is None else drive.intent_hold_s
     since_s, commands = _in_force(drive, span, hold_s)
     row = np.searchsorted(since_s, time_s + _STAMP_TOLERANCE_S, side="right") - 1
-    columns = time_s, *position_m.T, after_gap, since_s[row], commands[row]
+    is_lost = not len(time_s) or after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s
+    return _Course(
+        time_s,
+        *position_m.T,
+        after_gap,
+        since_s[row],
+        commands[row],
+        is_lost=bool(is_lost),
+        arrived=span.outcome == "arrived",
+    )
+
+
+def _followed(epochs: DecisionEpochs, course: _Course) -> DividedEpisode:
+    epochs.begin()
     taken, n_silent = int(Action.WAIT), 0
     for at_s, x_m, y_m, is_after_gap, from_s, command in zip(
-        *(each[:-1].tolist() for each in columns), strict=True
+        *(each[:-1].tolist() for each in course.columns), strict=True
     ):
         if is_after_gap:
             epochs.lose()
@@ -206,11 +266,12 @@ def _follow(
             continue
         n_silent += command == SILENCE != taken
         taken = command
-    if after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s:
+    if course.is_lost:
         epochs.lose()
     else:
-        epochs.end(float(time_s[-1]), *position_m[-1].tolist(), arrived=span.outcome == "arrived")
-    return n_silent
+        end_s, *place_m = (float(each[-1]) for each in course.columns[:3])
+        epochs.end(end_s, *place_m, arrived=course.arrived)
+    return DividedEpisode(epochs.ended, epochs.n_lost, n_silent)
 
 
 def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArray, BoolArray]:

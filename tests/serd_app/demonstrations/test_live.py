@@ -17,6 +17,7 @@ from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.epochs import DecisionEpochs
 from support.bag_messages import OWN_TOPICS, write_bag
 
 HALLWAY = load_scenario("hallway")
@@ -199,3 +200,25 @@ def test_a_world_restarted_before_it_had_many_decisions_gets_a_session_of_its_ow
     ends = [index for index, (topic, _) in enumerate(sent) if topic == "episode"]
     short = [each for each in sent[: ends[1] // 2] if each[0] == "robot_pose"]
     assert same(live_drive(short + sent).gathered(), live_drive(sent).gathered())
+
+
+def test_episodes_are_divided_again_only_where_something_of_them_came_since(messages, monkeypatch):
+    bag, sent = messages
+    seen = []
+    see = DecisionEpochs.see
+    monkeypatch.setattr(
+        DecisionEpochs, "see", lambda epochs, *place: seen.append(place) or see(epochs, *place)
+    )
+    intents = [each for each in sent if each[0] == "intent"]
+    half = len(intents) // 2
+    drive = live_drive([each for each in sent if each[0] != "intent"] + intents[:half])
+    first = drive.gathered()
+    n_at_first = len(seen)
+    assert same(drive.gathered(), first)
+    assert len(seen) == n_at_first > 0
+    for each in intents[half:]:
+        drive.take(*each)
+    last = drive.gathered()
+    assert 0 < len(seen) - n_at_first < n_at_first, "of the episodes of the later intents alone"
+    assert same(last, demonstrations_of_bag(bag, GRID, *TIMES_S)[0])
+    assert not same(last, first)
