@@ -238,7 +238,8 @@ def _course(drive: RecordedDrive, span: EpisodeSpan, patience_s: float) -> _Cour
     is_lost = not len(time_s) or after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s
     return _Course(
         time_s,
-        *position_m.T,
+        position_m[:, 0],
+        position_m[:, 1],
         after_gap,
         since_s[row],
         commands[row],

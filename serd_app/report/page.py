@@ -84,7 +84,7 @@ def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
     none = []
     if summary.no_prediction_because:
         none = [("Predicted arrival", f"none, because {summary.no_prediction}")]
-    if summary.measured_arrival_interval_95 is None:
+    if summary.measured_arrival_interval_95 is None or summary.agreement is None:
         return none or [("Arrives", predicted), ("Median time of arrival", median)]
     low, high = summary.measured_arrival_interval_95
     beside = ("", "") if none else (f"; {predicted}", f"; {median}")
@@ -97,7 +97,7 @@ def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
             f"{percent(low)} to {percent(high)}){beside[0]}",
         ),
         ("Median time of arrival", f"{_seconds(summary.measured_median_s)}{beside[1]}"),
-        ("Largest gap of the two arrival curves", f"{summary.largest_cdf_gap:.2f}"),
+        ("Largest gap of the two arrival curves", summary.agreement.gap_text),
         (
             "Contacts",
             f"robot ran into people {summary.robot_on_person_contacts} times, people into the "

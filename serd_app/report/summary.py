@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from serd_app.navigation.evaluation.comparison import Agreement, agreement
 from serd_app.navigation.evaluation.prediction_support import (
     Starts,
     reasons_against_prediction,
@@ -14,7 +15,6 @@ from serd_app.report.inputs import ReportInputs
 from serd_app.report.words import percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
-from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
@@ -25,13 +25,14 @@ from serd_sim.scenario.grid import start_states_of
 class Summary:
     """Plain numbers; a median is None when fewer than half of the episodes arrived.
 
-    Without episodes all that is measured is None, and so is the gap. n_decisions: learned from, as
-    are decisions_per_model; of a model without a posterior these are of n_compared_decisions, those
-    of the demonstrations that it is compared with. n_least_time_states: states in which the policy
-    takes the way of least expected time, as the learned one does not arrive; n_trap_states: those
-    from which no policy does. recorded_times_s: of arrival of the demonstrations, None where they
-    are not known. no_prediction_because: why the predicted arrival is not stated, none where it is.
-    familiarity, compared: how usual demonstrations are for the model, as numbers and as a sentence.
+    Without episodes all that is measured is None, and so is the agreement. n_decisions: learned
+    from, as are decisions_per_model; of a model without a posterior these are of
+    n_compared_decisions, those of the demonstrations that it is compared with. n_least_time_states:
+    states in which the policy takes the way of least expected time, as the learned one does not
+    arrive; n_trap_states: those from which no policy does. recorded_times_s: of arrival of the
+    demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
+    is not stated, none where it is. familiarity, compared: how usual demonstrations are for the
+    model, as numbers and as a sentence.
     """
 
     n_demonstrations: int
@@ -45,7 +46,7 @@ class Summary:
     measured_median_s: float | None
     predicted_median_s: float | None
     measured_mean_s: float | None
-    largest_cdf_gap: float | None
+    agreement: Agreement | None
     timeout_s: float
     robot_on_person_contacts: int
     person_on_robot_contacts: int
@@ -105,7 +106,7 @@ def summary_of(inputs: ReportInputs) -> Summary:
         measured_median_s=None if measured is None else time_reaching(measured, 0.5),
         predicted_median_s=inputs.predicted.quantile_s(0.5),
         measured_mean_s=float(np.mean(times)) if times else None,
-        largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s) if episodes else None,
+        agreement=agreement(inputs.predicted, inputs.arrival_times_s) if episodes else None,
         timeout_s=inputs.timeout_s,
         robot_on_person_contacts=sum(row.robot_on_person for row in episodes),
         person_on_robot_contacts=sum(row.person_on_robot for row in episodes),

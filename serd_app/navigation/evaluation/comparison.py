@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -23,17 +23,52 @@ from serd_sim.drivers.strategy import Strategy, start_distribution
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Agreement:
+    """How well measured times agree with the predicted law.
+
+    largest_gap: Kolmogorov-Smirnov distance of the law and the times, and gap_probability that of
+    one as large if the prediction is right; detectable_delay: the factor by which drives must be
+    slower for that test at 5 % to notice in four of five series like this one, None above 3.
+    crps_s: mean continuous ranked probability score (s).
+    """
+
+    largest_gap: float
+    gap_probability: float
+    detectable_delay: float | None
+    crps_s: float
+
+    @property
+    def gap_text(self) -> str:
+        """The largest gap, with what it says about the prediction, and the score."""
+        noticed = "not even drives that take three times as long would be noticed"
+        if self.detectable_delay is not None:
+            noticed = f"drives slower by a factor of {self.detectable_delay:.2f} would be noticed"
+        return (
+            f"{self.largest_gap:.2f}; one as large has a probability of {self.gap_probability:.2f}"
+            f" if the prediction is right, and {noticed} in four of five such series; CRPS"
+            f" {self.crps_s:.2f} s"
+        )
+
+
+def agreement(law: ArrivalLaw, arrival_times_s: FloatArray) -> Agreement:
+    """That of a law with (N,) times, inf for an episode that did not arrive."""
+    delay = detectable_delay(law, len(arrival_times_s))
+    return Agreement(
+        largest_gap=largest_gap(law, arrival_times_s),
+        gap_probability=gap_probability(law, arrival_times_s),
+        detectable_delay=delay if math.isfinite(delay) else None,
+        crps_s=crps_s(law, arrival_times_s),
+    )
+
+
+@dataclass(frozen=True)
+class Comparison(Agreement):
     """Times in seconds, None where so many never arrive.
 
     median_s, most_s: by which half and nine in ten of all episodes have arrived. predicted_band_s:
-    from the 5 % to the 95 % quantile; covered: share of episodes that arrived within. crps_s:
-    mean continuous ranked probability score (s). largest_gap: Kolmogorov-Smirnov distance of the
-    predicted law and the measured times, and gap_probability that of one as large if the prediction
-    is right; detectable_delay: the factor by which drives must be slower for that test at 5 % to
-    notice in four of five series like this one, None above 3. n_least_time_states: those in which
-    the way of least expected time is driven, as the learned policy does not arrive.
-    no_prediction_because: reasons why what is predicted is not supported.
+    from the 5 % to the 95 % quantile; covered: share of episodes that arrived within.
+    n_least_time_states: those in which the way of least expected time is driven, as the learned
+    policy does not arrive. no_prediction_because: reasons why what is predicted is not supported.
     """
 
     n_episodes: int
@@ -48,10 +83,6 @@ class Comparison:
     measured_most_s: float | None
     predicted_band_s: tuple[float | None, float | None]
     covered: float
-    largest_gap: float
-    gap_probability: float
-    detectable_delay: float | None
-    crps_s: float
     robot_on_person: int
     person_on_robot: int
     robot_on_wall: int
@@ -71,8 +102,8 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     n_arrived = int(np.isfinite(times_s).sum())
     band_s = law.quantile_s(BAND[0]), law.quantile_s(BAND[1])
     low, high = clopper_pearson([n_arrived], len(episodes))
-    delay = detectable_delay(law, len(episodes))
     return Comparison(
+        **asdict(agreement(law, times_s)),
         n_episodes=len(episodes),
         n_arrived=n_arrived,
         outcomes=dict(Counter(_ending(row) for row in episodes)),
@@ -85,10 +116,6 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         measured_most_s=_quantile_s(times_s, MOST),
         predicted_band_s=band_s,
         covered=float(np.mean(~outside_band(law, times_s))),
-        largest_gap=largest_gap(law, times_s),
-        gap_probability=gap_probability(law, times_s),
-        detectable_delay=delay if math.isfinite(delay) else None,
-        crps_s=crps_s(law, times_s),
         robot_on_person=sum(row.robot_on_person for row in episodes),
         person_on_robot=sum(row.person_on_robot for row in episodes),
         robot_on_wall=sum(row.robot_on_wall for row in episodes),

@@ -164,13 +164,8 @@ def comparison_table(found: Comparison) -> Table:
 def remarks(found: Comparison, scenario: Scenario) -> list[str]:
     """Further results and warnings, one line each."""
     endings = ", ".join(f"{count} {ending}" for ending, count in found.outcomes.items())
-    noticed = "not even drives that take three times as long would be noticed"
-    if found.detectable_delay is not None:
-        noticed = f"drives slower by a factor of {found.detectable_delay:.2f} would be noticed"
     lines = [
-        f"largest gap between predicted and measured share: {found.largest_gap:.2f}; one as large"
-        f" has a probability of {found.gap_probability:.2f} if the prediction is right, and"
-        f" {noticed} in four of five such series; CRPS {found.crps_s:.2f} s",
+        f"largest gap between predicted and measured share: {found.gap_text}",
         f"{counted(found.n_episodes, 'episode')}: {endings}; contacts: robot into people "
         f"{found.robot_on_person}, people into robot {found.person_on_robot}, walls "
         f"{found.robot_on_wall}",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from serd_app.learning.knowledge import knowledge_of, posterior_of
+from serd_app.navigation.evaluation.comparison import Agreement, agreement
 from serd_app.report.inputs import RunFacts
 from serd_app.report.page import render_page
 from serd_app.report.summary import summary_of
@@ -102,6 +103,13 @@ def test_the_summary_file_holds_the_numbers_of_the_run(folder, inputs):
     assert summary["person_on_robot_contacts"] == 2
     assert summary["real_time_factor"] == {"navigate": 50.0}
     assert sum(summary["decisions_per_model"].values()) == summary["n_decisions"]
+
+
+def test_page_and_summary_state_the_gap_of_the_curves_with_its_probability(folder, inputs):
+    found = agreement(inputs.predicted, inputs.arrival_times_s)
+    assert 0 < found.gap_probability < 1
+    assert Agreement(**json.loads((folder / "summary.json").read_text())["agreement"]) == found
+    assert found.gap_text in Page((folder / "report.html").read_text(encoding="utf-8")).text
 
 
 def test_the_tables_hold_what_was_given(folder, inputs):
