@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
@@ -19,10 +19,12 @@ _EQUAL = 1e-9
 class PolicyDriver:
     """Chooses by `probabilities` (S, 5): a likeliest action, or one drawn when not greedy.
 
-    Of equally likely actions one is drawn, but for the direction in which the robot has just come,
-    which it keeps. A greedy robot that is still in the cell where it decided to move was blocked.
-    Until it is two cells away from where it was blocked, what it has done in a cell is left out
-    there, until nothing is left: so cells that block each other do not hold it.
+    Of equally likely actions one is drawn. A greedy robot that has just come in one of their
+    directions turns to the side, where that is one of them, or goes on: such a way in steps is near
+    the straight one, and the robot cuts its corners. A greedy robot that is still in the cell where
+    it decided to move was blocked. Until it is two cells away from where it was blocked, what it
+    has done in a cell is left out there, until nothing is left: so cells that block each other do
+    not hold it.
     """
 
     def __init__(
@@ -64,9 +66,9 @@ class PolicyDriver:
         if state < 0:
             return Action.WAIT
         tried = self._tried_in(state)
-        row = self._likeliest(state, tried) if self._greedy else self._probabilities[state]
-        if self._greedy and row[self._last] and self._last != Action.WAIT:
-            row = np.eye(len(row))[self._last]
+        row = self._probabilities[state]
+        if self._greedy:
+            row = self._turned(self._likeliest(state, tried))
         action = self._last = Action(int(self._rng.choice(len(row), p=row / row.sum())))
         if tried or action != Action.WAIT:
             tried.add(action)
@@ -97,6 +99,15 @@ class PolicyDriver:
             tried.clear()
             row = self._probabilities[state]
         return np.asarray(row >= row.max() - _EQUAL, dtype=np.float64)
+
+    def _turned(self, likeliest: FloatArray) -> FloatArray:
+        """(5,) of the likeliest actions those to the side of the last direction, or this one."""
+        last = self._last
+        if last == Action.WAIT or not likeliest[last]:
+            return likeliest
+        to_side = np.where(DIRECTION_VECTORS @ DIRECTION_VECTORS[last] == 0, likeliest, 0.0)
+        to_side[Action.WAIT] = 0.0
+        return to_side if to_side.any() else np.eye(len(likeliest))[last]
 
     def _left(self, state: int, tried: set[Action]) -> FloatArray:
         """(5,) the policy's weights of what a blocked robot has not tried, 0 towards walls.

@@ -94,20 +94,38 @@ def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episod
     assert np.mean(np.array(draws[0]) == Action.NORTH) == pytest.approx(0.7, abs=0.07)
 
 
-def test_of_equally_likely_actions_one_is_drawn_by_the_seed_and_then_kept():
+def test_of_equally_likely_actions_one_is_drawn_by_the_seed():
     def draws(seed):
         driver = driver_by(0.1, 0.4, 0.4 - 1e-12, 0.1 + 1e-12, 0.0, seed=seed)
         first = []
         for episode in range(200):
             driver.begin(episode)
-            (action,) = set(decided(driver, 5, blocked=False))
-            first.append(action)
+            first.append(driver.decide(SEEN, HERE))
         return first
 
     assert set(draws(1)) == {Action.NORTH, Action.EAST}
     assert np.mean(np.array(draws(1)) == Action.NORTH) == pytest.approx(0.5, abs=0.11)
     assert draws(1) == draws(1)
     assert draws(1) != draws(2)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "first", "then"),
+    [
+        ((0.0, 0.5, 0.5, 0.0, 0.0), Action.NORTH, [Action.EAST, Action.NORTH] * 3),
+        ((0.0, 0.5, 0.0, 0.5, 0.0), Action.NORTH, [Action.NORTH] * 6),
+        ((0.3, 0.3, 0.3, 0.1, 0.0), Action.EAST, [Action.NORTH, Action.EAST] * 3),
+    ],
+)
+def test_of_equally_likely_directions_a_robot_turns_to_the_side_and_never_back(
+    probabilities, first, then
+):
+    driver = driver_by(*probabilities)
+    episode = 0
+    while driver.decide(SEEN, HERE) != first:
+        episode += 1
+        driver.begin(episode)
+    assert [driver.decide(SEEN, state) for state in [THERE, HERE] * 3] == then
 
 
 def test_a_blocked_robot_tries_what_the_policy_likes_next_and_then_all_again():
