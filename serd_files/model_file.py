@@ -136,6 +136,12 @@ class ModelFile(StrictModel):
                     f"outcome_models must be among {', '.join(MODEL_NAMES)}, got {model.name!r};"
                     " learn the model again (models whose outcomes depend on density have left)"
                 )
+        names = [model.name for model in self.outcome_models]
+        if len(set(names)) < len(names) or MODEL_NAMES[WAITING] not in names:
+            raise ValueError(
+                f"outcome_models must hold each name once and {MODEL_NAMES[WAITING]!r}, got"
+                f" {', '.join(names)}; learn the model again"
+            )
         return self
 
     @model_validator(mode="after")

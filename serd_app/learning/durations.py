@@ -102,7 +102,7 @@ def _places(
         return none, "whether moves take longer in some places is not known from one episode"
     found = compare_places(problem, decisions)
     if found.chosen != PLACES:
-        return none, f"left-out episodes support {found.chosen} of dwell times, and no places"
+        return none, "left-out episodes do not support dwell times that differ by place"
     pace = fit_places(problem, decisions, truth)
     return pace.log_pace, (
         "left-out episodes support dwell times that differ by place, by a factor of"

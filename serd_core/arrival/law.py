@@ -47,21 +47,6 @@ class ArrivalLaw:
         return replace(self, times_s=self.times_s + delay_s)
 
 
-def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
-    """Kolmogorov-Smirnov distance of a law and measured times, inf where it did not arrive.
-
-    The largest difference of the two step functions up to the law's last step, looked at on both
-    sides of every step.
-    """
-    measured = measured_times_s(arrival_times_s)
-    steps = np.unique(np.concatenate([law.times_s, measured[measured <= law.times_s[-1]]]))
-    after = np.searchsorted(measured, steps + SAME_TIME_S, side="right") / len(measured)
-    before = np.searchsorted(measured, steps - SAME_TIME_S, side="right") / len(measured)
-    after_gap = np.abs(law.probability_by(steps) - after)
-    before_gap = np.abs(law.probability_by(steps - 2 * SAME_TIME_S) - before)
-    return float(np.maximum(after_gap, before_gap).max())
-
-
 def measured_times_s(arrival_times_s: ArrayLike) -> FloatArray:
     """(N,) ascending; SerdError without a time, or for NaN."""
     measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))

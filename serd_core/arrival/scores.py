@@ -32,17 +32,24 @@ def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
     return float((np.diff(ends) @ scores).mean())
 
 
+def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
+    """Largest difference of a law and the measured shares, inf where it did not arrive.
+
+    At the steps of the law, to whose nearest one each time is rounded: the Kolmogorov-Smirnov
+    distance of the rounded times. SerdError without a time.
+    """
+    return float(_gaps_of(law, measured_times_s(arrival_times_s)[None, :])[0])
+
+
 def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) -> float:
     """Probability of a gap as large as that of the measured times if the law is right.
 
     By series drawn from the law itself, which may have steps and need not reach 1. Where it is the
-    mean of draws of a posterior, each series is drawn from one of these, as the world is one. A gap
-    is the largest difference at the steps of the law, to whose nearest one each time is rounded.
+    mean of draws of a posterior, each series is drawn from one of these, as the world is one.
     SerdError without a time.
     """
-    measured = measured_times_s(arrival_times_s)
-    gap = _gaps_of(law, measured[None, :])[0]
-    by_chance = _gaps_by_chance(law, len(measured), 1.0, N_SERIES, seed)
+    gap = largest_gap(law, arrival_times_s)
+    by_chance = _gaps_by_chance(law, np.size(arrival_times_s), 1.0, N_SERIES, seed)
     return float((1 + np.sum(by_chance >= gap - 1e-12)) / (1 + N_SERIES))
 
 

@@ -15,7 +15,7 @@ from serd_core.grid.grid import Grid
 
 
 class Entered(NamedTuple):
-    """A cell, and when it was entered; state -1: the grid was left."""
+    """A cell, and when it was entered."""
 
     time_s: float
     state: int
@@ -24,11 +24,10 @@ class Entered(NamedTuple):
 class CellTracker:
     """The cell of one who is seen from time to time.
 
-    All borders without a cell behind them are walls, but for those of the grid's first and last
-    column, where the way may end: beyond a wall, a position counts as in the cell before, since
-    measured places pass walls by a few centimetres. One in a cell to which no way leads, as behind
-    a pillar that half fills its cell, is entered from nowhere. state: -1 before the first position
-    on the grid, and after the grid was left.
+    All borders without a cell behind them are walls: beyond one, a position counts as in the cell
+    before, since measured places pass walls by a few centimetres. One in a cell to which no way
+    leads, as behind a pillar that half fills its cell, is entered from nowhere. state: -1 before
+    the first position on the grid.
     """
 
     def __init__(self, grid: Grid, hysteresis_m: float = 0.0) -> None:
@@ -73,8 +72,6 @@ class CellTracker:
             self.state = self._state(column, row)
             latest_s = max(latest_s, before_s + share * (time_s - before_s))
             entered.append(Entered(latest_s, self.state))
-            if self.state < 0:
-                return entered
         there = self._grid.state_at(x_m, y_m)
         if there >= 0 and not self._is_in((column, row), place, margin):
             self.state = there
@@ -111,8 +108,7 @@ class CellTracker:
 
     def _is_wall(self, cell: tuple[int, int], axis: int, side: int) -> bool:
         column, row = cell[0] + side * (axis == 0), cell[1] + side * (axis == 1)
-        inside = 0 <= column < self._grid.walkable.shape[1]
-        return inside and self._state(column, row) < 0
+        return self._state(column, row) < 0
 
     def _state(self, column: int, row: int) -> int:
         rows, columns = self._grid.walkable.shape

@@ -18,8 +18,8 @@ from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem, rewards
 
 NEWTON, SOFT = Newton(), SoftBellman()
-#: Relative difference of values that rounding makes.
-_ROUNDING = 1e-12
+#: Relative difference of values of one state that counts as none.
+_EQUAL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +58,11 @@ def optimal_policy(
 ) -> Policy:
     """Greedy optimal policy (2.24 to 2.26), even over actions that are equally good.
 
-    `greedy` is the first of these. Values that the solution does not distinguish are equal.
+    Values of a state are equal within 1e-9 of the best one; `greedy` is the first of the best.
     """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
     best = solution.q.max(axis=1, keepdims=True)
-    slack = 2.0 * solution.error_bound + _ROUNDING * np.abs(best)
-    equal = solution.q >= best - slack
+    equal = solution.q >= best - _EQUAL * np.abs(best)
     return _policy(solution, equal / equal.sum(axis=1, keepdims=True))
 
 

@@ -7,9 +7,10 @@ the maximum of its own posterior, and Laplace's approximation of the integrals o
 the evidence of sd, whose hyperprior is log-normal. Where places do not differ, sd and with it all
 b_s go to 0.
 
-`compare_places` chooses among one law for all moves, laws of local models, and these with places,
-by the likelihood of dwell times of episodes that were left out. It takes the simplest of them that
-the best one does not beat by more than two standard errors of the difference per episode.
+`compare_places` takes places where the likelihood of dwell times of episodes that were left out is
+higher with them than with laws of local models alone, by more than two standard errors of the
+difference per episode. One law for all moves is scored beside them and never taken: it would state
+the time of moves that nobody made, of which left-out episodes say nothing.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.semi_markov.dwell_likelihood import DwellObservations, dwell_times
-from serd_core.semi_markov.models import require_timed, semi_markov_problem
+from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 
 #: Median of sd and spread of its logarithm; the range in which the best one is searched.
 MEDIAN, SPREAD, LEAST, MOST = 0.3, 1.0, 1e-3, 3.0
@@ -31,8 +32,8 @@ MEDIAN, SPREAD, LEAST, MOST = 0.3, 1.0, 1e-3, 3.0
 STEPS, LONGEST, SMALL = 100, 1.0, 1e-9
 #: Standard errors by which a law must lead a simpler one.
 LEAD = 2.0
-#: Laws that are compared, simplest first.
-ONE_LAW, LOCAL_LAWS, PLACES = "one law", "laws of local models", "laws and places"
+#: What is chosen from.
+LOCAL_LAWS, PLACES = "laws of local models", "laws and places"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +47,10 @@ class PlacePaces:
 
 @dataclass(frozen=True, eq=False)
 class PlaceComparison:
-    """chosen: `ONE_LAW`, `LOCAL_LAWS` or `PLACES`, the one to take.
+    """chosen: `LOCAL_LAWS` or `PLACES`, the one to take.
 
-    log_likelihood: (3,) of these, held out, in nats per dwell time; lead: (3,) of the best over
-    each, in nats per episode; its_error: (3,) standard errors of that.
+    log_likelihood: (3,) of one law, `LOCAL_LAWS` and `PLACES`, held out, in nats per dwell time;
+    lead: (3,) of places over each, in nats per episode; its_error: (3,) standard errors of that.
     """
 
     chosen: str
@@ -61,15 +62,15 @@ class PlaceComparison:
 def fit_places(problem: Problem, decisions: Decisions, parameters: FloatArray) -> PlacePaces:
     """Multipliers of dwell times by state, the laws being those of (N,) parameters.
 
-    `semi_markov_problem(problem, log_pace=...)` plans with them; those that the problem has already
-    are not in the result. SerdError where moves take no time or decisions have no dwell times.
+    `semi_markov_problem(problem, log_pace=...)` plans with them. SerdError where moves take no time
+    or have multipliers already, or decisions have no dwell times.
 
         fit = sc.fit_mdce_serd(timed, decisions)
         places = sc.fit_places(timed, decisions, fit.parameters.truth)
         timed = sc.semi_markov_problem(timed, log_pace=places.log_pace)
         table = timed.mdp.transitions.local_probabilities(fit.parameters.truth)
     """
-    model, dwells = require_timed(problem.mdp.transitions), dwell_times(problem.mdp, decisions)
+    model, dwells = _without_paces(problem), dwell_times(problem.mdp, decisions)
     if dwells is None:
         raise SerdError("problem must have laws of dwell times, got none; leave out places")
     theta, state = float_array("parameters", parameters, (model.n_parameters,)), decisions.state
@@ -115,16 +116,16 @@ class _Places:
 
 
 def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> PlaceComparison:
-    """Whether dwell times differ by local model, and by place, on episodes that were left out.
+    """Whether dwell times differ by place, on episodes that were left out.
 
     Laws are counted (`estimate_dynamics`). n_folds: parts of the episodes, of which each is left
-    out once. SerdError where there are fewer than two episodes, moves take no time or decisions
-    have no dwell times.
+    out once. SerdError where there are fewer than two episodes, moves take no time or have
+    multipliers already, or decisions have no dwell times.
 
         print(sc.compare_places(timed, decisions).chosen)
     """
     require_count("n_folds", n_folds, 2, "5")
-    model, episodes = require_timed(problem.mdp.transitions), decisions.episodes
+    model, episodes = _without_paces(problem), decisions.episodes
     if len(episodes) < 2:
         raise SerdError(
             f"decisions must hold at least 2 episodes to leave some out, got {len(episodes)};"
@@ -151,7 +152,15 @@ def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> 
             each = found.by_decision(theta)
             by_episode[row] += weighted_counts(number[found.row], each, len(episodes))
     total = by_episode.sum(axis=1)
-    ahead = by_episode[np.argmax(total)] - by_episode
+    ahead = by_episode[-1] - by_episode
     lead, error = ahead.mean(axis=1), ahead.std(axis=1, ddof=1) / np.sqrt(len(episodes))
-    chosen = (ONE_LAW, LOCAL_LAWS, PLACES)[int(np.argmax(lead <= LEAD * error))]
+    chosen = PLACES if lead[1] > LEAD * error[1] else LOCAL_LAWS
     return PlaceComparison(chosen, total / max(n_dwells, 1), lead, error)
+
+
+def _without_paces(problem: Problem) -> SemiMarkovModels:
+    """Its models; SerdError where places have multipliers."""
+    model = require_timed(problem.mdp.transitions)
+    if model.log_pace.any():
+        raise SerdError("problem must have no log_pace yet; pass the problem without it")
+    return model

@@ -16,8 +16,8 @@ from serd_app.navigation.evaluation.prediction_support import (
 from serd_app.navigation.forecast import HALF, MOST, plan_remarks
 from serd_core.arrays import FloatArray
 from serd_core.arrival.bands import clopper_pearson
-from serd_core.arrival.law import ArrivalLaw, largest_gap
-from serd_core.arrival.scores import crps_s, detectable_delay, gap_probability
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.scores import crps_s, detectable_delay, gap_probability, largest_gap
 from serd_files.episode_table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy, start_distribution
 
@@ -115,7 +115,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         predicted_most_s=law.quantile_s(MOST),
         measured_most_s=_quantile_s(times_s, MOST),
         predicted_band_s=band_s,
-        covered=float(np.mean(~outside_band(law, times_s))),
+        covered=float(np.mean(np.isfinite(times_s) & ~outside_band(law, times_s))),
         robot_on_person=sum(row.robot_on_person for row in episodes),
         person_on_robot=sum(row.person_on_robot for row in episodes),
         robot_on_wall=sum(row.robot_on_wall for row in episodes),

@@ -128,6 +128,10 @@ class DecisionEpochs:
     def _advance(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> bool:
         entered = self._cells.see(time_s, x_m, y_m, is_last=arrived)
         if self._is_elsewhere(x_m, y_m):
+            if self._running is not None and not self._is_within(x_m, y_m):
+                begin_s, state, action = self._running
+                self.ended.append(Epoch(state, action, begin_s, time_s, -1))
+                self._running = None
             self.lose()
             entered = self._cells.see(time_s, x_m, y_m)
         if arrived and entered:
@@ -143,9 +147,10 @@ class DecisionEpochs:
             entered = (Entered(time_s, state),)
         for entered_s, reached in entered:
             end_s = max(entered_s, begin_s + LEAST_DWELL_S)
-            lost = min(state, reached) >= 0 and reached not in self._grid.neighbours[state]
-            next_state = state if lost else reached
-            self.ended.append(Epoch(state, action, begin_s, end_s, next_state, censored=lost))
+            if state >= 0 and reached not in (state, *self._grid.neighbours[state]):
+                self.n_lost += 1  # through a wall
+            else:
+                self.ended.append(Epoch(state, action, begin_s, end_s, reached))
             state, begin_s = reached, end_s
         if self._entered_s is not None:
             self._entered_s = begin_s
@@ -159,6 +164,13 @@ class DecisionEpochs:
         center_x_m, center_y_m = self._grid.centers_m[self.state].tolist()
         farthest_m = (0.5 + _BEYOND_WALLS_CELLS) * self._grid.cell_size_m
         return bool(max(abs(x_m - center_x_m), abs(y_m - center_y_m)) > farthest_m)
+
+    def _is_within(self, x_m: float, y_m: float) -> bool:
+        """Whether the place is in the rectangle of the grid, on cells or on walls."""
+        (left_m, low_m), size_m = self._grid.origin_m, self._grid.cell_size_m
+        rows, columns = self._grid.walkable.shape
+        east, north = (x_m - left_m) / size_m, (y_m - low_m) / size_m
+        return 0 <= east <= columns and 0 <= north <= rows
 
 
 def epochs_in(scenario: Scenario, grid: Grid) -> DecisionEpochs:

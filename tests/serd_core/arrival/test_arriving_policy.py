@@ -114,6 +114,12 @@ def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_the
     assert (periods[2:] > 0.99 * NEVER).all()
 
 
+def test_one_way_is_the_fastest_also_beside_cells_that_no_way_leads_out_of():
+    problem = problem_of([[1], [1], [1], [1], [0], [1]], [3])
+    found = least_time(problem, outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(found.probabilities[:3], np.eye(5)[[Action.NORTH] * 3])
+
+
 def test_moves_that_nearly_never_succeed_are_counted_and_not_lost():
     problem = problem_of(np.ones((1, 3)), [2])
     periods = -least_time(problem, outcomes_of([1 - 1e-6, 1e-6, 0.0, 0.0, 0.0])).value

@@ -17,18 +17,13 @@ def state(column, row):
 
 
 def cell_crossings(grid, time_s, position_m, hysteresis_m=0.0):
-    """States and times of the cells of a way until it leaves the grid, and when it does."""
+    """States and times of the cells of a way."""
     tracker, entered = CellTracker(grid, hysteresis_m), []
     for at_s, (x_m, y_m) in zip(time_s, position_m, strict=True):
         entered += tracker.see(at_s, x_m, y_m)
-        if entered and entered[-1].state < 0:
-            break
-    cells = [each for each in entered if each.state >= 0]
-    left = [each.time_s for each in entered if each.state < 0]
     return SimpleNamespace(
-        state=np.array([each.state for each in cells], dtype=int),
-        entered_s=np.array([each.time_s for each in cells]),
-        left_s=left[0] if left else np.nan,
+        state=np.array([each.state for each in entered], dtype=int),
+        entered_s=np.array([each.time_s for each in entered]),
     )
 
 
@@ -36,7 +31,6 @@ def test_a_straight_line_crosses_every_border_at_its_time():
     found = cell_crossings(GRID, np.array([0.0, 4.0]), np.array([[0.5, 1.5], [4.5, 1.5]]))
     assert found.state.tolist() == [state(column, 1) for column in range(5)]
     np.testing.assert_allclose(found.entered_s, [0.0, 0.5, 1.5, 2.5, 3.5])
-    assert np.isnan(found.left_s)
 
 
 def test_a_diagonal_way_goes_through_the_cell_whose_border_it_passes_first():
@@ -52,12 +46,13 @@ def test_swaying_within_the_hysteresis_crosses_nothing():
     assert len(cell_crossings(GRID, time, sway, hysteresis_m=0.1).state) == 1
 
 
-def test_places_beyond_a_wall_stay_in_the_cell_and_an_open_end_ends_the_way():
-    time = np.array([0.0, 1.0, 2.0, 3.0])
-    places = np.array([[4.5, 2.5], [4.6, 3.2], [5.5, 2.6], [6.5, 2.6]])
-    found = cell_crossings(GRID, time, places)
-    assert found.state.tolist() == [state(4, 2), state(5, 2)]
-    assert found.left_s == pytest.approx(2.5)
+@pytest.mark.parametrize("turned", [False, True])
+def test_places_beyond_a_wall_of_any_side_stay_in_the_cell(turned):
+    places = np.array([[4.5, 2.5], [4.6, 3.2], [5.5, 2.6], [6.2, 2.6], [5.6, 1.9]])
+    grid = Grid(GRID.origin_m, 1.0, GRID.walkable.T) if turned else GRID
+    found = cell_crossings(grid, np.arange(5.0), places[:, ::-1] if turned else places)
+    cells = grid.cells[found.state]
+    assert (cells if turned else cells[:, ::-1]).tolist() == [[4, 2], [5, 2], [5, 1]]
 
 
 def test_a_cell_that_no_way_of_the_grid_leads_to_is_entered_where_it_is_seen():

@@ -40,9 +40,12 @@ def test_a_plan_may_take_the_pace_of_places():
     paced = sc.semi_markov_problem(timed, log_pace=places.log_pace)
     table = paced.mdp.transitions.local_probabilities(truth)
     assert sc.optimal_policy(paced, np.array([1.0, 0.0]), table).converged
-    # With the pace taken out, what is left of it is small.
-    rest = sc.fit_places(paced, decisions, truth)
-    assert rest.deviation < places.deviation
+    for fitted in (
+        lambda: sc.fit_places(paced, decisions, truth),
+        lambda: sc.compare_places(paced, decisions),
+    ):
+        with pytest.raises(sc.SerdError, match="problem must have no log_pace yet"):
+            fitted()
 
 
 def test_one_episode_cannot_be_left_out():

@@ -39,6 +39,14 @@ def test_a_waypoint_that_is_not_repeated_is_followed_for_a_moment(followed, time
     assert followed.is_overdue == (waypoint is None)
 
 
+def test_a_waypoint_is_followed_as_long_where_the_robot_enters_another_cell(followed):
+    followed.take(4.0, FAR)
+    followed.waypoint(observation_at(2.5, 3.95, time_s=4.0))
+    for time_s, y_m in ((4.1, 4.15), (4.6, 4.7), (4.75, 4.9)):
+        assert followed.waypoint(observation_at(2.5, y_m, time_s=time_s)) == FAR
+    assert followed.waypoint(observation_at(2.5, 4.9, time_s=4.85)) is None
+
+
 @pytest.mark.parametrize(("late_s", "is_followed"), [(3.95, True), (4.05, False)])
 def test_an_intent_is_followed_in_its_cell_for_the_patience_of_the_scenario(
     followed, late_s, is_followed
