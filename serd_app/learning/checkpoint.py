@@ -7,7 +7,7 @@ The folder holds `decisions.csv`, every decision learned from or still to learn 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,7 +17,6 @@ from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
 from serd_app.learning.fit_data import FitProgress
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
-from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.timed_decisions import TimedDecisions
@@ -29,14 +28,19 @@ from serd_sim.scenario.scenario import Scenario
 class LearnerCheckpoint(StrictModel):
     """reward_weights: by name, where the newest fit to all episodes stood; none before it.
 
-    step: steps of the fit under way, to all episodes or of a candidate weight; 0 between fits.
+    patience_s, wait_s: of the scenario, by which its decisions end. step: steps of the fit under
+    way, to all episodes or of a candidate weight; 0 between fits.
     n_learned: decisions the newest finished fit had learned from.
     """
 
+    remade_by: ClassVar[str] = "choose another folder or move this one away"
+
     format: Literal["serd-learner"] = "serd-learner"
-    format_version: Literal[1] = 1
+    format_version: Literal[2] = 2
     scenario: str
     grid_fingerprint: str
+    patience_s: float = Field(gt=0)
+    wait_s: float = Field(gt=0)
     reward_weights: dict[str, float] = Field(default_factory=dict)
     step: int = Field(default=0, ge=0)
     n_learned: int = Field(default=0, ge=0)
@@ -47,23 +51,37 @@ class CheckpointFolder:
     """Reads and writes the two files; each is replaced whole."""
 
     path: Path
-    scenario: str
-    grid: Grid
+    scenario: Scenario
 
     def new(self) -> LearnerCheckpoint:
         """The checkpoint of a learner without demonstrations."""
-        return LearnerCheckpoint(scenario=self.scenario, grid_fingerprint=self.grid.fingerprint())
+        return LearnerCheckpoint(
+            scenario=self.scenario.name,
+            grid_fingerprint=grid_of(self.scenario).fingerprint(),
+            patience_s=self.scenario.patience_s,
+            wait_s=self.scenario.wait_s,
+        )
 
     def load(self) -> tuple[LearnerCheckpoint, TimedDecisions] | None:
-        """The checkpoint, None where there is none; FileError where it is of another grid."""
+        """The checkpoint, None where there is none.
+
+        FileError where it is of another grid, or where its decisions ended by other times.
+        """
         if not self._decisions.exists() or not self._checkpoint.exists():
             return None
         checkpoint = load_yaml_model(self._checkpoint, LearnerCheckpoint)
-        if checkpoint.grid_fingerprint != self.grid.fingerprint():
+        here = self.new()
+        if checkpoint.grid_fingerprint != here.grid_fingerprint:
             raise FileError(
                 f"{self.path}: was kept on the grid of scenario {checkpoint.scenario!r}, not on "
-                f"that of {self.scenario!r}; choose another folder or move this one away"
+                f"that of {here.scenario!r}; {here.remade_by}"
             )
+        for name in ("patience_s", "wait_s"):
+            if (kept := getattr(checkpoint, name)) != (wanted := getattr(here, name)):
+                raise FileError(
+                    f"{self.path}: was kept with a {name} of {kept:g}, that of the scenario is"
+                    f" {wanted:g}; {here.remade_by}"
+                )
         return checkpoint, load_decisions(self._decisions)
 
     def save_decisions(self, decisions: TimedDecisions) -> None:
@@ -99,7 +117,7 @@ class LearnerMemory:
     ) -> None:
         grid = grid_of(scenario)
         self._feature_names = feature_names or features_of_flow(flow_of(scenario, grid))
-        self.folder = CheckpointFolder(folder, scenario.name, grid)
+        self.folder = CheckpointFolder(folder, scenario)
         loaded = self.folder.load()
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
         self.demonstrations: Demonstrations | None = None

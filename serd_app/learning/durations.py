@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from serd_app.learning.settings import MethodName
+from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.demonstrations.decisions import Decisions
@@ -20,7 +21,7 @@ from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed
-from serd_core.semi_markov.place import PLACES, compare_places, fit_places
+from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import LearnedDynamics
 
@@ -58,8 +59,8 @@ def dynamics_of(
     truth, belief, drawn = fit.parameters.truth, fit.parameters.belief, None
     if draws is not None:
         drawn = draws.truth
-    counted = len(truth) != model.n_parameters
-    if counted:
+    are_counted = len(truth) != model.n_parameters
+    if are_counted:
         truth, belief = (
             model.outcomes.fixed_parameters_of(table)[: model.means.start]
             for table in (fit.outcome_probabilities, fit.believed_outcome_probabilities)
@@ -75,7 +76,7 @@ def dynamics_of(
     found = LearnedDynamics(truth, belief, log_pace)
     if draws is not None:
         found = replace(found, draws=drawn, reward_draws=draws.reward)
-    return found, (_sentence(problem, model, truth), remark) if counted else (remark,)
+    return found, (_sentence(problem, model, truth), remark) if are_counted else (remark,)
 
 
 def with_moves_as_actions(grid: Grid, decisions: TimedDecisions) -> TimedDecisions:
@@ -98,8 +99,9 @@ def _places(
 ) -> tuple[FloatArray, str]:
     """(S,) log paces, 0 where places are not supported, and what was decided."""
     none = np.zeros(problem.mdp.n_states)
-    if len(decisions.episodes) < 2:
-        return none, "whether moves take longer in some places is not known from one episode"
+    if len(decisions.episodes) < LEAST_EPISODES:
+        n_episodes = counted(len(decisions.episodes), "episode")
+        return none, f"whether moves take longer in some places is not known from {n_episodes}"
     found = compare_places(problem, decisions)
     if found.chosen != PLACES:
         return none, "left-out episodes do not support dwell times that differ by place"

@@ -58,16 +58,18 @@ class LearnedTraps:
 
 
 def learned_traps(
-    problem: NavigationProblem, decisions: Decisions, weights: FloatArray, truth: FloatArray
+    problem: NavigationProblem, decisions: Decisions, weights: FloatArray, dynamics: FloatArray
 ) -> LearnedTraps:
-    """Count them for the optimum of the learned rewards and dynamics.
+    """Count them for the plan of the learned rewards and the mean of the dynamics, as it is driven.
 
     problem: its decisions take time. decisions: in states of the problem, as the fit learned from
-    them. weights: (F,) of the rewards; truth: (N,) parameters of the dynamics.
+    them. weights: (F,) of the rewards; dynamics: (n, N) draws of the parameters.
     """
     grid, model = problem.grid, require_timed(problem.mdp.transitions)
-    greedy = optimal_policy(problem, weights, model.local_probabilities(truth)).greedy
-    outcomes, seconds = model.outcomes.local_probabilities(truth), model.expected_seconds(truth)
+    table = model.local_probabilities(dynamics).mean(axis=0)
+    greedy = optimal_policy(problem, weights, table).greedy
+    outcomes = model.outcomes.local_probabilities(dynamics).mean(axis=0)
+    seconds = np.mean([model.expected_seconds(each) for each in dynamics], axis=0)
     fastest = least_time_policy(problem, outcomes, seconds).probabilities
     chain = policy_chain(problem.by_decisions.mdp, fastest, outcomes)
     reaching = probability_of_ever_arriving(chain, goal_mask(problem)) > 0.5

@@ -17,6 +17,7 @@ from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws
 from serd_core.grid.navigation import NavigationProblem, with_dwell_times
+from serd_core.semi_markov.models import semi_markov_problem
 from serd_files.model_file import model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
@@ -89,10 +90,12 @@ def learn(
         dynamics=dynamics,
         own_flow=task.own_flow,
     )
+    paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
+    driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     return FitOutcome(
         fit,
         model,
-        learned_traps(task.problem, decisions, found.fit.reward_weights, dynamics.truth),
+        learned_traps(paced, decisions, found.fit.reward_weights, driven),
         problem,
         found.prior_weight,
         found.validation,

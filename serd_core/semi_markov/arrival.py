@@ -39,18 +39,17 @@ def timed_arrival(
 
 
 def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: int) -> FloatArray:
-    """(C, n_steps + 1) probability of times that take 0, 1, ... steps, rounded to the nearest.
+    """(C, n_steps + 1) probability of times that take 0, 1, ... steps.
 
-    mean_s, shape: (C,) of gamma laws; a shape of inf is a time that does not vary. A time takes one
-    step at least.
+    mean_s, shape: (C,) of gamma laws; a shape of inf is a time that does not vary. A time between
+    two steps is divided between them so that the mean stays what it is. So the probability of step
+    i is the second difference, over step_s, of the integral of the law's distribution function.
     """
-    mass = np.zeros((len(mean_s), n_steps + 1))
-    given = np.flatnonzero(np.isinf(shape))
-    steps = np.maximum(np.rint(mean_s[given] / step_s).astype(np.int64), 1)
-    within = steps <= n_steps
-    mass[given[within], steps[within]] = 1.0
-    law = np.flatnonzero(np.isfinite(shape))
-    ends_s = step_s * (np.arange(1, n_steps + 1) + 0.5)
-    below = gammainc(shape[law, None], ends_s * (shape / mean_s)[law, None])
-    mass[law, 1:] = np.diff(below, prepend=0.0, axis=1)
-    return mass
+    shape, mean_s = shape[:, None], mean_s[:, None]
+    ends_s = step_s * np.arange(n_steps + 2)
+    with np.errstate(invalid="ignore"):  # of shapes of inf, which are replaced
+        rate = shape / mean_s * ends_s
+        integral = ends_s * gammainc(shape, rate) - mean_s * gammainc(shape + 1.0, rate)
+    integral = np.where(np.isinf(shape), np.maximum(ends_s - mean_s, 0.0), integral)
+    mass = np.diff(integral, n=2, prepend=0.0, axis=1) / step_s
+    return np.asarray(mass.clip(0.0, 1.0))

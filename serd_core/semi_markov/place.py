@@ -32,6 +32,8 @@ MEDIAN, SPREAD, LEAST, MOST = 0.3, 1.0, 1e-3, 3.0
 STEPS, LONGEST, SMALL = 100, 1.0, 1e-9
 #: Standard errors by which a law must lead a simpler one.
 LEAD = 2.0
+#: Fewer say nothing of their standard error.
+LEAST_EPISODES = 3
 #: What is chosen from.
 LOCAL_LAWS, PLACES = "laws of local models", "laws and places"
 
@@ -119,16 +121,17 @@ def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> 
     """Whether dwell times differ by place, on episodes that were left out.
 
     Laws are counted (`estimate_dynamics`). n_folds: parts of the episodes, of which each is left
-    out once. SerdError where there are fewer than two episodes, moves take no time or have
+    out once. SerdError where there are fewer than three episodes, moves take no time or have
     multipliers already, or decisions have no dwell times.
 
         print(sc.compare_places(timed, decisions).chosen)
     """
     require_count("n_folds", n_folds, 2, "5")
     model, episodes = _without_paces(problem), decisions.episodes
-    if len(episodes) < 2:
+    if len(episodes) < LEAST_EPISODES:
         raise SerdError(
-            f"decisions must hold at least 2 episodes to leave some out, got {len(episodes)};"
+            f"decisions must hold at least {LEAST_EPISODES} episodes to compare those left out,"
+            f" got {len(episodes)};"
             " record more"
         )
     one = semi_markov_problem(problem, law_of=np.minimum(model.law_of, 0))

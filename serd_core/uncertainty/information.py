@@ -61,9 +61,9 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
-    key: (G,) distinct observed transitions, as in `Observations`.
-    scores: (G + T, n) of these and of the T distinct moves with a hidden action; of TimedDecisions
-    those of each decision with its action in place of the first.
+    key: (G,) distinct observed transitions, as in `Observations`, or of TimedDecisions (N,) that of
+    each decision. scores: (G + T, n) of these and of the T distinct moves with a hidden action; of
+    TimedDecisions those of each decision with its action in place of the first.
     """
 
     names: tuple[str, ...]
@@ -123,7 +123,9 @@ def fit_information(
         gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
-        key=observations.key,
+        key=taken_transitions(problem.mdp, decisions)
+        if isinstance(decisions, TimedDecisions)
+        else observations.key,
         scores=free_scores,
     )
 

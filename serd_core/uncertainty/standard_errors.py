@@ -43,6 +43,7 @@ from serd_core.arrays import (
     require_share,
 )
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import taken_transitions
 from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
@@ -172,12 +173,12 @@ def clustered_outer_product(
             "decisions must show their actions where scores are summed by cluster, got"
             f" {int(decisions.hidden.sum())} without; use bootstrap"
         )
+    key = taken_transitions(problem.mdp, decisions)
     if isinstance(decisions, TimedDecisions):
-        same = len(decisions) == len(information.scores)
-        place = np.arange(len(decisions)) if same else np.full(len(decisions), -1)
+        same = np.array_equal(key, information.key)
+        place = np.arange(len(key)) if same else np.full(len(key), -1)
     else:
-        row = decisions.state * problem.mdp.n_actions + decisions.action
-        place = places_of(row * problem.mdp.n_states + decisions.next_state, information.key)
+        place = places_of(key, information.key)
     if (bad := first_index(place < 0)) is not None:
         raise SerdError(
             f"decisions must be those of the information, got decision {bad[0]} with a transition"

@@ -241,7 +241,7 @@ def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):
     decisions = Decisions(np.array([0, 0, 1]), np.arange(3.0), starts, starts, starts)
     models, weights = problem.mdp.transitions, np.array([0.1, 0.0, -5.0])
     truth = models.parameters_from(found.fit.outcome_probabilities, 1.0, 5.0)
-    counted = learned_traps(problem, decisions, weights, truth)
+    counted = learned_traps(problem, decisions, weights, truth[None])
     greedy = optimal_policy(problem, weights, models.local_probabilities(truth))
     looping = trap_states(problem.grid.neighbours, greedy.greedy, problem.goal_states)
     assert counted.n_looping_cells == looping.sum() > 100
@@ -259,7 +259,7 @@ def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
     problem, start = task_in(HALLWAY, CONFIG.discount).problem, np.zeros(1, dtype=int)
     decisions = Decisions(start, np.zeros(1), start, start, start)
     truth = problem.mdp.transitions.parameters_from(rows, 1.0, 5.0)
-    stuck = learned_traps(problem, decisions, outcome[0].fit.reward_weights, truth)
+    stuck = learned_traps(problem, decisions, outcome[0].fit.reward_weights, truth[None])
     n_goals = len(problem.goal_states)
     assert (stuck.n_looping_cells, stuck.n_reaching_cells) == (0, n_goals)
     assert stuck.sentence() == (
@@ -282,5 +282,5 @@ def test_cells_that_are_cut_off_do_not_reach_the_goal_however_quick_moves_are():
     truth = problem.mdp.transitions.parameters_from(sure, 0.2, 5.0)
     start = np.array([2])
     decisions = Decisions(start, np.zeros(1), start, np.array([Action.WEST]), np.array([1]))
-    counted = learned_traps(problem, decisions, np.array([1.0, 0.0]), truth)
+    counted = learned_traps(problem, decisions, np.array([1.0, 0.0]), truth[None])
     assert (counted.n_reaching_cells, counted.n_cells) == (3, 5)

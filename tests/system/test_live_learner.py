@@ -90,7 +90,7 @@ def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
     nodes, probe, models, root, tmp_path
 ):
     demonstrations = shipped_demonstrations(root)
-    folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
     folder.save_decisions(demonstrations.decisions)
     folder.save(folder.new())
     given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
@@ -119,7 +119,7 @@ def test_a_call_to_learn_is_answered_by_whether_there_are_decisions_enough(
     n_decisions, nodes, probe, models, root, tmp_path
 ):
     decisions = shipped_demonstrations(root).decisions
-    folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
     folder.save_decisions(decisions.select(np.arange(n_decisions or len(decisions))))
     folder.save(folder.new())
     given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}

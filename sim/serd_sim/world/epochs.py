@@ -170,7 +170,7 @@ class DecisionEpochs:
         (left_m, low_m), size_m = self._grid.origin_m, self._grid.cell_size_m
         rows, columns = self._grid.walkable.shape
         east, north = (x_m - left_m) / size_m, (y_m - low_m) / size_m
-        return 0 <= east <= columns and 0 <= north <= rows
+        return bool(0 <= east <= columns and 0 <= north <= rows)
 
 
 def epochs_in(scenario: Scenario, grid: Grid) -> DecisionEpochs:

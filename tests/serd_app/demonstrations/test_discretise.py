@@ -181,7 +181,7 @@ def test_decisions_off_the_grid_are_dropped_with_the_reason():
     decisions, report = found(off)
     assert decisions.state.tolist() == [GRID.state_at(2.5, 2.5)]
     assert report.dropped == {OFF_GRID: 1}
-    left = drive([(0.5, 0.5), (0.5, 0.5), (-0.5, 0.5)], [(0.0, WEST)], outcome="saved")
+    left = drive([(0.5, 0.5), (0.5, 0.5), (-1.5, 0.5)], [(0.0, WEST)], outcome="saved")
     assert found(left)[1].dropped == {OFF_GRID: 2}
 
 
@@ -212,9 +212,9 @@ def test_a_gap_of_poses_loses_the_decision_and_is_a_fault():
 def test_a_leap_through_a_wall_is_no_outcome_and_the_way_goes_on_there():
     places = [(1.5, 1.5), (1.5, 1.5), (3.5, 1.5), (3.5, 2.5)]
     recorded = drive(places, [(0.0, NORTH)], outcome="saved")
-    decisions, _ = found(with_gap(recorded, 1.05, 1.45))
-    assert decisions.state.tolist()[:2] == [GRID.state_at(1.5, 1.5), GRID.state_at(3.5, 1.5)]
-    assert decisions.censored.tolist()[:2] == [True, False]
+    decisions, report = found(with_gap(recorded, 1.05, 1.45))
+    assert decisions.state.tolist()[:1] == [GRID.state_at(3.5, 1.5)]
+    assert report.dropped == {LOST: 1}
 
 
 def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
@@ -228,7 +228,7 @@ def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
     ]
     decisions, report = found(drive(leaving, [(0.0, HIDDEN)], intent_hold_s=np.inf))
     assert len(decisions) == 1
-    assert report.dropped == {LOST: 1, OFF_GRID: 3}
+    assert report.dropped == {OFF_GRID: 4}
 
 
 def test_a_drive_without_poses_or_episodes_gives_nothing():

@@ -174,11 +174,11 @@ def test_places_are_taken_where_left_out_episodes_support_them():
 def test_places_are_not_taken_where_they_do_not_differ_or_are_not_known(decisions):
     even = learned(decisions, "mdce_irl")
     assert even.model.pace == ()
-    assert even.durations[1].endswith("and no places")
+    assert even.durations[1].endswith("do not support dwell times that differ by place")
     one = decisions.select_episodes(decisions.episodes[:1])
     single = learned(one, "mdce_irl", minimum_decisions=1)
     assert single.model.pace == ()
-    assert single.durations[1].endswith("is not known from one episode")
+    assert single.durations[1].endswith("is not known from 1 episode")
 
 
 def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path):

@@ -61,13 +61,16 @@ def test_drawn_drives_arrive_as_predicted_with_stays_waits_and_places():
     assert set(np.unique(drives.dwell_s[stays])) == {1.0, 4.0}  # waits, and patience
 
 
-def test_steps_hold_the_law_and_times_that_do_not_vary_are_one_step():
-    mass = dwell_steps(np.array([2.0, 1.3, 99.0]), np.array([5.0, np.inf, np.inf]), 0.1, 100)
-    assert mass[1].tolist() == np.eye(101)[13].tolist()
-    assert not mass[2].any()
-    below = gamma(5.0, scale=0.4).cdf(0.1 * (np.arange(1, 101) + 0.5))
-    np.testing.assert_allclose(np.cumsum(mass[0])[1:], below, atol=1e-12)
-    assert mass[0, 0] == 0.0
+def test_steps_hold_the_law_and_keep_its_mean_however_short_it_is():
+    mean_s = np.array([2.0, 0.1, 0.03, 1.3, 0.05, 99.0])
+    shape = np.array([5.0, 6.0, 0.7, np.inf, np.inf, np.inf])
+    mass = dwell_steps(mean_s, shape, 0.1, 400)
+    np.testing.assert_allclose(mass[3], np.eye(401)[13], atol=1e-12)
+    assert not mass[5].any()
+    np.testing.assert_allclose(mass[:5].sum(axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(mass[:5] @ (0.1 * np.arange(401)), mean_s[:5], atol=1e-10)
+    below = gamma(5.0, scale=0.4).cdf(0.1 * (np.arange(401) + 0.5))
+    np.testing.assert_allclose(np.cumsum(mass[0]), below, atol=1e-3)
 
 
 def test_slower_places_arrive_later_and_expected_seconds_are_those_of_the_law():

@@ -328,8 +328,9 @@ def test_clusters_of_timed_decisions_are_episodes_of_those_of_the_information(le
     )
     n = len(sums)
     np.testing.assert_allclose(meat, n / (n - 1) * sums.T @ sums, rtol=1e-9, atol=1e-9)
-    with pytest.raises(sc.SerdError, match="must be those of the information"):
-        sc.clustered_outer_product(timed, information, decisions.select(np.arange(50)))
+    for others in (np.arange(50), np.arange(len(decisions))[::-1]):
+        with pytest.raises(sc.SerdError, match="must be those of the information"):
+            sc.clustered_outer_product(timed, information, decisions.select(others))
 
 
 def test_censored_choices_count_where_moves_take_no_time(learned):

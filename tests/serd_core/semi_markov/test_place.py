@@ -48,10 +48,10 @@ def test_a_plan_may_take_the_pace_of_places():
             fitted()
 
 
-def test_one_episode_cannot_be_left_out():
+def test_two_episodes_are_too_few_to_leave_some_out():
     timed, truth, _, decisions = paced_ring(0.5, 3)
-    one = decisions.select_episodes(decisions.episodes[:1])
-    with pytest.raises(sc.SerdError, match="must hold at least 2 episodes"):
+    one = decisions.select_episodes(decisions.episodes[:2])
+    with pytest.raises(sc.SerdError, match="must hold at least 3 episodes"):
         sc.compare_places(timed, one)
     with pytest.raises(sc.SerdError, match="problem must have dwell times, got transitions of"):
         sc.fit_places(ring(), one, truth)
