@@ -35,7 +35,7 @@ from serd_sim.scenario.scenario import Scenario
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
 #: Seconds between the times for which arrivals are predicted.
-STEP_S = 0.2
+STEP_S = 0.1
 #: Draws over which a prediction is averaged; every one takes the solution of a chain.
 MOST_DRAWS = 12
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)

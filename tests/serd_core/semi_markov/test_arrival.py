@@ -55,22 +55,36 @@ def test_drawn_drives_arrive_as_predicted_with_stays_waits_and_places():
     times_s = drives.time_s[last] + drives.dwell_s[last]
     predicted = timed_arrival(problem, policy, truth, 0.1, 600).cdf[:, 0]
     measured = np.searchsorted(np.sort(times_s), 0.1 * np.arange(601) + 0.05) / len(times_s)
-    # Dvoretzky, Kiefer and Wolfowitz: exceeded once in 10^6; steps round each of ten moves.
+    # Dvoretzky, Kiefer and Wolfowitz: exceeded once in 10^6.
     assert np.abs(measured - predicted).max() < np.sqrt(np.log(2e6) / 6000)
     stays = drives.state == drives.next_state
     assert set(np.unique(drives.dwell_s[stays])) == {1.0, 4.0}  # waits, and patience
 
 
-def test_steps_hold_the_law_and_keep_its_mean_however_short_it_is():
-    mean_s = np.array([2.0, 0.1, 0.03, 1.3, 0.05, 99.0])
-    shape = np.array([5.0, 6.0, 0.7, np.inf, np.inf, np.inf])
-    mass = dwell_steps(mean_s, shape, 0.1, 400)
-    np.testing.assert_allclose(mass[3], np.eye(401)[13], atol=1e-12)
-    assert not mass[5].any()
-    np.testing.assert_allclose(mass[:5].sum(axis=1), 1.0, atol=1e-12)
-    np.testing.assert_allclose(mass[:5] @ (0.1 * np.arange(401)), mean_s[:5], atol=1e-10)
-    below = gamma(5.0, scale=0.4).cdf(0.1 * (np.arange(401) + 0.5))
-    np.testing.assert_allclose(np.cumsum(mass[0]), below, atol=1e-3)
+def test_steps_keep_the_mean_of_a_time_also_where_it_varies_less_than_a_step():
+    mean_s, shape = (
+        np.array([2.0, 0.83, 0.83, 1.25, 0.05, 0.03, 99.0]),
+        np.array([20.0, 400.0, 1e7, np.inf, 0.7, np.inf, 400.0]),
+    )
+    mass = dwell_steps(mean_s, shape, 0.2, 100)
+    np.testing.assert_allclose(0.2 * mass[:6] @ np.arange(101), mean_s[:6], rtol=1e-6)
+    np.testing.assert_allclose(mass[:6].sum(axis=1), 1.0, atol=1e-9)
+    assert mass[6].sum() < 1e-9
+
+
+def test_within_a_step_a_law_has_its_mean_probability_up_to_the_next():
+    mass, law = dwell_steps(np.array([2.0]), np.array([5.0]), 0.1, 100)[0], gamma(5.0, scale=0.4)
+    for j in (1, 7, 20, 60):
+        between = np.linspace(0.1 * j, 0.1 * (j + 1), 2001)
+        expected = np.trapezoid(law.cdf(between), between) / 0.1
+        assert mass[: j + 1].sum() == pytest.approx(expected, abs=1e-8)
+
+
+def test_times_that_do_not_vary_are_the_steps_beside_them():
+    mass = dwell_steps(np.array([1.3, 1.34, 0.03, 99.0]), np.full(4, np.inf), 0.1, 100)
+    expected = np.zeros((4, 101))
+    expected[0, 13], expected[1, 13:15], expected[2, :2] = 1.0, (0.6, 0.4), (0.7, 0.3)
+    np.testing.assert_allclose(mass, expected, atol=1e-12)
 
 
 def test_slower_places_arrive_later_and_expected_seconds_are_those_of_the_law():
