@@ -37,7 +37,10 @@ IMPOSSIBLE, LEAST = -1e3, 1e-300
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Of P parts: log density or survival l, W, the shares q and W / sum W, and log of the sum."""
+    """Of (..., P) parts: log density or survival l, W, the shares q and W / sum W; log of the sum.
+
+    (...) are those of parameters.
+    """
 
     logs: ByMeanAndShape
     weight: FloatArray
@@ -72,7 +75,7 @@ class DwellObservations:
         return replace(self, log_dwell=moved, log_pace=total)
 
     def by_decision(self, theta: FloatArray) -> FloatArray:
-        """(T,) log-likelihood of each decision."""
+        """(..., T) log-likelihood of each decision at (..., N) parameters."""
         return self._by_decision(self._parts(theta))
 
     def by_pace(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -138,7 +141,12 @@ class DwellObservations:
         """(Q,) parts of decisions that have several."""
         return np.flatnonzero(np.bincount(self.decision)[self.decision] > 1)
 
-    @property
+    @cached_property
+    def _first(self) -> IntArray:
+        """(T,) first part of each decision, whose parts follow each other."""
+        return np.searchsorted(self.decision, np.arange(len(self.row)))
+
+    @cached_property
     def _columns(self) -> tuple[IntArray, IntArray]:
         """(P,) place of each part's log mean and log shape, on which given durations do not act."""
         law = np.maximum(self.law, 0)
@@ -157,21 +165,23 @@ class DwellObservations:
         return self._last[0][1]
 
     def _parts_at(self, theta: FloatArray) -> _Parts:
-        logs, (mean, shape) = np.zeros((6, len(self.law))), self._columns
-        logs[0, self.over] = IMPOSSIBLE
+        mean, shape = self._columns
+        logs = np.zeros((6, *theta.shape[:-1], len(self.law)))
+        logs[0, ..., self.over] = IMPOSSIBLE
         log_dwell = self.log_dwell[self.decision]
         for rows, of_law in zip(self._kinds, (log_density, log_survival), strict=True):
-            logs[:, rows] = of_law(log_dwell[rows], theta[mean[rows]], theta[shape[rows]])
-        weight = self.outcomes @ self.model.outcomes.local_probabilities(theta).ravel()
-        weight = np.maximum(weight, LEAST)
-        n = len(self.row)
-        prior = weight / weighted_counts(self.decision, weight, n)[self.decision]
+            of_rows = theta[..., mean[rows]], theta[..., shape[rows]]
+            logs[..., rows] = of_law(log_dwell[rows], *of_rows)
+        table = self.model.outcomes.local_probabilities(theta)
+        table = table.reshape(*theta.shape[:-1], self.model.outcomes.n_energies)
+        weight = np.maximum((self.outcomes @ table.T).T, LEAST)
+        of_decision, first = self.decision, self._first
+        prior = weight / np.add.reduceat(weight, first, axis=-1)[..., of_decision]
         joint = np.log(prior) + logs[0]
-        largest = np.full(n, -np.inf)
-        np.maximum.at(largest, self.decision, joint)
-        share = np.exp(joint - largest[self.decision])
-        total = weighted_counts(self.decision, share, n)
-        share /= total[self.decision]
+        largest = np.maximum.reduceat(joint, first, axis=-1)
+        share = np.exp(joint - largest[..., of_decision])
+        total = np.add.reduceat(share, first, axis=-1)
+        share /= total[..., of_decision]
         return _Parts(ByMeanAndShape(*logs), weight, share, prior, largest + np.log(total))
 
     def _by_decision(self, found: _Parts) -> FloatArray:
