@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
 from scipy.special import ndtri
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
@@ -55,7 +54,8 @@ class DwellObservations:
 
     row: (T,) numbers of the decisions; log_dwell: (T,) log seconds less the pace of the state;
     log_pace: (T,) that pace; censored: (T,). decision, law: (P,) of each part, law -1 where the
-    duration is given; over: (P,) whether that is over. outcomes: (P, M*K) mask of those of each.
+    duration is given; over: (P,) whether that is over. outcomes: (G, M*K) distinct masks of the
+    outcomes of a part; mask: (P,) that of each part.
     """
 
     model: SemiMarkovModels
@@ -66,7 +66,8 @@ class DwellObservations:
     decision: IntArray
     law: IntArray
     over: BoolArray
-    outcomes: scipy.sparse.csr_array
+    outcomes: FloatArray
+    mask: IntArray
     _last: list[tuple[FloatArray, _Parts]] = field(default_factory=list, init=False, repr=False)
 
     def paced(self, log_pace: FloatArray) -> "DwellObservations":
@@ -96,12 +97,10 @@ class DwellObservations:
 
     def scores(self, theta: FloatArray) -> FloatArray:
         """(T, N) gradient of the log-likelihood of each decision."""
-        found, places = self._parts(theta), (self.decision, np.arange(len(self.decision)))
-        slope = scipy.sparse.csr_array(
-            ((found.share - found.prior) / found.weight, places),
-            shape=(len(self.row), len(self.decision)),
-        )
-        table = (slope @ self.outcomes) @ self.model.outcomes.local_jacobian(theta)
+        found, outcomes = self._parts(theta), self.outcomes[self.mask]
+        by_part = ((found.share - found.prior) / found.weight)[:, None] * outcomes
+        by_outcome = np.add.reduceat(by_part, self._first)
+        table = by_outcome @ self.model.outcomes.local_jacobian(theta)
         slopes = found.logs.mean, found.logs.shape
         for column, by_law in zip(self._columns, slopes, strict=True):
             np.add.at(table, (self.decision, column), found.share * by_law)
@@ -125,8 +124,8 @@ class DwellObservations:
         if not len(mixed):
             return np.zeros((len(theta), len(theta)))
         table = outcomes.local_curvature(theta, self._by_outcome(found))
-        slopes = self.outcomes[mixed] @ outcomes.local_jacobian(theta)
-        scores = slopes / found.weight[mixed, None]
+        slopes = self.outcomes @ outcomes.local_jacobian(theta)
+        scores = slopes[self.mask[mixed]] / found.weight[mixed, None]
         share, prior = found.share[mixed], found.prior[mixed]
         # d2 log W = d2 W / W - (d log W)^2, with q for the parts and W / sum W for their sum.
         table -= (scores * (share - prior)[:, None]).T @ scores
@@ -174,7 +173,7 @@ class DwellObservations:
             logs[..., rows] = of_law(log_dwell[rows], *of_rows)
         table = self.model.outcomes.local_probabilities(theta)
         table = table.reshape(*theta.shape[:-1], self.model.outcomes.n_energies)
-        weight = np.maximum((self.outcomes @ table.T).T, LEAST)
+        weight = np.maximum(table @ self.outcomes.T, LEAST)[..., self.mask]
         of_decision, first = self.decision, self._first
         prior = weight / np.add.reduceat(weight, first, axis=-1)[..., of_decision]
         joint = np.log(prior) + logs[0]
@@ -190,17 +189,17 @@ class DwellObservations:
 
     def _by_outcome(self, found: _Parts) -> FloatArray:
         """(M, K) gradient by the probabilities."""
-        slope = self.outcomes.T @ ((found.share - found.prior) / found.weight)
+        by_part = (found.share - found.prior) / found.weight
+        by_mask = weighted_counts(self.mask, by_part, len(self.outcomes))
         outcomes = self.model.outcomes
-        return np.asarray(slope).reshape(outcomes.n_models, outcomes.n_outcomes)
+        return (by_mask @ self.outcomes).reshape(outcomes.n_models, outcomes.n_outcomes)
 
     def _covariance(self, share: FloatArray, scores: FloatArray) -> FloatArray:
         """(N, N) sum over decisions of Cov of (Q, N) scores under (Q,) shares."""
-        decision = self.decision[self._mixed]
-        places = decision, np.arange(len(decision))
-        shape = len(self.row), len(decision)
-        mean = scipy.sparse.csr_array((share, places), shape=shape) @ scores
-        centred = scores - mean[decision]
+        _, first, place = np.unique(
+            self.decision[self._mixed], return_index=True, return_inverse=True
+        )
+        centred = scores - np.add.reduceat(share[:, None] * scores, first)[place]
         return np.asarray((centred * share[:, None]).T @ centred)
 
 
@@ -233,10 +232,9 @@ def dwell_times(
     kind = np.stack([decision, model.row_law[row, outcome], over], axis=1)
     parts, part = np.unique(kind, axis=0, return_inverse=True)
     number = model.row_model[row] * model.n_outcomes + outcome
-    mask = scipy.sparse.csr_array(
-        (np.ones(len(number)), (part.reshape(-1), number)),
-        shape=(len(parts), model.outcomes.n_energies),
-    )
+    of_parts = np.zeros((len(parts), model.outcomes.n_energies), dtype=np.bool_)
+    of_parts[part.reshape(-1), number] = True
+    outcomes, mask = np.unique(of_parts, axis=0, return_inverse=True)
     pace, censored = model.log_pace[row_of[used]], decisions.censored[used]
     law_of_decision = parts[np.searchsorted(parts[:, 0], np.arange(len(used))), 1]
     log_dwell = _told_apart(
@@ -251,7 +249,8 @@ def dwell_times(
         decision=parts[:, 0],
         law=parts[:, 1],
         over=parts[:, 2] > 0,
-        outcomes=mask,
+        outcomes=outcomes.astype(np.float64),
+        mask=mask.reshape(-1),
     )
 
 
