@@ -269,8 +269,15 @@ def pace_of(given: World, places: PlacePaces, seen: IntArray) -> Row:
 
 
 def summary_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over the worlds, and what 5 % of them are below and above."""
-    grouped = table.drop(columns="repetition").groupby(["case", "size", "learner"], sort=False)
+    """Means over the worlds, and what 5 % of them are below and above; worlds: their number.
+
+    avoided: whether those are meant whose demonstrations have no move against the stream.
+    """
+    avoided = table["moves_against"] == 0
+    groups = ["case", "avoided", "size", "learner"]
+    numbers = table.drop(columns="repetition").assign(avoided=avoided)
+    grouped = numbers.groupby(groups, sort=False)
     low, high = (grouped.quantile(end) for end in MASS_ENDS)
     found = {"mean": grouped.mean(), "5 %": low, "95 %": high}
-    return pd.concat(found, names=["over worlds"]).reset_index()
+    worlds = grouped.size().rename("worlds").reset_index()
+    return worlds.merge(pd.concat(found, names=["over worlds"]).reset_index(), on=groups)

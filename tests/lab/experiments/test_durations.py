@@ -1,4 +1,5 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 import serd_core as sc
@@ -11,6 +12,7 @@ from lab.experiments.durations import (
     DurationsConfig,
     demonstrate,
     learn,
+    summary_of,
     world,
 )
 
@@ -78,3 +80,14 @@ def test_the_next_demonstration_starts_where_both_ways_are_as_good(case):
     against = policy[:, AGAINST].reshape(PLACES, 2).mean(axis=1)
     best = int(np.argmax(gain.reshape(PLACES, 2).mean(axis=1)))
     assert against[best - 1] > 0.5 > against[best + 1]
+
+
+def test_worlds_with_moves_against_the_stream_are_summed_up_apart():
+    bias = np.arange(21.0)
+    rows = {"case": "one", "repetition": np.arange(22), "size": 3, "learner": "two steps"}
+    table = pd.DataFrame(rows | {"moves_against": [0] * 21 + [4], "bias": [*bias, 50.0]})
+    found = summary_of(table).set_index(["avoided", "over worlds"])
+    assert found.loc[True, "bias"].to_dict() == {"mean": 10.0, "5 %": 1.0, "95 %": 19.0}
+    assert found.loc[False, "bias"].to_dict() == {"mean": 50.0, "5 %": 50.0, "95 %": 50.0}
+    assert found.loc[True, "worlds"].tolist() == [21] * 3
+    assert found.loc[False, "worlds"].tolist() == [1] * 3
