@@ -35,12 +35,8 @@ SIDE_OUTCOMES = np.array(
     [[0.92, 0.04, 0.04], [0.85, 0.1, 0.05], [0.85, 0.1, 0.05], [0.6, 0.3, 0.1]]
 )
 WITH_PLACES, FROM_PRIOR = "side outcomes, places", "side outcomes, places, drawn durations"
-CASES = {
-    "one outcome": np.ones((4, 1)),
-    "side outcomes": SIDE_OUTCOMES,
-    WITH_PLACES: SIDE_OUTCOMES,
-    FROM_PRIOR: SIDE_OUTCOMES,
-}
+CASES = {"one outcome": np.ones((4, 1)), "side outcomes": SIDE_OUTCOMES}
+CASES |= {WITH_PLACES: SIDE_OUTCOMES, FROM_PRIOR: SIDE_OUTCOMES}
 MEAN_S = np.array([1.0, 3.0, 1.2, 1.0])
 STARTS = np.arange(10, 15)
 #: Of an interval that holds 90 % of a posterior, in standard deviations of a normal one, too.
@@ -252,10 +248,7 @@ def duration_of(given: World, theta: FloatArray, drawn: FloatArray) -> Row:
 
 
 def pace_of(given: World, places: PlacePaces, seen: IntArray) -> Row:
-    """Log multipliers of the (v,) states seen: errors, and those where all are taken as 0.
-
-    relative: of their differences from their mean.
-    """
+    """Errors of log multipliers of (v,) states, and if all were 0; relative: from their mean."""
     wanted, error = given.log_pace[seen], (places.log_pace - given.log_pace)[seen]
     held = np.abs(error) <= NORMAL_END * places.its_deviation[seen]
     return {
