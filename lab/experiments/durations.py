@@ -4,7 +4,10 @@
 who start between 10 and 14 places before the goal go round with it. Three learners look on: one of
 durations, rewards and outcomes at once, one that counts durations and then learns rewards, and one
 with a discount per decision, for whom moves take no time. Either each action has one outcome, or it
-may also end aside, and nobody knows how often moves against the stream do.
+may also end aside, and nobody knows how often moves against the stream do. With places, moves in
+state s also take exp(b_s) times as long, b_s and their deviation drawn in each world from the prior
+of places, and the first two learners estimate these multipliers afterwards. Last, durations against
+the stream are drawn, too, from their prior given the others, so that intervals can be calibrated.
 
 Robots plan with the posterior mean of discounted outcomes, the last learner's with its estimate.
 """
@@ -18,10 +21,11 @@ import pandas as pd
 import serd_core as sc
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.observations import observe
 from serd_core.semi_markov.counted import PRIOR
 from serd_core.semi_markov.models import require_timed
+from serd_core.semi_markov.place import MEDIAN, SPREAD, PlacePaces
 from serd_files.settings import setting
 
 PLACES, GOAL = 24, 0
@@ -30,11 +34,13 @@ WITH, AGAINST, ACROSS, WAIT = range(4)
 SIDE_OUTCOMES = np.array(
     [[0.92, 0.04, 0.04], [0.85, 0.1, 0.05], [0.85, 0.1, 0.05], [0.6, 0.3, 0.1]]
 )
+WITH_PLACES, FROM_PRIOR = "side outcomes, places", "side outcomes, places, drawn durations"
 CASES = {"one outcome": np.ones((4, 1)), "side outcomes": SIDE_OUTCOMES}
+CASES |= {WITH_PLACES: SIDE_OUTCOMES, FROM_PRIOR: SIDE_OUTCOMES}
 MEAN_S = np.array([1.0, 3.0, 1.2, 1.0])
 STARTS = np.arange(10, 15)
-#: Of an interval that holds 90 % of a posterior.
-MASS_ENDS = (0.05, 0.95)
+#: Of an interval that holds 90 % of a posterior, in standard deviations of a normal one, too.
+MASS_ENDS, NORMAL_END = (0.05, 0.95), 1.645
 TOGETHER, TWO_STEPS, PER_DECISION = "durations learned", "two steps", "discount per decision"
 
 
@@ -53,11 +59,17 @@ class DurationsConfig(SeededConfig):
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A ring, and the truth about it: (N,) parameters, and discounted outcomes."""
+    """A ring as learners see it, and the truth about it.
+
+    paced: with the (S,) log multipliers of places; truth: (N,) parameters; table: discounted
+    outcomes of paced.
+    """
 
     config: DurationsConfig
     plain: sc.TabularProblem
     timed: sc.TabularProblem
+    paced: sc.TabularProblem
+    log_pace: FloatArray
     truth: FloatArray
     table: FloatArray
 
@@ -100,14 +112,24 @@ def ring(discount: float, n_outcomes: int) -> sc.TabularProblem:
     return sc.TabularProblem(sc.Mdp(models, discount), goal, ("goal",))
 
 
-def world(config: DurationsConfig, case: str) -> World:
+def world(config: DurationsConfig, case: str, rng: np.random.Generator) -> World:
     """The ring of a case, and the truth about it."""
-    outcomes = CASES[case]
+    outcomes, log_pace = CASES[case], np.zeros(2 * PLACES)
+    if case in (WITH_PLACES, FROM_PRIOR):
+        deviation = MEDIAN * np.exp(SPREAD * rng.standard_normal())
+        log_pace = deviation * rng.standard_normal(2 * PLACES)
     plain = ring(config.discount, outcomes.shape[1])
     timed = sc.semi_markov_problem(plain)
-    models = require_timed(timed.mdp.transitions)
+    paced = sc.semi_markov_problem(timed, log_pace=log_pace)
+    models = require_timed(paced.mdp.transitions)
     truth = models.parameters_from(outcomes, MEAN_S, config.shape)
-    return World(config, plain, timed, truth, models.local_probabilities(truth))
+    if case == FROM_PRIOR:
+        place = models.means.start + AGAINST
+        precision = PRIOR.precision(models)[place]
+        others = truth[models.means] @ precision[models.means] - truth[place] * precision[place]
+        truth[place] = rng.normal(-others / precision[place], 1.0 / np.sqrt(precision[place]))
+    table = models.local_probabilities(truth)
+    return World(config, plain, timed, paced, log_pace, truth, table)
 
 
 def learn_one_world(config: DurationsConfig, number: int) -> list[Row]:
@@ -115,9 +137,9 @@ def learn_one_world(config: DurationsConfig, number: int) -> list[Row]:
     rows: list[Row] = []
     for place, case in enumerate(CASES):
         rng = np.random.default_rng([config.seed, number, place])
-        given = world(config, case)
+        given = world(config, case, rng)
         demonstrations = demonstrate(given, rng)
-        right = given.ways(given.timed, given.table)
+        right = given.ways(given.paced, given.table)
         for size in config.sizes:
             chosen = demonstrations.select_episodes(range(size))
             assert isinstance(chosen, sc.TimedDecisions)
@@ -125,9 +147,8 @@ def learn_one_world(config: DurationsConfig, number: int) -> list[Row]:
             row["moves_against"] = int(np.sum(chosen.action == AGAINST))
             row["censored"] = float(np.mean(chosen.censored))
             for learner in (TOGETHER, TWO_STEPS, PER_DECISION):
-                found, tables = learn(given, learner, chosen, rng)
-                problem = given.plain if learner == PER_DECISION else given.timed
-                for plan, table in tables.items():
+                found, plans = learn(given, learner, chosen, rng)
+                for plan, (problem, table) in plans.items():
                     taken = given.ways(problem, table)
                     for distance, way, best in zip(config.distances, taken, right, strict=True):
                         found[f"{plan}_{distance}"] = float(way == best)
@@ -141,8 +162,8 @@ def demonstrate(given: World, rng: np.random.Generator) -> sc.TimedDecisions:
     starts[np.concatenate([2 * STARTS, 2 * STARTS + 1])] = 0.5 / len(STARTS)
     weights = np.array([config.goal_weight])
     return sc.sample_timed_decisions(
-        given.timed.mdp,
-        sc.soft_policy(given.timed, weights, given.table).probabilities,
+        given.paced.mdp,
+        sc.soft_policy(given.paced, weights, given.table).probabilities,
         given.truth,
         starts,
         n_episodes=max(config.sizes),
@@ -154,23 +175,30 @@ def demonstrate(given: World, rng: np.random.Generator) -> sc.TimedDecisions:
 
 def learn(
     given: World, learner: str, decisions: sc.TimedDecisions, rng: np.random.Generator
-) -> tuple[Row, dict[str, FloatArray]]:
-    """What a learner finds, and the discounted outcomes that robots may plan with."""
+) -> tuple[Row, dict[str, tuple[sc.TabularProblem, FloatArray]]]:
+    """What a learner finds, and the problems and discounted outcomes that robots may plan with."""
     problem = given.plain if learner == PER_DECISION else given.timed
     belief = sc.FixedBelief() if learner == TWO_STEPS else sc.TiedBelief()
     fit = sc.fit_mdce_serd(problem, decisions, belief=belief)
     weight = max(float(fit.reward_weights[0]), 1e-9) / given.config.goal_weight
-    row: Row = {"converged": fit.converged, "weight_bias": float(np.log(weight))}
+    row: Row = {"converged": float(fit.converged), "weight_bias": float(np.log(weight))}
     if learner == PER_DECISION:
-        return row, {"right": fit.outcome_probabilities}
-    models, theta = problem.mdp.transitions, fit.parameters.truth
+        return row, {"right": (problem, fit.outcome_probabilities)}
+    theta = fit.parameters.truth
     if learner == TWO_STEPS:
         drawn = counted_draws(problem, decisions, theta, given.config.draws, rng)
     else:
         drawn = sc.dynamics_draws(sc.laplace(problem, decisions, fit), rng, given.config.draws)
     row |= duration_of(given, theta, drawn)
-    tables = {"right": sc.mean_discounted_outcomes(problem, drawn)}
-    return row, tables | {"mode_right": models.local_probabilities(theta)}
+    plans = {"right": (problem, sc.mean_discounted_outcomes(problem, drawn))}
+    if given.log_pace.any():
+        places = sc.fit_places(problem, decisions, theta)
+        row |= pace_of(given, places, np.unique(decisions.state))
+        plans["no_places_right"] = plans["right"]
+        problem = sc.semi_markov_problem(problem, log_pace=places.log_pace)
+        plans["right"] = problem, sc.mean_discounted_outcomes(problem, drawn)
+    plans["mode_right"] = problem, problem.mdp.transitions.local_probabilities(theta)
+    return row, plans
 
 
 def counted_draws(
@@ -219,8 +247,30 @@ def duration_of(given: World, theta: FloatArray, drawn: FloatArray) -> Row:
     }
 
 
+def pace_of(given: World, places: PlacePaces, seen: IntArray) -> Row:
+    """Errors of log multipliers of (v,) states, and if all were 0; relative: from their mean."""
+    wanted, error = given.log_pace[seen], (places.log_pace - given.log_pace)[seen]
+    held = np.abs(error) <= NORMAL_END * places.its_deviation[seen]
+    return {
+        "pace_error": float(np.sqrt(np.mean(error**2))),
+        "pace_error_of_none": float(np.sqrt(np.mean(wanted**2))),
+        "relative_pace_error": float(np.std(error)),
+        "relative_pace_error_of_none": float(np.std(wanted)),
+        "pace_deviation": places.deviation,
+        "pace_held": float(np.mean(held)),
+    }
+
+
 def summary_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over the worlds."""
-    columns = [name for name in table if name not in ("case", "repetition", "size", "learner")]
-    grouped = table.groupby(["case", "size", "learner"], sort=False)[columns]
-    return grouped.mean(numeric_only=True).reset_index()
+    """Means over the worlds, and what 5 % of them are below and above; worlds: their number.
+
+    avoided: whether those are meant whose demonstrations have no move against the stream.
+    """
+    avoided = table["moves_against"] == 0
+    groups = ["case", "avoided", "size", "learner"]
+    numbers = table.drop(columns="repetition").assign(avoided=avoided)
+    grouped = numbers.groupby(groups, sort=False)
+    low, high = (grouped.quantile(end) for end in MASS_ENDS)
+    found = {"mean": grouped.mean(), "5 %": low, "95 %": high}
+    worlds = grouped.size().rename("worlds").reset_index()
+    return worlds.merge(pd.concat(found, names=["over worlds"]).reset_index(), on=groups)

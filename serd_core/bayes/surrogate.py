@@ -10,6 +10,7 @@ and log N is quadratic, which the normal densities among priors are anyway. * is
 Points are (n, m) free numbers (`serd_core.posterior.coordinates`) of n chains.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from serd_core.posterior.derivatives.posterior_hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models
-from serd_core.priors.prior import LogPrior, SumOfPriors, terms_of
+from serd_core.priors.prior import SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
 SOLVER = Newton(accuracy=1e-8)
@@ -146,8 +147,7 @@ class Surrogate:
         log_policy, solved = (np.concatenate(each)[:n] for each in zip(*parts, strict=True))
         belief = self.space.belief
         at = [belief.unpack(point, self.space.like) for point in points]
-        log_others = [others_at(self.posterior, parameters).value for parameters in at]
-        return ExactPart(log_policy, solved, np.array(log_others))
+        return ExactPart(log_policy, solved, log_others_at(self.posterior, at))
 
     def _solved(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
@@ -182,15 +182,22 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     return Mdp(copies, mdp.discount)
 
 
-def others_at(posterior: Posterior, at: Parameters) -> LogPrior:
-    """log N, of the given prior and of dwell times."""
-    found = posterior.prior.evaluate(posterior.problem.mdp.transitions, at)
-    dwells = posterior.observations.dwells
-    if dwells is None:
+def log_others_at(posterior: Posterior, at: Sequence[Parameters]) -> FloatArray:
+    """(n,) log N, of the given prior and of dwell times."""
+    model, dwells = posterior.problem.mdp.transitions, posterior.observations.dwells
+    found = np.array([posterior.prior.evaluate(model, each).value for each in at])
+    if dwells is not None:
+        found += dwells.by_decision(np.stack([each.truth for each in at])).sum(axis=1)
+    return found
+
+
+def others_gradient(posterior: Posterior, at: Parameters) -> Parameters:
+    """Gradient of log N by all blocks."""
+    found = posterior.prior.evaluate(posterior.problem.mdp.transitions, at).gradient
+    if posterior.observations.dwells is None:
         return found
-    value, slope = dwells.evaluate(at.truth)
-    by_truth = at.zeros().with_block(Block.TRUTH, slope)
-    return LogPrior(found.value + value, found.gradient + by_truth)
+    _, slope = posterior.observations.dwells.evaluate(at.truth)
+    return found + at.zeros().with_block(Block.TRUTH, slope)
 
 
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
@@ -227,7 +234,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         space=space,
         groups=tuple(groups),
         mode=belief.pack(at),
-        gradient=belief.pull_back(others_at(without, at).gradient, at),
+        gradient=belief.pull_back(others_gradient(without, at), at),
         hessian=jacobian.T @ hessian @ jacobian,
         value=solution.value,
         copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),

@@ -92,7 +92,7 @@ class OutcomeModels(TransitionModel):
         """Number of outcomes K."""
         return int(self.successors.shape[2])
 
-    @property
+    @cached_property
     def n_energies(self) -> int:
         """M * K."""
         return self.n_models * self.n_outcomes

@@ -67,7 +67,7 @@ class Parameters:
 
     def zeros(self) -> "Parameters":
         """Blocks of the same lengths filled with zeros."""
-        return Parameters(*map(np.zeros_like, self._blocks))
+        return Parameters(*(np.zeros(len(block)) for block in self._blocks))
 
     def __add__(self, other: "Parameters") -> "Parameters":
         return Parameters(*map(np.add, self._blocks, other._blocks))

@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
 from scipy.special import ndtri
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
@@ -37,7 +36,10 @@ IMPOSSIBLE, LEAST = -1e3, 1e-300
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Of P parts: log density or survival l, W, the shares q and W / sum W, and log of the sum."""
+    """Of (..., P) parts: log density or survival l, W, the shares q and W / sum W; log of the sum.
+
+    (...) are those of parameters.
+    """
 
     logs: ByMeanAndShape
     weight: FloatArray
@@ -52,7 +54,8 @@ class DwellObservations:
 
     row: (T,) numbers of the decisions; log_dwell: (T,) log seconds less the pace of the state;
     log_pace: (T,) that pace; censored: (T,). decision, law: (P,) of each part, law -1 where the
-    duration is given; over: (P,) whether that is over. outcomes: (P, M*K) mask of those of each.
+    duration is given; over: (P,) whether that is over. outcomes: (G, M*K) distinct masks of the
+    outcomes of a part; mask: (P,) that of each part.
     """
 
     model: SemiMarkovModels
@@ -63,7 +66,8 @@ class DwellObservations:
     decision: IntArray
     law: IntArray
     over: BoolArray
-    outcomes: scipy.sparse.csr_array
+    outcomes: FloatArray
+    mask: IntArray
     _last: list[tuple[FloatArray, _Parts]] = field(default_factory=list, init=False, repr=False)
 
     def paced(self, log_pace: FloatArray) -> "DwellObservations":
@@ -72,7 +76,7 @@ class DwellObservations:
         return replace(self, log_dwell=moved, log_pace=total)
 
     def by_decision(self, theta: FloatArray) -> FloatArray:
-        """(T,) log-likelihood of each decision."""
+        """(..., T) log-likelihood of each decision at (..., N) parameters."""
         return self._by_decision(self._parts(theta))
 
     def by_pace(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -93,12 +97,10 @@ class DwellObservations:
 
     def scores(self, theta: FloatArray) -> FloatArray:
         """(T, N) gradient of the log-likelihood of each decision."""
-        found, places = self._parts(theta), (self.decision, np.arange(len(self.decision)))
-        slope = scipy.sparse.csr_array(
-            ((found.share - found.prior) / found.weight, places),
-            shape=(len(self.row), len(self.decision)),
-        )
-        table = (slope @ self.outcomes) @ self.model.outcomes.local_jacobian(theta)
+        found, outcomes = self._parts(theta), self.outcomes[self.mask]
+        by_part = ((found.share - found.prior) / found.weight)[:, None] * outcomes
+        by_outcome = np.add.reduceat(by_part, self._first)
+        table = by_outcome @ self.model.outcomes.local_jacobian(theta)
         slopes = found.logs.mean, found.logs.shape
         for column, by_law in zip(self._columns, slopes, strict=True):
             np.add.at(table, (self.decision, column), found.share * by_law)
@@ -122,8 +124,8 @@ class DwellObservations:
         if not len(mixed):
             return np.zeros((len(theta), len(theta)))
         table = outcomes.local_curvature(theta, self._by_outcome(found))
-        slopes = self.outcomes[mixed] @ outcomes.local_jacobian(theta)
-        scores = slopes / found.weight[mixed, None]
+        slopes = self.outcomes @ outcomes.local_jacobian(theta)
+        scores = slopes[self.mask[mixed]] / found.weight[mixed, None]
         share, prior = found.share[mixed], found.prior[mixed]
         # d2 log W = d2 W / W - (d log W)^2, with q for the parts and W / sum W for their sum.
         table -= (scores * (share - prior)[:, None]).T @ scores
@@ -138,7 +140,12 @@ class DwellObservations:
         """(Q,) parts of decisions that have several."""
         return np.flatnonzero(np.bincount(self.decision)[self.decision] > 1)
 
-    @property
+    @cached_property
+    def _first(self) -> IntArray:
+        """(T,) first part of each decision, whose parts follow each other."""
+        return np.searchsorted(self.decision, np.arange(len(self.row)))
+
+    @cached_property
     def _columns(self) -> tuple[IntArray, IntArray]:
         """(P,) place of each part's log mean and log shape, on which given durations do not act."""
         law = np.maximum(self.law, 0)
@@ -157,21 +164,23 @@ class DwellObservations:
         return self._last[0][1]
 
     def _parts_at(self, theta: FloatArray) -> _Parts:
-        logs, (mean, shape) = np.zeros((6, len(self.law))), self._columns
-        logs[0, self.over] = IMPOSSIBLE
+        mean, shape = self._columns
+        logs = np.zeros((6, *theta.shape[:-1], len(self.law)))
+        logs[0, ..., self.over] = IMPOSSIBLE
         log_dwell = self.log_dwell[self.decision]
         for rows, of_law in zip(self._kinds, (log_density, log_survival), strict=True):
-            logs[:, rows] = of_law(log_dwell[rows], theta[mean[rows]], theta[shape[rows]])
-        weight = self.outcomes @ self.model.outcomes.local_probabilities(theta).ravel()
-        weight = np.maximum(weight, LEAST)
-        n = len(self.row)
-        prior = weight / weighted_counts(self.decision, weight, n)[self.decision]
+            of_rows = theta[..., mean[rows]], theta[..., shape[rows]]
+            logs[..., rows] = of_law(log_dwell[rows], *of_rows)
+        table = self.model.outcomes.local_probabilities(theta)
+        table = table.reshape(*theta.shape[:-1], self.model.outcomes.n_energies)
+        weight = np.maximum(table @ self.outcomes.T, LEAST)[..., self.mask]
+        of_decision, first = self.decision, self._first
+        prior = weight / np.add.reduceat(weight, first, axis=-1)[..., of_decision]
         joint = np.log(prior) + logs[0]
-        largest = np.full(n, -np.inf)
-        np.maximum.at(largest, self.decision, joint)
-        share = np.exp(joint - largest[self.decision])
-        total = weighted_counts(self.decision, share, n)
-        share /= total[self.decision]
+        largest = np.maximum.reduceat(joint, first, axis=-1)
+        share = np.exp(joint - largest[..., of_decision])
+        total = np.add.reduceat(share, first, axis=-1)
+        share /= total[..., of_decision]
         return _Parts(ByMeanAndShape(*logs), weight, share, prior, largest + np.log(total))
 
     def _by_decision(self, found: _Parts) -> FloatArray:
@@ -180,17 +189,17 @@ class DwellObservations:
 
     def _by_outcome(self, found: _Parts) -> FloatArray:
         """(M, K) gradient by the probabilities."""
-        slope = self.outcomes.T @ ((found.share - found.prior) / found.weight)
+        by_part = (found.share - found.prior) / found.weight
+        by_mask = weighted_counts(self.mask, by_part, len(self.outcomes))
         outcomes = self.model.outcomes
-        return np.asarray(slope).reshape(outcomes.n_models, outcomes.n_outcomes)
+        return (by_mask @ self.outcomes).reshape(outcomes.n_models, outcomes.n_outcomes)
 
     def _covariance(self, share: FloatArray, scores: FloatArray) -> FloatArray:
         """(N, N) sum over decisions of Cov of (Q, N) scores under (Q,) shares."""
-        decision = self.decision[self._mixed]
-        places = decision, np.arange(len(decision))
-        shape = len(self.row), len(decision)
-        mean = scipy.sparse.csr_array((share, places), shape=shape) @ scores
-        centred = scores - mean[decision]
+        _, first, place = np.unique(
+            self.decision[self._mixed], return_index=True, return_inverse=True
+        )
+        centred = scores - np.add.reduceat(share[:, None] * scores, first)[place]
         return np.asarray((centred * share[:, None]).T @ centred)
 
 
@@ -223,10 +232,9 @@ def dwell_times(
     kind = np.stack([decision, model.row_law[row, outcome], over], axis=1)
     parts, part = np.unique(kind, axis=0, return_inverse=True)
     number = model.row_model[row] * model.n_outcomes + outcome
-    mask = scipy.sparse.csr_array(
-        (np.ones(len(number)), (part.reshape(-1), number)),
-        shape=(len(parts), model.outcomes.n_energies),
-    )
+    of_parts = np.zeros((len(parts), model.outcomes.n_energies), dtype=np.bool_)
+    of_parts[part.reshape(-1), number] = True
+    outcomes, mask = np.unique(of_parts, axis=0, return_inverse=True)
     pace, censored = model.log_pace[row_of[used]], decisions.censored[used]
     law_of_decision = parts[np.searchsorted(parts[:, 0], np.arange(len(used))), 1]
     log_dwell = _told_apart(
@@ -241,7 +249,8 @@ def dwell_times(
         decision=parts[:, 0],
         law=parts[:, 1],
         over=parts[:, 2] > 0,
-        outcomes=mask,
+        outcomes=outcomes.astype(np.float64),
+        mask=mask.reshape(-1),
     )
 
 

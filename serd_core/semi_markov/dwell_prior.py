@@ -44,8 +44,10 @@ class DwellPrior(Prior):
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient."""
         timed = require_timed(model)
-        away = parameters.block(self.block) - self.mean(timed)
-        pull = self.precision(timed) @ away
+        away, pull = parameters.block(self.block) - self.mean(timed), np.zeros(timed.n_parameters)
+        means, shapes = away[timed.means], away[timed.shapes]
+        pull[timed.means] = (means - self._shared(timed) * means.sum()) / self.deviation**2
+        pull[timed.shapes] = shapes / SHAPE_DEVIATION**2
         return LogPrior(-0.5 * float(away @ pull), parameters.zeros().with_block(self.block, -pull))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
@@ -68,8 +70,11 @@ class DwellPrior(Prior):
 
     def precision(self, model: SemiMarkovModels) -> FloatArray:
         """(N, N) inverse covariance, 0 for energies; of log means by Sherman and Morrison."""
-        table, variance = np.zeros((model.n_parameters,) * 2), self.deviation**2
-        shared = WIDE**2 / (variance + model.n_laws * WIDE**2)
-        table[model.means, model.means] = (np.eye(model.n_laws) - shared) / variance
-        table[model.shapes, model.shapes] = np.eye(model.n_laws) / SHAPE_DEVIATION**2
+        table, identity = np.zeros((model.n_parameters,) * 2), np.eye(model.n_laws)
+        table[model.means, model.means] = (identity - self._shared(model)) / self.deviation**2
+        table[model.shapes, model.shapes] = identity / SHAPE_DEVIATION**2
         return table
+
+    def _shared(self, model: SemiMarkovModels) -> float:
+        """What each log mean has of the sum of all, in units of the precision of one."""
+        return WIDE**2 / (self.deviation**2 + model.n_laws * WIDE**2)

@@ -90,12 +90,12 @@ class SemiMarkovModels(OutcomeModels):
         """M * K energies, D log means and D log shapes."""
         return self.outcomes.n_parameters
 
-    @property
+    @cached_property
     def means(self) -> slice:
         """Place of the log means in the parameter vector."""
         return slice(self.outcomes.n_energies, self.outcomes.n_energies + self.n_laws)
 
-    @property
+    @cached_property
     def shapes(self) -> slice:
         """Place of the log shapes in the parameter vector."""
         return slice(self.means.stop, self.n_parameters)
@@ -125,7 +125,7 @@ class SemiMarkovModels(OutcomeModels):
         place = np.flatnonzero(law >= 0)
         return place, law[place]
 
-    @property
+    @cached_property
     def _columns(self) -> tuple[IntArray, IntArray]:
         """(C,) place in the parameter vector of the log mean and log shape of each of these."""
         law = self._law[1]
