@@ -29,10 +29,8 @@ if TYPE_CHECKING:
 
 Made = TypeVar("Made")
 #: An event that waits while its endpoint is destroyed would end EventsExecutor.
-_NO_EVENTS = {
-    Publisher: PublisherEventCallbacks(use_default_callbacks=False),
-    Subscription: SubscriptionEventCallbacks(use_default_callbacks=False),
-}
+_NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 _CONFIRMED_WITHIN_S = 0.5
 
 
@@ -52,8 +50,9 @@ class Endpoints:
         return self._keep(Endpoints(self.node), Endpoints.close)
 
     def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Publisher:
-        """A publisher of the node."""
-        node, events = self.node, _NO_EVENTS[Publisher]
+        """A publisher; one that lives as long as the node logs readers that request too much."""
+        node = self.node
+        events = None if self is node.endpoints else _NO_PUBLISHER_EVENTS
         made = node.create_publisher(kind, topic, profile, event_callbacks=events)
         return self._keep(made, node.destroy_publisher)
 
@@ -172,11 +171,10 @@ class Endpoints:
         *,
         raw: bool = False,
     ) -> Subscription:
-        node, events = self.node, _NO_EVENTS[Subscription]
-        made = node.create_subscription(
-            kind, topic, guarded, profile, raw=raw, event_callbacks=events
+        made = self.node.create_subscription(
+            kind, topic, guarded, profile, raw=raw, event_callbacks=_NO_EVENTS
         )
-        return self._keep(made, node.destroy_subscription)
+        return self._keep(made, self.node.destroy_subscription)
 
     def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
         @wraps(callback)
