@@ -21,7 +21,7 @@ from serd_cli.errors import RunError
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import PAGE, port_fault, run_stack
 from serd_cli.processes.workspace import PROJECT
-from serd_ros.graph.configs import WatchPageConfig
+from serd_ros.settings import WatchPageConfig
 
 _LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
 

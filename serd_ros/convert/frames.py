@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from serd_sim.safety.motion import compose
 from serd_sim.world.observation import Pose
 
 LONGEST_S = 3.0
+Message = TypeVar("Message")
 _LEAST_UPRIGHT = 0.9
 #: From the middle of the earth to a map it is 6.4e6 m.
 _FARTHEST_M = 1e7
@@ -100,9 +101,11 @@ class Frames:
             if other_ns is not None and abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
                 del self._edges[child]
 
-    def add_prefix(self, message: Any) -> None:
-        """Put the prefix before the robot's frames in a message to be published."""
-        _rename(message, lambda name: self.prefix + name if name in topics.OWN_FRAMES else name)
+    def prefixed(self, message: Message) -> Message:
+        """The message to be published, with the prefix before the robot's frames."""
+        if self.prefix:
+            _rename(message, lambda name: self.prefix * (name in topics.OWN_FRAMES) + name)
+        return message
 
     def remove_prefix(self, message: Any) -> None:
         """Take the prefix away from the frames of a message that was received."""

@@ -3,16 +3,16 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
 from serd_ros.convert.pose import PlanarPose, from_pose_stamped
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.errors import MessageError
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.safety.motion import compose, motion_between
 
 #: Messages of odom among which that of the stamp of an amcl_pose is looked up.
@@ -41,12 +41,12 @@ class PoseTopic(Localisation):
 
     topic = topics.ROBOT_POSE
 
-    def __init__(self, node: SerdNode[Any], take: TakePose) -> None:
+    def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
         def on_pose(message: PoseStamped) -> None:
-            take(*from_pose_stamped(message, node.frames))
+            take(*from_pose_stamped(message, endpoints.node.frames))
 
-        follow_transforms(node)
-        node.create_subscription(PoseStamped, self.topic, on_pose, qos.STATE)
+        follow_transforms(endpoints)
+        endpoints.subscribe(PoseStamped, self.topic, on_pose, qos.STATE)
 
 
 class AmclPose(Localisation):
@@ -57,18 +57,18 @@ class AmclPose(Localisation):
 
     topic = topics.AMCL_POSE
 
-    def __init__(self, node: SerdNode[Any], take: TakePose) -> None:
-        self._node, self._take_pose = node, take
+    def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
+        self._frames, self._take_pose = endpoints.node.frames, take
         self._odometry: deque[tuple[int, PlanarPose]] = deque(maxlen=_KEPT)
         self._clock = StampClock()
         self._found: tuple[int, PlanarPose] | None = None
         self._matched: PlanarPose | None = None
         self._is_lost = False
-        follow_transforms(node)
-        node.create_subscription(PoseWithCovarianceStamped, self.topic, self._on_pose, qos.LATCHED)
+        follow_transforms(endpoints)
+        endpoints.subscribe(PoseWithCovarianceStamped, self.topic, self._on_pose, qos.LATCHED)
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._found, self._is_lost = from_pose_stamped(message, self._node.frames), False
+        self._found, self._is_lost = from_pose_stamped(message, self._frames), False
         self._match()
 
     def _match(self) -> None:
@@ -111,14 +111,14 @@ class TransformPose(Localisation):
 
     topic = topics.TF
 
-    def __init__(self, node: SerdNode[Any], take: TakePose) -> None:
-        self._node, self._take_pose = node, take
+    def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
+        self._frames, self._take_pose = endpoints.node.frames, take
         self._last_ns: int | None = None
-        follow_transforms(node, self._on_change)
+        follow_transforms(endpoints, self._on_change)
 
     def _on_change(self) -> None:
         try:
-            placed = self._node.frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
+            placed = self._frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
         except MessageError:
             return
         if placed.stamp_ns is not None and placed.stamp_ns != self._last_ns:
@@ -128,13 +128,13 @@ class TransformPose(Localisation):
     def fault(self) -> str:
         """What /tf lacks."""
         try:
-            placed = self._node.frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
+            placed = self._frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
         except MessageError as error:
             return str(error)
         return "" if placed.stamp_ns is not None else "base_link does not move in map by /tf"
 
 
-LOCALISATIONS: dict[str, Callable[[SerdNode[Any], TakePose], Localisation]] = {
+LOCALISATIONS: dict[str, Callable[[Endpoints, TakePose], Localisation]] = {
     "robot_pose": PoseTopic,
     "amcl_pose": AmclPose,
     "tf": TransformPose,

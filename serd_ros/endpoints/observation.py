@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from serd_ros.convert.diagnostics import OK, WARN
@@ -14,10 +12,10 @@ from serd_ros.convert.pose import PlanarPose, from_odometry, to_odometry, to_pos
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.graph.configs import LocalisationConfig, ObservationConfig
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import LocalisationConfig, ObservationConfig
 from serd_sim.world.observation import Observation, People
 from serd_sim.world.observation_inbox import ObservationInbox
 
@@ -33,38 +31,43 @@ _USUAL = ObservationConfig()
 class ObservationPublisher:
     """Publishes an observation as people, odometry and robot pose, all with its stamp."""
 
-    def __init__(self, node: Node) -> None:
-        self._people = node.create_publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
-        self._odometry = node.create_publisher(Odometry, topics.ODOM, qos.STATE)
-        self._pose = node.create_publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
+    def __init__(self, endpoints: Endpoints) -> None:
+        self._frames = endpoints.node.frames
+        self._people = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
+        self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
+        self._pose = endpoints.publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
 
     def publish(self, observation: Observation, odometry_pose: PlanarPose) -> None:
         """Send the three messages; the pose last, since it is what people wait for."""
         self._people.publish(to_people_message(observation.people, observation.time_s))
-        self._odometry.publish(to_odometry(observation, odometry_pose))
+        odometry = to_odometry(observation, odometry_pose)
+        self._odometry.publish(self._frames.prefixed(odometry))
         self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
 
 class ObservationSource:
     """Calls back with every observation whose parts have arrived, and reports what is missing.
 
-    `node.clock_jumped` is called before an observation after a jump; late ones are left out.
+    on_jump: called before the observation that shows that the clock jumped; FORWARD: what was
+    received before is stale, BACKWARD: a new session begins. Late observations are left out.
     config: without a topic of people for the node that publishes them. needs_people: False for
     nodes that find people without their topic, or need none.
     """
 
     def __init__(
         self,
-        node: SerdNode[Any],
+        endpoints: Endpoints,
         control_period_s: float,
         callback: Callable[[Observation], None],
         config: LocalisationConfig = _USUAL,
         *,
+        on_jump: Callable[[Jump], None] = lambda _: None,
         needs_people: bool = True,
     ) -> None:
         tolerance_s = config.stamp_tolerance_s
         people_topic = config.people_topic if isinstance(config, ObservationConfig) else ""
-        self._node, self._callback = node, callback
+        node = self._node = endpoints.node
+        self._callback, self._on_jump = callback, on_jump
         self._inbox = ObservationInbox(
             control_period_s, needs_people=needs_people, tolerance_s=tolerance_s
         )
@@ -74,14 +77,14 @@ class ObservationSource:
         self._received_wall_s = node.wall_s()
         self._came_wall_s: dict[str, float] = {}
         self._is_silent = False
-        self._localisation = LOCALISATIONS[config.pose_from](node, self._take_pose)
-        node.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+        self._localisation = LOCALISATIONS[config.pose_from](endpoints, self._take_pose)
+        endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
         self._people: PeopleTopic | None = None
         if needs_people:
-            self._people = PeopleTopic(node, people_topic, self._on_people)
+            self._people = PeopleTopic(endpoints, people_topic, self._on_people)
         elif people_topic:  # publishers wait for it, as for those of all nodes
-            node.create_subscription(PointCloud2, people_topic, lambda _: None, qos.STATE)
-        node.create_timer(_LOOK_PERIOD_S, self._look)
+            endpoints.subscribe(PointCloud2, people_topic, lambda _: None, qos.STATE)
+        endpoints.every(_LOOK_PERIOD_S, self._look)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
         self._came_wall_s["pose"] = self._node.wall_s()
@@ -105,7 +108,7 @@ class ObservationSource:
             return
         self._last_s, self._received_wall_s = observation.time_s, self._node.wall_s()
         if jump is not Jump.NONE:
-            self._node.clock_jumped(jump)
+            self._on_jump(jump)
         self._callback(observation)
 
     def _is_too_soon(self, observation: Observation) -> bool:

@@ -7,11 +7,9 @@ their packages need not be installed.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 from zlib import crc32
 
 import numpy as np
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
 from serd_bag.errors import BagError
@@ -23,10 +21,10 @@ from serd_ros.convert.frames import Frames, plain_name
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.perception.people_tracker import PeopleTracker
 from serd_sim.world.observation import People
 
@@ -91,14 +89,18 @@ class PeopleTopic:
     name: of the topic; fault: why messages cannot be read although it has publishers, else empty.
     """
 
-    def __init__(self, node: SerdNode[Any], name: str, take: Callable[[int, People], None]) -> None:
+    def __init__(
+        self, endpoints: Endpoints, name: str, take: Callable[[int, People], None]
+    ) -> None:
         self.fault = ""
-        self._node, self.name, self._take_people = node, name, take
-        self._cloud: Subscription | None = None
+        self._node, self._endpoints = endpoints.node, endpoints
+        self.name, self._take_people = name, take
+        #: Of the present type.
+        self._subscribed: Endpoints | None = None
         self._followed: FollowedTopic | None = None
         self._topic, self._people = Topic(name, MessageType(CLOUD, "", "")), PeopleInMap()
         self._subscribe()
-        node.create_timer(_LOOK_PERIOD_S, self._look)
+        endpoints.every(_LOOK_PERIOD_S, self._look)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         self._take_people(*from_people_message(message, self._node.frames))
@@ -116,7 +118,7 @@ class PeopleTopic:
         It subscribes at the look after the one that finds another type: the executor keeps the
         subscription of the type before until then.
         """
-        if self._cloud is None and self._followed is None:
+        if self._subscribed is None:
             self._subscribe()
         found = self._node.get_publishers_info_by_topic(self.name)
         hashes = {each.topic_type: str(each.topic_type_hash) for each in found}
@@ -135,11 +137,9 @@ class PeopleTopic:
             self._node.get_logger().warning(self.fault, throttle_duration_sec=_LOG_PERIOD_S)
             return
         self._topic, self._people = topic, PeopleInMap()
-        if self._cloud is not None:
-            self._node.destroy_subscription(self._cloud)
-        if self._followed is not None:
-            self._followed.close()
-        self._cloud = self._followed = None
+        if self._subscribed is not None:
+            self._endpoints.destroy(self._subscribed)
+        self._subscribed = self._followed = None
 
     def _readable(self, type_name: str, type_hash: str) -> Topic | BagError:
         """The topic of the type, or why it cannot be read."""
@@ -153,13 +153,12 @@ class PeopleTopic:
 
     def _subscribe(self) -> None:
         name, kind = self._node.resolve_topic_name(self.name), self._topic.type_name
+        self._subscribed = scope = self._endpoints.scope()
         if kind == CLOUD:
-            self._cloud = self._node.create_subscription(
-                PointCloud2, self.name, self._on_cloud, qos.STATE
-            )
+            scope.subscribe(PointCloud2, self.name, self._on_cloud, qos.STATE)
         else:
-            take = self._node.callbacks.of_messages(self.name, self._on_message)
-            self._followed = FollowedTopic(self._node, name, TopicType(kind), take)
+            take = self._on_message
+            self._followed = FollowedTopic(scope, name, TopicType(kind), take, self.name)
             self._node.get_logger().info(f"{name}: people are received as {kind}")
 
 

@@ -81,18 +81,6 @@ def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
     return _last(STATE_DEPTH, reliable=reliable, latched=latched)
 
 
-def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
-    """Whether a reader with the first profile does not match a publisher with the second."""
-    resends = (
-        requested.reliability == ReliabilityPolicy.RELIABLE
-        and offered.reliability != ReliabilityPolicy.RELIABLE
-    )
-    return resends or (
-        requested.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        and offered.durability != DurabilityPolicy.TRANSIENT_LOCAL
-    )
-
-
 def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
     """The requested profile with no more than what is offered."""
     reliable = offered.reliability == ReliabilityPolicy.RELIABLE
@@ -103,3 +91,9 @@ def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
         reliability=requested.reliability if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=requested.durability if latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
+    """Whether a reader with the first profile does not match a publisher with the second."""
+    less = less_demanding(requested, offered)
+    return (less.reliability, less.durability) != (requested.reliability, requested.durability)

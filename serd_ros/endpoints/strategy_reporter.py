@@ -21,8 +21,7 @@ from serd_ros.convert.markers import (
 )
 from serd_ros.convert.pose import to_goal_area_message, to_path
 from serd_ros.endpoints import qos, topics
-from serd_ros.graph.configs import StrategyConfig
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_sim.drivers.strategy import Strategy
 from serd_sim.world.observation import Observation
 
@@ -33,16 +32,16 @@ _SMALLEST_STEP = 1e-3
 class StrategyReporter:
     """Publishes for a node; all topics but `plan` are latched. time_s: of the last decision."""
 
-    def __init__(self, node: SerdNode[StrategyConfig]) -> None:
+    def __init__(self, endpoints: Endpoints) -> None:
         self.time_s = 0.0
-        self._node = node
-        self._goal = node.create_publisher(PolygonStamped, topics.GOAL_AREA, qos.LATCHED)
-        self._arrival = node.create_publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
-        self._way = node.create_publisher(Path, topics.PLAN, qos.COMMAND)
-        self._arrows = node.create_publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
-        self._values = node.create_publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
-        self._traps = node.create_publisher(MarkerArray, topics.MARKERS_TRAPS, qos.LATCHED)
-        self._text = node.create_publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
+        self._node = endpoints.node
+        self._goal = endpoints.publisher(PolygonStamped, topics.GOAL_AREA, qos.LATCHED)
+        self._arrival = endpoints.publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
+        self._way = endpoints.publisher(Path, topics.PLAN, qos.COMMAND)
+        self._arrows = endpoints.publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
+        self._values = endpoints.publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
+        self._traps = endpoints.publisher(MarkerArray, topics.MARKERS_TRAPS, qos.LATCHED)
+        self._text = endpoints.publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
         """Publish a new plan and log its remarks; began_s: wall time when planning began."""
@@ -60,9 +59,10 @@ class StrategyReporter:
             self._node.get_logger().warning(remark)
 
     def report_decision(self, navigator: Navigator, observation: Observation) -> None:
-        """Publish the forecast of the decision just made."""
+        """Publish the forecast of the last decision; a drive that begins in its goal has none."""
         forecast = navigator.forecast
-        assert forecast is not None
+        if forecast is None:
+            return
         self.time_s = forecast.time_s
         way_m = navigator.way_m(observation)
         self._arrival.publish(to_arrival_message(forecast.law, self.time_s))

@@ -14,21 +14,23 @@ from serd_bag.messages.plain import Transform, transforms
 from serd_ros.convert.pose import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.robot.urdf import LinkTransform, Placed
 
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 _LOOK_PERIOD_S = 0.5
 
 
-def follow_transforms(node: SerdNode[Any], on_change: Callable[[], None] = lambda: None) -> None:
-    """Keep `node.frames` as /tf is; on_change: called after each message of /tf.
+def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lambda: None) -> None:
+    """Keep the frames of the node as /tf is; on_change: called after each message of /tf.
 
     Of a message with a bad transform the others are taken.
     """
+
+    node = endpoints.node
 
     def rejection(transform: Transform, *, static: bool) -> MessageError | None:
         try:
@@ -49,8 +51,9 @@ def follow_transforms(node: SerdNode[Any], on_change: Callable[[], None] = lambd
             raise rejected[0]
 
     def followed_topic(name: str) -> FollowedTopic:
-        guarded = node.callbacks.of_messages(name, partial(take, static=name == topics.TF_STATIC))
-        return FollowedTopic(node, node.resolve_topic_name(name), TopicType(TF_TYPE), guarded)
+        taken = partial(take, static=name == topics.TF_STATIC)
+        full_name = node.resolve_topic_name(name)
+        return FollowedTopic(endpoints, full_name, TopicType(TF_TYPE), taken, name)
 
     followed = [followed_topic(name) for name in (topics.TF, topics.TF_STATIC)]
 
@@ -58,15 +61,15 @@ def follow_transforms(node: SerdNode[Any], on_change: Callable[[], None] = lambd
         for each in followed:
             each.look()
 
-    node.create_timer(_LOOK_PERIOD_S, look)
+    endpoints.every(_LOOK_PERIOD_S, look)
 
 
 class TransformPublisher:
     """Publishes map -> odom -> base_link on `tf` while there are subscribers."""
 
-    def __init__(self, node: SerdNode[Any]) -> None:
-        self._node = node
-        self._tf = node.create_publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
+    def __init__(self, endpoints: Endpoints) -> None:
+        self._frames = endpoints.node.frames
+        self._tf = endpoints.publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
 
     def publish(self, base_in_map: PlanarPose, base_in_odom: PlanarPose, time_s: float) -> None:
         """Send both transforms."""
@@ -78,16 +81,15 @@ class TransformPublisher:
             (topics.MAP_FRAME, topics.ODOM_FRAME, _level(odom)),
             (topics.ODOM_FRAME, topics.BASE_FRAME, _level(base_in_odom)),
         )
-        self._node.frames.add_prefix(message)
-        self._tf.publish(_encoded(message))
+        self._tf.publish(_encoded(self._frames.prefixed(message)))
 
 
-def publish_links(node: SerdNode[Any], links: Iterable[LinkTransform]) -> None:
+def publish_links(endpoints: Endpoints, links: Iterable[LinkTransform]) -> None:
     """Publish where the links of a robot are on `tf_static`, with the node's prefix, once."""
-    prefix = node.frames.prefix
+    prefix = endpoints.node.frames.prefix
     prefixed = ((prefix + parent, prefix + child, placed) for parent, child, placed in links)
     message = _message(0.0, *prefixed)
-    publisher = node.create_publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
+    publisher = endpoints.publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
     publisher.publish(_encoded(message))
 
 

@@ -26,9 +26,9 @@ from serd_ros.convert.diagnostics import from_episode_message, from_learner_repo
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
 from serd_ros.convert.sensors import from_people_message, from_scan
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
@@ -62,11 +62,11 @@ class PageView:
         self._health: dict[str, dict[str, str]] = {}
         self._next_start: tuple[float, float] | None = None
 
-    def subscribe(self, node: SerdNode[Any]) -> None:
+    def subscribe(self, endpoints: Endpoints) -> None:
         """Take the messages that a node receives on the topics."""
         for topic in self.topics:
             kind = topic_type(topic, stamped_cmd_vel=False)
-            node.create_subscription(kind.message, topic, partial(self.take, topic), kind.qos)
+            endpoints.subscribe(kind.message, topic, partial(self.take, topic), kind.qos)
 
     def take(self, topic: str, message: Any) -> None:
         """Take a message of one of the topics; MessageError where it breaks a rule."""
@@ -219,12 +219,12 @@ class LearnedOverlay:
     Models that come while one is solved wait; of these only the newest is solved.
     """
 
-    def __init__(self, node: SerdNode[Any], scenario: Scenario, server: PageServer) -> None:
-        self._node, self._scenario, self._server = node, scenario, server
+    def __init__(self, endpoints: Endpoints, scenario: Scenario, server: PageServer) -> None:
+        self._node, self._scenario, self._server = endpoints.node, scenario, server
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="overlay")
         self._newest: str | None = None
         self._solved: Future[ModelOverlay] | None = None
-        node.create_subscription(String, topics.MODEL, self._take, qos.LATCHED)
+        endpoints.subscribe(String, topics.MODEL, self._take, qos.LATCHED)
 
     def send(self) -> None:
         """Send what has been solved to the pages and begin with the newest model; never waits."""

@@ -1,7 +1,6 @@
 """Episodes of a person: resets the world, publishes marks, counts the episodes of all drivers."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -10,8 +9,8 @@ from serd_app.errors import TeleopError
 from serd_app.teleop.session import EpisodeEvent, EpisodeTally, Session
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.episodes.starter import EpisodeStarter
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
@@ -25,7 +24,7 @@ class PersonEpisodes:
 
     def __init__(
         self,
-        node: SerdNode[Any],
+        endpoints: Endpoints,
         scenario: Scenario,
         *,
         driver: str,
@@ -37,15 +36,14 @@ class PersonEpisodes:
         self._scenario, self._timeout_s = scenario, timeout_s
         self.begin_session()
         self._driver, self._notify, self._on_end = driver, notify, on_end
-        self._waited_for = ""
         self._starter = EpisodeStarter(
-            node,
+            endpoints,
             required_nodes,
             on_ready=lambda: self._starter.reset_world(),
             on_start=self._on_start,
-            on_wait=self._notify_waiting,
+            on_wait=lambda missing: notify(f"the episode waits for {missing}"),
         )
-        node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.STATE)
+        endpoints.subscribe(DiagnosticArray, topics.EPISODE, self._on_mark, qos.STATE)
 
     @property
     def number(self) -> int | None:
@@ -68,7 +66,6 @@ class PersonEpisodes:
         if self.other_driver:
             raise TeleopError(f"an episode of {self.other_driver} is running; end it there first")
         self.session.start()
-        self._waited_for = ""
         self._starter.wait()
 
     def begin_session(self) -> None:
@@ -91,11 +88,6 @@ class PersonEpisodes:
         """Follow the episode."""
         for event in self.session.observe(observation):
             self._publish(event)
-
-    def _notify_waiting(self, missing: str) -> None:
-        if missing != self._waited_for:
-            self._waited_for = missing
-            self._notify(f"the episode waits for {missing}")
 
     def _on_start(self, episode: EpisodeStart) -> None:
         self.n_decisions = 0

@@ -5,7 +5,6 @@ the recorder nor the planner misses the beginning of an episode.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
@@ -16,9 +15,9 @@ from serd_bag.errors import FileError
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.world.worlds import WORLD_TOPICS, several_worlds
 from serd_ros.graph.readiness import Readiness
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.episodes.result import EpisodeStart
 
 _LOOK_AGAIN_S = 0.05
@@ -28,13 +27,13 @@ _ASK_AGAIN_S = 30.0
 
 class EpisodeStarter:
     """on_ready: called when an episode may begin; on_start: with each episode that the world
-    begins; on_wait: with what is missing, at each look. needs_reset: whether the world is reset;
+    begins; on_wait: with what is missing, when it changes. needs_reset: whether the world is reset;
     world_topics: those that must not have several publishers.
     """
 
     def __init__(
         self,
-        node: SerdNode[Any],
+        endpoints: Endpoints,
         required_nodes: Sequence[str],
         *,
         on_ready: Callable[[], None],
@@ -44,15 +43,19 @@ class EpisodeStarter:
         world_topics: Sequence[str] = WORLD_TOPICS,
     ) -> None:
         self.episode: EpisodeStart | None = None
-        self._node, self._needs_reset, self._world_topics = node, needs_reset, world_topics
+        node = self._node = endpoints.node
+        self._needs_reset, self._world_topics = needs_reset, world_topics
         self._on_ready, self._on_start, self._on_wait = on_ready, on_start, on_wait
         self._readiness = Readiness(node, required_nodes, node.wall_s())
-        self._reset = node.create_client(Trigger, topics.RESET)
+        self._reset = endpoints.client(Trigger, topics.RESET)
+        self._waited_for = ""
         #: The reset that is not answered yet, and when it was requested.
         self._asked: Future | None = None
         self._asked_wall_s = 0.0
-        self._marks = node.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
-        self._look = node.create_timer(_LOOK_AGAIN_S, self._continue_when_ready, autostart=False)
+        self._marks = endpoints.publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
+        look = self._continue_when_ready
+        self._look = endpoints.every(_LOOK_AGAIN_S, look, autostart=False)
+        self._take_reply = endpoints.guarded(topics.RESET, self._on_reply)
 
     @property
     def waiting(self) -> bool:
@@ -68,14 +71,12 @@ class EpisodeStarter:
         """Request an episode of the world; wait while it refuses, repeat without an answer."""
         self._asked_wall_s = self._node.wall_s()
         self._asked = self._reset.call_async(Trigger.Request())
-        self._asked.add_done_callback(
-            self._node.callbacks.of_messages(topics.RESET, self._on_reply)
-        )
+        self._asked.add_done_callback(self._take_reply)
         self._look.reset()
 
     def begin(self, episode: EpisodeStart) -> None:
         """An episode begins."""
-        self.episode = episode
+        self.episode, self._waited_for = episode, ""
         self._on_start(episode)
 
     def mark(
@@ -105,7 +106,7 @@ class EpisodeStarter:
         if not missing and self._needs_reset and not self._reset.service_is_ready():
             missing = "the reset service"
         if missing:
-            self._on_wait(missing)
+            self._report(missing)
         else:
             self._look.cancel()
             self._on_ready()
@@ -127,5 +128,10 @@ class EpisodeStarter:
         self.begin(start)
 
     def _wait_again(self, reason: str) -> None:
-        self._on_wait(reason)
+        self._report(reason)
         self.wait()
+
+    def _report(self, missing: str) -> None:
+        if missing != self._waited_for:
+            self._waited_for = missing
+            self._on_wait(missing)

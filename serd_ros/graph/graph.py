@@ -1,12 +1,14 @@
 """The node graph as data, read from graph.yaml: which node has which endpoints, which run together.
 
-No rclpy in here: the launcher, the ROS launch file and the pictures use it.
+The launcher, the ROS launch file and the pictures use it. rclpy is imported where the parameters of
+a node are looked up, with the module of that node.
 """
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from serd_bag.nearest import hint
 from serd_files.moved_names import where_or_near
 from serd_files.yaml_config import StrictModel, load_yaml_model
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS
+from serd_ros.settings import NodeConfig
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
@@ -27,9 +29,11 @@ Parameters = dict[str, Any]
 class NodeEndpoints(StrictModel):
     """Names of the topics and services of one node.
 
-    may_subscribe: topics it subscribes to depending on a parameter; no node waits for them.
+    node: its module in serd_ros.nodes and its class, as guard:GuardNode. may_subscribe: topics it
+    subscribes to depending on a parameter; no node waits for them.
     """
 
+    node: str
     publishes: tuple[str, ...] = ()
     subscribes: tuple[str, ...] = ()
     may_subscribe: tuple[str, ...] = ()
@@ -99,6 +103,23 @@ def load_graph() -> Graph:
     return load_yaml_model(GRAPH_YAML, Graph)
 
 
+def module_of(kind: str) -> str:
+    """The name of the module of a node."""
+    return f"serd_ros.nodes.{load_graph().nodes[kind].node.partition(':')[0]}"
+
+
+def class_of(kind: str) -> Any:
+    """The class of a node; imports its module."""
+    name = load_graph().nodes[kind].node.partition(":")[2]
+    return getattr(import_module(module_of(kind)), name)
+
+
+def config_of(kind: str) -> type[NodeConfig]:
+    """The parameters of a node; imports its module."""
+    config: type[NodeConfig] = class_of(kind).config_class
+    return config
+
+
 def find_stack(name: str) -> Stack:
     """The stack of that name; NodeError with the nearest right one."""
     stacks = load_graph().stacks
@@ -147,7 +168,7 @@ def placed_nodes(stack: Stack, given: Mapping[str, Any], namespace: str = "") ->
 
 
 def _known(node: str, values: Mapping[str, Any]) -> Parameters:
-    return {name: value for name, value in values.items() if name in CONFIGS[node].model_fields}
+    return {name: value for name, value in values.items() if name in config_of(node).model_fields}
 
 
 def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
@@ -156,13 +177,13 @@ def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
     if dot:
         if node not in stack.nodes:
             raise NodeError(f"{key!r} names no node of this stack; {hint(node, stack.nodes)}")
-        if name not in CONFIGS[node].model_fields:
-            near = where_or_near("parameter", name, CONFIGS[node].model_fields)
+        if name not in config_of(node).model_fields:
+            near = where_or_near("parameter", name, config_of(node).model_fields)
             raise NodeError(f"{node} has no parameter {name!r}; {near}")
         return [(node, name)]
-    having = [each for each in stack.nodes if key in CONFIGS[each].model_fields]
+    having = [each for each in stack.nodes if key in config_of(each).model_fields]
     if not having:
-        everything = {known for each in stack.nodes for known in CONFIGS[each].model_fields}
+        everything = {known for each in stack.nodes for known in config_of(each).model_fields}
         near = where_or_near("parameter", key, everything)
         raise NodeError(f"no node of this stack has a parameter {key!r}; {near}")
     found = [(each, key) for each in having if key not in stack.parameters.get(each, {})]

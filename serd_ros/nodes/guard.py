@@ -6,29 +6,31 @@ stops the robot when inputs or commands stop coming, or when several nodes publi
 a command the node publishes nothing.
 """
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
-from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
+from serd_files.settings import setting, setting_of
+from serd_ros.convert.command import from_twist, from_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import PlanarPose, from_odometry
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import follow_commands
+from serd_ros.endpoints.commands import CommandPublisher, follow_commands
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.endpoints.world.worlds import publishers_of
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig, StackConfig
 from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
 from serd_sim.safety.scan import Scan
+from serd_sim.safety.settings import GuardSettings
 from serd_sim.safety.zero_ranges import ZeroRanges
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
@@ -43,8 +45,51 @@ _SCANS_PER_LOOK = 10
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
 
 
+class GuardConfig(GuardSettings, StackConfig, LidarConfig):
+    """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
+
+    scenario: str = setting(
+        "",
+        "built-in scenario or file whose robot is guarded, and at whose walls a lidar must have"
+        " returns; any other robot when empty",
+    )
+    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting_of(
+        LocalisationConfig, "pose_from"
+    )
+    people_topic: str = setting_of(ObservationConfig, "people_topic")
+    lockstep: bool = setting_of(
+        StackConfig, "lockstep", description="answer every command of that stamp with one"
+    )
+    stamped_cmd_vel: bool = setting(False, "cmd_vel_raw and cmd_vel are TwistStamped")
+    stop_pub_timeout: float = setting(
+        1.0, "publish nothing after this time of stops without a command", unit="s", ge=0
+    )
+    clock_timeout: float = setting(
+        1.0, "live: stop after this wall time without an advance of the clock", unit="s", gt=0
+    )
+
+    @classmethod
+    def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The defaults, with the robot of the scenario that is given."""
+        defaults = super().defaults(given)
+        name = given.get("scenario", "")
+        if not isinstance(name, str) or not name:
+            return defaults
+        people_from = given.get("people_from", defaults["people_from"])
+        guard = GuardSettings.of_scenario(load_scenario(name), str(people_from)).model_dump()
+        if "acc_lim_x" in given:
+            guard["decel_lim_x"] = 0.0  # a robot that accelerates less may brake less
+        return defaults | guard
+
+    def guard(self) -> GuardSettings:
+        """The settings of the guard itself."""
+        return GuardSettings(**self.model_dump(include=set(GuardSettings.model_fields)))
+
+
 class GuardNode(SerdNode[GuardConfig]):
     """Converts, calls `Guard.step`, publishes `cmd_vel`."""
+
+    config_class = GuardConfig
 
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
@@ -62,20 +107,19 @@ class GuardNode(SerdNode[GuardConfig]):
         self._clock_s, self._clock_wall_s = -1.0, self.wall_s()
         self._stepped_wall_s = self._reported_wall_s = 0.0
         self._reported: GuardOutput | None = None
-        self._stamped = config.stamped_cmd_vel or config.lockstep
-        twist: type[Twist | TwistStamped] = TwistStamped if self._stamped else Twist
-        self._commands = self.create_publisher(twist, topics.CMD_VEL, qos.STATE)
-        self._localisation = LOCALISATIONS[config.pose_from](self, self._take_pose)
-        self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
-        PeopleTopic(self, config.people_topic, self._on_people)
-        ScanTopic(self, config, self._on_scan, qos.STATE if config.lockstep else qos.SENSOR)
+        endpoints, stamped = self.endpoints, config.stamped_cmd_vel or config.lockstep
+        self._commands = CommandPublisher(endpoints, topics.CMD_VEL, stamped=stamped)
+        self._localisation = LOCALISATIONS[config.pose_from](endpoints, self._take_pose)
+        endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+        PeopleTopic(endpoints, config.people_topic, self._on_people)
+        ScanTopic(endpoints, config, self._on_scan, qos.STATE if config.lockstep else qos.SENSOR)
         if config.lockstep:
-            self.create_subscription(twist, topics.CMD_VEL_RAW, self._on_stamped, qos.COMMAND)
+            endpoints.subscribe(TwistStamped, topics.CMD_VEL_RAW, self._on_stamped, qos.COMMAND)
         else:
-            follow_commands(self, twist, topics.CMD_VEL_RAW, self._on_command)
-            self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
+            follow_commands(endpoints, topics.CMD_VEL_RAW, self._on_command, stamped=stamped)
+            endpoints.subscribe(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
-            self.create_timer(period_s, self._watch)
+            endpoints.every(period_s, self._watch)
 
     def _refuse_own_output(self) -> None:
         """NodeError where the node would take what it publishes as commands."""
@@ -129,11 +173,11 @@ class GuardNode(SerdNode[GuardConfig]):
     def _notice_pause(self) -> None:
         """End the command of before a pause of this process, whose /clock may be behind."""
         if self._stepped_wall_s and self.wall_s() - self._stepped_wall_s > _PAUSE_S:
-            self._guard.receive_command(self._now_s() - 2.0 * self.config.command_timeout, STOP)
+            self._guard.receive_command(self.now_s() - 2.0 * self.config.command_timeout, STOP)
 
     def _on_command(self, message: Twist | TwistStamped, age_s: float) -> None:
         self._notice_pause()
-        now_s = self._now_s()
+        now_s = self.now_s()
         if isinstance(message, TwistStamped):
             time_ns, command = from_twist_stamped(message)
             time_s = time_ns * 1e-9
@@ -144,15 +188,12 @@ class GuardNode(SerdNode[GuardConfig]):
         self._step()
 
     def _on_override(self, message: Bool) -> None:
-        self._guard.receive_override(self._now_s(), bool(message.data))
-
-    def _now_s(self) -> float:
-        return float(self.get_clock().now().nanoseconds * 1e-9)
+        self._guard.receive_override(self.now_s(), bool(message.data))
 
     def _take(self, source: Source, time_ns: int, receive: Callable[[], None]) -> None:
         """Live, pass an input on; in lock-step, keep it until all of its stamp are here."""
         if not self.config.lockstep:
-            self._guard.advance(self._now_s())
+            self._guard.advance(self.now_s())
             receive()
             return
         self._waiting[source] = time_ns, receive
@@ -174,7 +215,7 @@ class GuardNode(SerdNode[GuardConfig]):
             self._answer = time_ns, output.command
             self._report_change(output, time_ns * 1e-9)
         del self._waiting[Source.COMMAND]
-        self._publish(self._answer[1], time_ns * 1e-9)
+        self._commands.publish(self._answer[1], time_ns * 1e-9)
 
     def _is_here(self, source: Source, time_ns: int) -> bool:
         """Whether the input of a stamp has arrived, or there is none."""
@@ -191,7 +232,7 @@ class GuardNode(SerdNode[GuardConfig]):
             self._step()
 
     def _step(self) -> None:
-        now_s, self._stepped_wall_s = self._now_s(), self.wall_s()
+        now_s, self._stepped_wall_s = self.now_s(), self.wall_s()
         if now_s != self._clock_s:
             self._clock_s, self._clock_wall_s = now_s, self._stepped_wall_s
         output = self._guard.step(now_s)
@@ -201,12 +242,8 @@ class GuardNode(SerdNode[GuardConfig]):
             output = _CLOCK_STANDS
         silent_s = self._guard.command_age_s(now_s) - self.config.command_timeout
         if silent_s <= self.config.stop_pub_timeout:
-            self._publish(output.command, now_s)
+            self._commands.publish(output.command, now_s)
         self._report_change(output, now_s)
-
-    def _publish(self, command: Command, time_s: float) -> None:
-        message = to_twist_stamped(command, time_s) if self._stamped else to_twist(command)
-        self._commands.publish(message)
 
     def _report_change(self, output: GuardOutput, now_s: float) -> None:
         """Report at once when action, reasons or override change, else now and then."""

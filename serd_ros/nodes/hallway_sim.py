@@ -1,7 +1,7 @@
 """hallway_sim: the PyBullet hallway with its people and its robot, as a ROS 2 node."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -9,17 +9,21 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
 from std_srvs.srv import SetBool, Trigger
 
+from serd_app.navigation.settings import NavigationSettings
+from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.world.world_loop import LiveLoop, LockstepLoop, WorldLoop
-from serd_ros.endpoints.world.world_publisher import ClockPublisher, WorldPublisher
+from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.endpoints.world.world_loop import LiveLoop, LockstepLoop
+from serd_ros.endpoints.world.world_publisher import WorldPublisher
 from serd_ros.endpoints.world.worlds import OtherClocks
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import NO_NAMES, FramesConfig, StackConfig
 from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.errors import SimError
 from serd_sim.scenario.goal import with_goal
 from serd_sim.scenario.scenario import load_scenario
@@ -27,6 +31,28 @@ from serd_sim.world.world import HallwayWorld
 
 #: The robot stands where it was placed up to this distance (m, rad): the physical drive settles.
 _SETTLES = 0.01
+
+
+class HallwaySimConfig(FramesConfig):
+    """Parameters of hallway_sim."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    seed: int = setting_of(EpisodeSettings, "seed")
+    people: int = setting(-1, "number of people; -1: as the scenario has it", ge=-1)
+    start_area: str = setting_of(WorldSettings, "start_area")
+    goal: str = setting_of(NavigationSettings, "goal")
+    lockstep: bool = setting_of(StackConfig, "lockstep")
+    lockstep_timeout_s: float = setting(
+        60.0, "end after this wall time without a command in lock-step", unit="s", gt=0
+    )
+    gui: bool = setting(False, "show PyBullet's window")
+    real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
+    stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
+    command_timeout_s: float = setting(
+        0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
+    )
+    publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
+    required_nodes: tuple[str, ...] = setting(NO_NAMES, "reset fails until these nodes subscribe")
 
 
 class EpisodeRequests:
@@ -39,17 +65,19 @@ class EpisodeRequests:
 
     def __init__(
         self,
-        node: SerdNode[HallwaySimConfig],
+        endpoints: Endpoints,
+        required_nodes: Sequence[str],
         world: HallwayWorld,
         begin: Callable[[], EpisodeStart],
     ) -> None:
-        self._node, self._world, self._begin = node, world, begin
+        node = self._node = endpoints.node
+        self._world, self._begin = world, begin
         #: The last response, until the driver publishes a mark of it.
         self._begun: EpisodeStart | None = None
         self._start_pose = (0.0, 0.0, 0.0)
-        self._readiness = Readiness(node, node.config.required_nodes, node.wall_s())
-        node.serve(Trigger, topics.RESET, self._on_reset)
-        node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
+        self._readiness = Readiness(node, required_nodes, node.wall_s())
+        endpoints.serve(Trigger, topics.RESET, self._on_reset)
+        endpoints.subscribe(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
 
     @property
     def _is_new_request(self) -> bool:
@@ -76,21 +104,39 @@ class EpisodeRequests:
 class HallwaySim(SerdNode[HallwaySimConfig]):
     """Holds the world; `reset` begins its next episode, `pause` stops its time."""
 
+    config_class = HallwaySimConfig
+
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
-        scenario = load_scenario(self.config.scenario)
-        if self.config.people >= 0:
-            scenario = scenario.with_pedestrian_count(self.config.people)
-        scenario = with_goal(scenario, self.config.goal)
-        self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
+        config, endpoints = self.config, self.endpoints
+        scenario = load_scenario(config.scenario)
+        if config.people >= 0:
+            scenario = scenario.with_pedestrian_count(config.people)
+        scenario = with_goal(scenario, config.goal)
+        self._world = HallwayWorld(scenario, seed=config.seed, gui=config.gui)
+        self.at_end.callback(self._world.close)
         self._next_episode = 0
-        clock, publisher = ClockPublisher(self), WorldPublisher(self, self._world)
-        self._requests = EpisodeRequests(self, self._world, self._begin_episode)
-        self.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
-        loop = LockstepLoop if self.config.lockstep else LiveLoop
-        self._loop: WorldLoop = loop(self, self._world, clock, publisher)
-        self.serve(SetBool, topics.PAUSE, self._on_pause)
-        OtherClocks(self, lambda: clock.n_sent, self._begin_live)
+        publisher = WorldPublisher(endpoints, self._world, with_tf=config.publish_tf)
+        self._requests = EpisodeRequests(
+            endpoints, config.required_nodes, self._world, self._begin_episode
+        )
+        endpoints.subscribe(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
+        self._loop = self._make_loop(publisher.publish)
+        endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
+        OtherClocks(endpoints, lambda: publisher.n_ticks, self._begin_live)
+
+    def _make_loop(self, publish: Callable[[], None]) -> LockstepLoop | LiveLoop:
+        config = self.config
+        if config.lockstep:
+            return LockstepLoop(self.endpoints, self._world, publish, config.lockstep_timeout_s)
+        return LiveLoop(
+            self.endpoints,
+            self._world,
+            publish,
+            config.command_timeout_s,
+            stamped=config.stamped_cmd_vel,
+            real_time_factor=config.real_time_factor,
+        )
 
     def _begin_live(self) -> None:
         """Begin the first episode, which no driver requests."""
@@ -103,10 +149,6 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
                 f"{scenario.name} with {scenario.pedestrians.count} people, seed"
                 f" {self.config.seed}; commands come from {self.resolve_topic_name(topics.CMD_VEL)}"
             )
-
-    def close(self) -> None:
-        """Close PyBullet's world."""
-        self._world.close()
 
     def _begin_episode(self) -> EpisodeStart:
         """Begin the next episode; SimError where there can be none, which ends the node."""

@@ -6,6 +6,7 @@ Live, it learns at the end of each episode, beginning where the last fit ended, 
 
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
@@ -17,23 +18,28 @@ from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.methods import require_learnable
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
-from serd_app.learning.recipe import learn, require_enough, task_in
+from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
+from serd_app.learning.settings import LearningSettings
 from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
 from serd_bag.files import require_file_place
 from serd_files.errors import USER_ERRORS
 from serd_files.files import shared_file
+from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.graph.configs import LearnerConfig
-from serd_ros.process.managed_node import ManagedNode
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
 from serd_ros.process.progress import Progress, write_progress
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import ManagedConfig
+from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 _LOOK_PERIOD_S = 0.1
 _CHECKPOINT_PERIOD_S = 1.0
@@ -43,20 +49,108 @@ _UNCONVERGED = 1
 _REPLAY = "bag_replay"
 
 
-class LearnerNode(ManagedNode[LearnerConfig]):
-    """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`."""
+class LearnerConfig(LearningSettings, ManagedConfig):
+    """Parameters of learner."""
 
-    def configure(self) -> None:
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    bag: str = setting("", "learn from this bag at start; from live topics when empty")
+    actions: Literal["recorded", "hidden"] = setting(
+        "recorded", "hidden: learn from poses and episodes alone, without intents"
+    )
+    learn_on: Literal["call", "episode"] = setting(
+        "episode",
+        "live: learn at the end of each episode, or only when the service learn is called",
+    )
+    state: str = setting(
+        "",
+        "live: folder of checkpoints, from which a killed learner resumes; beside the output"
+        " when empty",
+    )
+    output: str = setting("model.yaml", "model file to write", min_length=1)
+    decisions: str = setting("", "also write the table of decisions to this file")
+    flow: str = setting(
+        "",
+        "table of the recorded flow of people, as `serd demos` writes it; the scenario's own"
+        " flow when empty",
+    )
+    exit_when_done: bool = setting(True, "with a bag: end the process when the model is learned")
+    exit_with_publishers: bool = setting(
+        False,
+        "live: end the process when nothing publishes what is learned from any more, or a replay"
+        " has finished, and all is learned; without a model with exit code 2",
+    )
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether decisions have no recorded action."""
+        return self.actions == "hidden"
+
+
+class LearnerNode(SerdNode[LearnerConfig]):
+    """Learns while it is active."""
+
+    config_class = LearnerConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.lifecycle = Lifecycle(self, self._configure)
+
+    def _configure(self) -> Activate:
         """Read the scenario and what an earlier learner kept."""
-        require_learnable(self.config.method, hidden=self._hidden)
-        self._scenario = load_scenario(self.config.scenario)
-        self._task = task_in(self._scenario, self.config.discount, self.config.flow)
-        place = self._scenario
-        self._place = Place(grid_of(place), place.patience_s, place.wait_s, place)
-        require_file_place(Path(self.config.output))
-        if self.config.decisions:
-            self._require_place_of_decisions(Path(self.config.decisions))
-        require_replaceable(Path(self.config.output), self._task.scenario_yaml)
+        config = self.config
+        require_learnable(config.method, hidden=config.is_hidden)
+        scenario = load_scenario(config.scenario)
+        task = task_in(scenario, config.discount, config.flow)
+        place = Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
+        require_file_place(Path(config.output))
+        if config.decisions:
+            _require_place_of_decisions(config, task)
+        require_replaceable(Path(config.output), task.scenario_yaml)
+        memory = None if config.bag else self._memory_of(scenario, task)
+        return partial(Learning, config, task, place, memory)
+
+    def _memory_of(self, scenario: Scenario, task: LearningTask) -> LearnerMemory:
+        config, output = self.config, Path(self.config.output)
+        memory = LearnerMemory(
+            scenario,
+            Path(config.state or output.with_name(f"{output.stem}_learner")),
+            hidden=config.is_hidden,
+            feature_names=task.problem.feature_names,
+        )
+        self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
+        if remark := memory.start_remark:
+            self.get_logger().warning(remark)
+        return memory
+
+
+def _require_place_of_decisions(config: LearnerConfig, task: LearningTask) -> None:
+    table = Path(config.decisions)
+    require_file_place(table)
+    of_model = outcome_files(Path(config.output)).values()
+    if (file := shared_file(files_beside(table).values(), of_model)) is not None:
+        raise NodeError(
+            f"decisions must not be written over the model's files, got {table}, beside which"
+            f" {file} is written; name another file"
+        )
+    require_replaceable(table, task.scenario_yaml)
+
+
+class Learning(Activity):
+    """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`.
+
+    memory: of what has been demonstrated; None with a bag.
+    """
+
+    def __init__(
+        self,
+        config: LearnerConfig,
+        task: LearningTask,
+        place: Place,
+        memory: LearnerMemory | None,
+        endpoints: Endpoints,
+    ) -> None:
+        self._node, self._config = endpoints.node, config
+        self._task, self._place, self._memory = task, place, memory
         self._again = self._begin_anew = False
         self._begun_s = 0.0
         self._ended_s: float | None = None
@@ -64,68 +158,33 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         self._published_s: float | None = None
         self._is_played = self._is_learned = False
         self._refusal = "no episode has ended"
-        self._memory = None if self.config.bag else self._earlier_memory()
         self._checkpoint_due_s = 0.0
-
-    def _require_place_of_decisions(self, table: Path) -> None:
-        require_file_place(table)
-        of_model = outcome_files(Path(self.config.output)).values()
-        if (file := shared_file(files_beside(table).values(), of_model)) is not None:
-            raise NodeError(
-                f"decisions must not be written over the model's files, got {table}, beside which"
-                f" {file} is written; name another file"
-            )
-        require_replaceable(table, self._task.scenario_yaml)
-
-    def activate(self) -> None:
-        """Take demonstrations and learn."""
         self._worker = FitWorker()
         if self._memory is not None:
-            self._listen(self._memory)
-        self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
-        self.serve(Trigger, topics.LEARN, self._on_learn)
-        self.create_timer(_LOOK_PERIOD_S, self._look)
-        if self._memory is None or (self._memory.unlearned and self.config.learn_on == "episode"):
+            self._listen(endpoints, self._memory)
+        self._models = endpoints.publisher(String, topics.MODEL, qos.LATCHED)
+        endpoints.serve(Trigger, topics.LEARN, self._on_learn)
+        endpoints.every(_LOOK_PERIOD_S, self._look)
+        if self._memory is None or (self._memory.unlearned and config.learn_on == "episode"):
             self._begin(anew=False)
 
-    def release(self) -> None:
+    def close(self) -> None:
         """End a fit that is under way; its last checkpoint is kept."""
         self._worker.stop()
 
     @property
     def _ends(self) -> bool:
-        return bool(self.config.bag) and self.config.exit_when_done
+        return bool(self._config.bag) and self._config.exit_when_done
 
-    @property
-    def _hidden(self) -> bool:
-        return self.config.actions == "hidden"
-
-    def _earlier_memory(self) -> LearnerMemory:
-        output = Path(self.config.output)
-        beside = output.with_name(f"{output.stem}_learner")
-        folder = Path(self.config.state) if self.config.state else beside
-        memory = LearnerMemory(
-            self._scenario,
-            folder,
-            hidden=self._hidden,
-            feature_names=self._task.problem.feature_names,
-        )
-        self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
-        if remark := memory.start_remark:
-            self.get_logger().warning(remark)
-        return memory
-
-    def _listen(self, memory: LearnerMemory) -> None:
-        actions = () if self._hidden else (topics.INTENT,)
+    def _listen(self, endpoints: Endpoints, memory: LearnerMemory) -> None:
+        actions = () if self._config.is_hidden else (topics.INTENT,)
         for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
-            self.create_subscription(
-                kind.message, topic, partial(self._take, memory, topic), qos.LOSSLESS, raw=True
-            )
-        if self.config.exit_with_publishers:
-            self.create_subscription(
-                DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
-            )
+            take = partial(self._take, memory, topic)
+            endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
+        if self._config.exit_with_publishers:
+            take_report = self._on_diagnostics
+            endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """The end of a replay, also of a bag without the topics that are learned from."""
@@ -133,18 +192,18 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             if status.name == _REPLAY:
                 self._is_played = status.message == "finished"
                 if self._published_s is None:
-                    self._published_s = self.wall_s()
+                    self._published_s = self._node.wall_s()
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
         before = (drive.n_ended, drive.n_late)
-        self._published_s = self.wall_s()
+        self._published_s = self._node.wall_s()
         try:
             drive.take(topic, data)
         except BagError as error:
             raise MessageError(f"message must be one of {topic}", error, "correct it") from None
         if (drive.n_ended, drive.n_late) != before:
-            self._ended_s = self.wall_s()
+            self._ended_s = self._node.wall_s()
 
     def _look(self) -> None:
         for event in self._worker.events():
@@ -159,7 +218,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             self._gather_ended(self._memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
-        elif self.config.exit_with_publishers and not self._worker.busy:
+        elif self._config.exit_with_publishers and not self._worker.busy:
             self._end_with_source()
 
     def _end_with_source(self) -> None:
@@ -167,9 +226,9 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             return
         memory = self._memory
         if self._is_learned or (memory is not None and memory.n_decisions and not memory.unlearned):
-            self.finish(0)
+            self._node.finish(0)
         else:
-            self.fail(f"no model was learned: {self._refusal}")
+            self._node.fail(f"no model was learned: {self._refusal}")
 
     def _source_ended(self) -> bool:
         """Whether there was something to learn from, and neither a publisher, or one that plays,
@@ -178,15 +237,15 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         Messages that have arrived are taken one after the other, without gaps of this length.
         """
         observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
-        if not self._is_played and any(map(self.count_publishers, observed)):
-            self._published_s = self.wall_s()
+        if not self._is_played and any(map(self._node.count_publishers, observed)):
+            self._published_s = self._node.wall_s()
         since_s = self._published_s
-        return since_s is not None and self.wall_s() - since_s > _SETTLING_S
+        return since_s is not None and self._node.wall_s() - since_s > _SETTLING_S
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
             return False
-        is_due = self.wall_s() - self._ended_s >= _SETTLING_S
+        is_due = self._node.wall_s() - self._ended_s >= _SETTLING_S
         return is_due and (memory.drive.caught_up or self._source_ended())
 
     def _gather_ended(self, memory: LearnerMemory) -> None:
@@ -195,19 +254,19 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         except USER_ERRORS as error:
             self._refuse(str(error))
             return
-        self._again = self.config.learn_on == "episode" and memory.unlearned
+        self._again = self._config.learn_on == "episode" and memory.unlearned
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> Demonstrations:
         demonstrations = memory.gather(unfinished=unfinished)
         self._save_decisions(demonstrations)
-        self.get_logger().info(f"in this session {memory.drive.report}")
+        self._node.get_logger().info(f"in this session {memory.drive.report}")
         return demonstrations
 
     def _on_learn(self, _: Trigger.Request) -> str:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
         try:
             if self._memory is not None:
-                require_enough(self._gather(self._memory, unfinished=True), self.config)
+                require_enough(self._gather(self._memory, unfinished=True), self._config)
         except USER_ERRORS as error:
             self._refuse(str(error))
             raise NodeError(f"not learned: {error}") from None
@@ -217,42 +276,42 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
     def _begin(self, *, anew: bool) -> None:
         self._again = self._begin_anew = False
-        self._begun_s = self.wall_s()
+        self._begun_s = self._node.wall_s()
         memory = self._memory
         if memory is None:
-            self._worker.begin(lambda report: learn(self._task, self._read(), self.config, report))
+            self._worker.begin(lambda report: learn(self._task, self._read(), self._config, report))
             return
         demonstrations, warm = memory.demonstrations, None if anew else memory.warm_weights
         if demonstrations is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
         self._worker.begin(
-            lambda report: learn(self._task, demonstrations, self.config, report, warm)
+            lambda report: learn(self._task, demonstrations, self._config, report, warm)
         )
 
     def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
-            self.config.bag,
+            self._config.bag,
             self._place.grid,
             self._place.patience_s,
             self._place.wait_s,
-            hidden=self._hidden,
+            hidden=self._config.is_hidden,
         )
         decisions = demonstrations.decisions
-        text = f"{len(decisions)} decisions from {self.config.bag}: {report}"
-        self.get_logger().info(text)
+        text = f"{len(decisions)} decisions from {self._config.bag}: {report}"
+        self._node.get_logger().info(text)
         write_progress(Progress(text=text))
         self._save_decisions(demonstrations)
         return demonstrations
 
     def _save_decisions(self, demonstrations: Demonstrations) -> None:
-        if self.config.decisions:
-            save_learnable(Path(self.config.decisions), self._place, demonstrations.decisions)
+        if self._config.decisions:
+            save_learnable(Path(self._config.decisions), self._place, demonstrations.decisions)
 
     def _show(self, progress: FitProgress) -> None:
         step = progress.step
-        if self._memory is not None and self.wall_s() >= self._checkpoint_due_s:
-            self._checkpoint_due_s = self.wall_s() + _CHECKPOINT_PERIOD_S
+        if self._memory is not None and self._node.wall_s() >= self._checkpoint_due_s:
+            self._checkpoint_due_s = self._node.wall_s() + _CHECKPOINT_PERIOD_S
             self._memory.save_progress(progress)
         values = {
             "fit": progress.number,
@@ -260,38 +319,38 @@ class LearnerNode(ManagedNode[LearnerConfig]):
             "step": step.number,
             "objective_per_decision": step.objective,
             "gradient_norm": step.gradient_norm,
-            "seconds": self.wall_s() - self._begun_s,
+            "seconds": self._node.wall_s() - self._begun_s,
         }
-        self.report(0.0, values, message="learning")
+        self._node.report(0.0, values, message="learning")
         text = (
             f"step {step.number}: objective {step.objective:.4f} per decision, "
             f"gradient {step.gradient_norm:.1e}"
         )
-        self.get_logger().info(
+        self._node.get_logger().info(
             f"fit {progress.number} of {progress.total}, {text}", throttle_duration_sec=1.0
         )
         write_progress(Progress(text=text, done=progress.number - 1))
 
     def _conclude(self, outcome: FitOutcome) -> None:
-        save_outcome(Path(self.config.output), outcome, self._task.problem.grid)
+        save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
         self._is_learned = True
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
-        self.get_logger().info(" ".join(filter(None, [outcome.summary(), outcome.belief])))
+        self._node.get_logger().info(" ".join(filter(None, [outcome.summary(), outcome.belief])))
         if outcome.traps.n_looping_cells:
-            self.get_logger().warning(outcome.traps.sentence())
-        values = {**outcome.values(), "model": self.config.output}
+            self._node.get_logger().warning(outcome.traps.sentence())
+        values = {**outcome.values(), "model": self._config.output}
         level = OK if outcome.fit.converged else WARN
-        self.report(0.0, values, level=level, message=outcome.fit.message)
+        self._node.report(0.0, values, level=level, message=outcome.fit.message)
         if self._ends:
-            self.finish(0 if outcome.fit.converged else _UNCONVERGED)
+            self._node.finish(0 if outcome.fit.converged else _UNCONVERGED)
 
     def _refuse(self, reason: str) -> None:
         """The model stays as it is."""
         if self._ends:
-            self.fail(reason)
+            self._node.fail(reason)
             return
         self._refusal = reason
-        self.get_logger().warning(f"not learned: {reason}")
-        self.report(0.0, {"model": self.config.output}, level=WARN, message=reason)
+        self._node.get_logger().warning(f"not learned: {reason}")
+        self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)

@@ -6,95 +6,142 @@ comes with ROS, not as a wheel, so this node imports it when it starts.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
-from typing import Any
+from typing import Any, Literal
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.action import ActionClient
 
 from serd_app.navigation.nav2_goals import Nav2Goals, Target
+from serd_files.settings import setting
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import PlanarPose, from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import Nav2BridgeConfig
-from serd_ros.process.managed_node import ManagedNode
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import FramesConfig, ManagedConfig
 
 _WATCH_S = 0.5
 _LOG_PERIOD_S = 5.0
 
 
-class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
-    """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
+class Nav2BridgeConfig(FramesConfig, ManagedConfig):
+    """Parameters of nav2_bridge."""
 
-    def configure(self) -> None:
+    mode: Literal["to_pose", "through_poses"] = setting(
+        "to_pose", "to_pose: send each waypoint; through_poses: send the plan of the strategy"
+    )
+    behavior_tree: str = setting("", "behavior tree of Nav2; its default when empty")
+    waypoint_timeout_s: float = setting(
+        1.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
+    )
+    publish_tf: bool = setting(
+        False,
+        "publish map -> odom -> base_link from robot_pose and odom; for simulated robots, since a"
+        " real one has its own",
+    )
+
+
+class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
+    """Sends goals to Nav2 while it is active."""
+
+    config_class = Nav2BridgeConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self._action_clients: dict[str, ActionClient] = {}
+        self.lifecycle = Lifecycle(self, self._configure)
+
+    def _configure(self) -> Activate:
         """Look up the action."""
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
-        self._kind = kind
-        self._action = "navigate_through_poses" if through else "navigate_to_pose"
-        self._goals = Nav2Goals(
-            self.action_client(kind, self._action),
-            self._goal_message,
-            timeout_s=self.config.waypoint_timeout_s,
-        )
+        name = "navigate_through_poses" if through else "navigate_to_pose"
+        return partial(Nav2Bridge, self.config, name, kind.Goal, self._action_client(kind, name))
 
-    def activate(self) -> None:
-        """Send goals from now on."""
-        if self.config.mode == "through_poses":
-            self.create_subscription(Path, topics.PLAN, self._take, qos.COMMAND)
-        self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
+    def _action_client(self, kind: Any, name: str) -> ActionClient:
+        """The client of an action, made once and kept while the process lives.
+
+        The events executor drops what it keeps of an action client without Python's lock: where
+        one is destroyed while a message waits for it, the process ends by a segmentation fault.
+        """
+        if name not in self._action_clients:
+            self._action_clients[name] = ActionClient(self, kind, name)
+        return self._action_clients[name]
+
+
+class Nav2Bridge(Activity):
+    """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
+
+    def __init__(
+        self,
+        config: Nav2BridgeConfig,
+        action: str,
+        goal: Any,
+        client: ActionClient,
+        endpoints: Endpoints,
+    ) -> None:
+        self._node, self._config = endpoints.node, config
+        self._action, self._goal = action, goal
+        self._goals = Nav2Goals(client, self._goal_message, timeout_s=config.waypoint_timeout_s)
+        if config.mode == "through_poses":
+            endpoints.subscribe(Path, topics.PLAN, self._take, qos.COMMAND)
+        endpoints.subscribe(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         self._odom_pose: PlanarPose | None = None
         self._stamp_clock = StampClock()
-        if self.config.publish_tf:
-            self._transforms = TransformPublisher(self)
-            self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
-            self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
-        follow_transforms(self)
-        self.create_timer(_WATCH_S, self._watch)
+        if config.publish_tf:
+            self._transforms = TransformPublisher(endpoints)
+            endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+            endpoints.subscribe(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
+        follow_transforms(endpoints)
+        endpoints.every(_WATCH_S, self._watch)
 
-    def release(self) -> None:
+    def close(self) -> None:
         """Do not leave Nav2 driving."""
         self._goals.cancel()
 
     def _on_waypoint(self, message: PoseStamped) -> None:
         """A waypoint is repeated while the strategy drives, a plan is not."""
-        if self.config.mode == "through_poses":
-            self._goals.hear(self.wall_s())
+        if self._config.mode == "through_poses":
+            self._goals.hear(self._node.wall_s())
         else:
             self._take(message)
 
     def _take(self, message: PoseStamped | Path) -> None:
         poses = message.poses if isinstance(message, Path) else [message]
-        stamped = [from_pose_stamped(each, self.frames) for each in poses]
+        stamped = [from_pose_stamped(each, self._node.frames) for each in poses]
         if stamped:
             targets = [pose for _, pose in stamped]
-            self._goals.take(targets, stamped[0][0] * 1e-9, self.wall_s())
+            self._goals.take(targets, stamped[0][0] * 1e-9, self._node.wall_s())
 
     def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
         poses = [to_pose_stamped(target, time_s) for target in targets]
-        if self.config.mode == "through_poses":
-            return self._kind.Goal(poses=poses, behavior_tree=self.config.behavior_tree)
-        return self._kind.Goal(pose=poses[0], behavior_tree=self.config.behavior_tree)
+        if self._config.mode == "through_poses":
+            return self._goal(poses=poses, behavior_tree=self._config.behavior_tree)
+        return self._goal(pose=poses[0], behavior_tree=self._config.behavior_tree)
 
     def _watch(self) -> None:
-        if self._goals.expire(self.wall_s()):
-            self.get_logger().warning("no waypoint in time: goal of Nav2 cancelled")
+        if self._goals.expire(self._node.wall_s()):
+            self._node.get_logger().warning("no waypoint in time: goal of Nav2 cancelled")
         well = self._goals.state in ("no goal", "sent", "driving", "arrived")
         if not well:
-            self.get_logger().warning(
+            self._node.get_logger().warning(
                 f"{self._action}: {self._goals.state}", throttle_duration_sec=_LOG_PERIOD_S
             )
-        time_s = self.get_clock().now().nanoseconds * 1e-9
-        self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
+        time_s = self._node.now_s()
+        self._node.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
 
     def _on_odometry(self, message: Odometry) -> None:
-        _, self._odom_pose, _ = from_odometry(message, self.frames)
+        _, self._odom_pose, _ = from_odometry(message, self._node.frames)
 
     def _on_pose(self, message: PoseStamped) -> None:
-        time_ns, pose = from_pose_stamped(message, self.frames)
+        time_ns, pose = from_pose_stamped(message, self._node.frames)
         if self._stamp_clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
             self._goals.cancel()  # until the next waypoint
             self._odom_pose = None

@@ -5,50 +5,100 @@ scans are missing, old, mostly without ranges or frozen it publishes nothing, so
 people stops, and names the fault in the log and on `diagnostics`.
 """
 
+from functools import partial
+
 from sensor_msgs.msg import PointCloud2
 
+from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import to_people_message
-from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.scan_topic import ScanTopic
-from serd_ros.graph.configs import PeopleTrackerConfig
-from serd_ros.process.managed_node import ManagedNode
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
+from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.perception.lidar_people import LidarPeople
+from serd_sim.perception.scan_people import WALL_MARGIN_M
 from serd_sim.safety.reasons import Fault, Reason, Source
-from serd_sim.scenario.scenario import load_scenario
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.observation import Observation
 
 _LOG_PERIOD_S = 5.0
 
 
-class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
+class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
+    """Parameters of people_tracker."""
+
+    scenario: str = setting_of(
+        EpisodeSettings,
+        "scenario",
+        description="built-in scenario or file of the place, whose walls are no people",
+    )
+    wall_margin: float = setting(
+        WALL_MARGIN_M,
+        "points of scans nearer than this to a wall belong to it; larger where the localisation"
+        " errs more",
+        unit="m",
+        ge=0,
+        le=1,
+    )
+    source_timeout: float = setting_of(
+        GuardSettings,
+        "source_timeout",
+        default=0.5,
+        description="publish no message while the newest scan is this old",
+    )
+    blind_rays: float = setting_of(
+        GuardSettings,
+        "blind_rays",
+        description="share of rays without a range from which a scan shows no people and no message"
+        " is published",
+    )
+
+    def limits(self, scenario: Scenario) -> GuardSettings:
+        """Limits of the scans as in the guard of the scenario's robot."""
+        guard = GuardSettings.of_scenario(scenario, "scan")
+        own = {"source_timeout": self.source_timeout, "blind_rays": self.blind_rays}
+        return guard.model_copy(update=own)
+
+
+class PeopleTrackerNode(SerdNode[PeopleTrackerConfig]):
+    """Tracks people while it is active."""
+
+    config_class = PeopleTrackerConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.lifecycle = Lifecycle(self, self._configure)
+
+    def _configure(self) -> Activate:
+        """Load the place."""
+        return partial(Tracking, self.config, load_scenario(self.config.scenario))
+
+
+class Tracking(Activity):
     """Converts, calls `LidarPeople.step`, publishes `pedestrians`."""
 
-    def configure(self) -> None:
-        """Load the place."""
-        self._scenario = load_scenario(self.config.scenario)
-        limits = self.config.limits(self._scenario)
-        self._people = LidarPeople(self._scenario, limits, self.config.wall_margin)
-
-    def activate(self) -> None:
-        """Track from now on."""
-        self._people.reset()
+    def __init__(
+        self, config: PeopleTrackerConfig, scenario: Scenario, endpoints: Endpoints
+    ) -> None:
+        self._node = endpoints.node
+        self._people = LidarPeople(scenario, config.limits(scenario), config.wall_margin)
         self._fault: Fault | None = None
-        self._publisher = self.create_publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
-        ScanTopic(self, self.config, lambda _, scan: self._people.take_scan(scan))
+        self._publisher = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
+        ScanTopic(endpoints, config, lambda _, scan: self._people.take_scan(scan))
         ObservationSource(
-            self,
-            self._scenario.control_period_s,
+            endpoints,
+            scenario.control_period_s,
             self._on_observation,
-            self.config,
+            config,
+            on_jump=lambda _: self._people.reset(),
             needs_people=False,
         )
-
-    def clock_jumped(self, _: Jump) -> None:
-        """Track anew."""
-        self._people.reset()
 
     def _on_observation(self, observation: Observation) -> None:
         seen = self._people.step(observation)
@@ -63,7 +113,7 @@ class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
         text = str(Reason(Source.SCAN, fault)) if fault else ""
         if fault:
             warning = f"{text}: no people are published"
-            self.get_logger().warning(warning, throttle_duration_sec=_LOG_PERIOD_S)
+            self._node.get_logger().warning(warning, throttle_duration_sec=_LOG_PERIOD_S)
         if fault is not self._fault:
-            self._fault = fault
-            self.report(time_s, {"scan": text or "ok"}, level=WARN if fault else OK, message=text)
+            self._fault, level = fault, WARN if fault else OK
+            self._node.report(time_s, {"scan": text or "ok"}, level=level, message=text)

@@ -1,28 +1,65 @@
 """scripted_expert: demonstrates episodes by publishing one intent per decision epoch."""
 
+from functools import partial
+
 from geometry_msgs.msg import Vector3Stamped
 
 from serd_core.grid.grid import Action
+from serd_files.episode_table import EpisodeResult
+from serd_files.settings import setting
 from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos, topics
-from serd_ros.episodes.driver import EpisodeDriverNode
-from serd_ros.graph.configs import ScriptedExpertConfig
-from serd_sim.drivers.catalogue import Driver, make_driver
+from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.episodes.runner import EpisodeRunner
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import DriverConfig
+from serd_sim.drivers.catalogue import Driver, driver_names, make_driver
+from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.observation import Observation
 
 
-class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
+class ScriptedExpertConfig(DriverConfig):
+    """Parameters of scripted_expert."""
+
+    driver: str = setting("expert", "driver: " + ", ".join(driver_names()))
+
+
+class ScriptedExpertNode(SerdNode[ScriptedExpertConfig]):
+    """Demonstrates while it is active."""
+
+    config_class = ScriptedExpertConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.lifecycle = Lifecycle(self, self._configure)
+
+    def _configure(self) -> Activate:
+        """Load the scenario and make the expert."""
+        scenario = load_scenario(self.config.scenario)
+        expert = make_driver(self.config.driver, scenario, self.config.seed)
+        results: list[EpisodeResult] = []
+        return partial(Demonstrating, self.config, scenario, expert, results)
+
+
+class Demonstrating(Activity):
     """Steers by `intent`, as a person with arrow keys does."""
 
-    def activate(self) -> None:
-        """Publish intents."""
-        super().activate()
-        self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+    def __init__(
+        self,
+        config: ScriptedExpertConfig,
+        scenario: Scenario,
+        expert: Driver,
+        results: list[EpisodeResult],
+        endpoints: Endpoints,
+    ) -> None:
+        self._intents = endpoints.publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+        self.runner = EpisodeRunner(endpoints, config, scenario, expert, self._steer, results)
 
-    def make_driver(self) -> Driver:
-        """The expert that was asked for."""
-        return make_driver(self.config.driver, self.scenario, self.config.seed)
+    def deactivate(self) -> None:
+        """Discard the running episode."""
+        self.runner.discard()
 
-    def steer(self, observation: Observation, action: Action) -> None:
+    def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the intended direction."""
         self._intents.publish(to_intent(action, observation.time_s))

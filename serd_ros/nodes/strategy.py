@@ -6,6 +6,8 @@ milliseconds, so callbacks plan directly.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,22 +16,24 @@ from std_msgs.msg import String
 
 from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.errors import USER_ERRORS
 from serd_files.files import FileWatch
 from serd_files.model_file import ModelFile
+from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import yaml_model
-from serd_ros.convert.diagnostics import UNCOUNTED
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
-from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.strategy_reporter import StrategyReporter
-from serd_ros.episodes.driver import EpisodeDriverNode
-from serd_ros.graph.configs import StrategyConfig
-from serd_ros.graph.parameters import accept_changes
-from serd_sim.drivers.catalogue import Driver
+from serd_ros.episodes.runner import EpisodeRunner
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.episodes.result import ANYWHERE, EpisodeStart
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.directive import REPEAT_PERIOD_S
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint, heading_to, waypoint_of_intent
@@ -38,60 +42,105 @@ _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
 
 
-class StrategyNode(EpisodeDriverNode[StrategyConfig]):
+class StrategyConfig(NavigationSettings, DriverConfig):
+    """Parameters of strategy."""
+
+    changeable: ClassVar[tuple[str, ...]] = ("goal", "model")
+
+    lockstep: bool = setting_of(
+        StackConfig,
+        "lockstep",
+        description="the world waits for every decision; otherwise waypoints are repeated five"
+        " times a second, so that the planner stands soon after this node has ended",
+    )
+    reset: bool = setting(
+        True, "reset the world before each episode; false: a goal starts one where the robot is"
+    )
+    people: int = setting(
+        -1,
+        "number of people for which times of arrival are predicted; -1: as the scenario has it",
+        ge=-1,
+    )
+
+
+class StrategyNode(SerdNode[StrategyConfig]):
+    """Drives while it is active."""
+
+    config_class = StrategyConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.lifecycle = Lifecycle(self, self._configure)
+
+    def _configure(self) -> Activate:
+        """Read the model and plan."""
+        config = self.config
+        scenario = load_scenario(config.scenario)
+        if config.people >= 0:
+            scenario = scenario.with_pedestrian_count(config.people)
+        output = Path(config.output) if config.output else None
+        plan = Plan(
+            Navigator(scenario, config),
+            config.model,
+            FileWatch(config.model),
+            ArrivalRecords(output),
+            goal_waits=bool(config.goal),
+        )
+        return partial(Navigating, config, plan)
+
+
+@dataclass
+class Plan:
+    """What a deactivated strategy keeps: policy, log of arrivals, results of episodes.
+
+    model, file: of the policy. goal_waits: whether the goal is to be driven to without another one.
+    """
+
+    navigator: Navigator
+    model: str
+    file: FileWatch
+    records: ArrivalRecords
+    goal_waits: bool
+    results: list[EpisodeResult] = field(default_factory=list)
+
+
+class Navigating(Activity):
     """Steers by `waypoint`: straight ahead in the direction that the policy chooses."""
 
-    needs_people: ClassVar[bool] = False  # the policy depends on the robot's cell alone
-    _navigator: Navigator
-
-    def configure(self) -> None:
-        """Read the model and plan."""
-        super().configure()
-        output = Path(self.config.output) if self.config.output else None
-        self._records = ArrivalRecords(output)
-        self._goal_waits = bool(self.config.goal)
-        self._path = self.config.model
-        self._watch = FileWatch(self._path)
-
-    def activate(self) -> None:
-        """Drive to the goals that come, by the newest model."""
-        super().activate()
-        self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
+    def __init__(self, config: StrategyConfig, plan: Plan, endpoints: Endpoints) -> None:
+        self._node, self._config, self._plan = endpoints.node, config, plan
+        self._navigator, self._records = plan.navigator, plan.records
         self._waypoint: Waypoint | None = None
-        if not self.config.lockstep:
-            self.create_timer(REPEAT_PERIOD_S, self._repeat_waypoint)
-        self._reporter = StrategyReporter(self)
-        self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
-        self.create_subscription(String, topics.MODEL, self._on_model, qos.LATCHED)
-        self.create_timer(_MODEL_CHECK_PERIOD_S, self._check_model_file)
-        changes = {"goal": self._change_goal, "model": self._change_model}
-        self._on_set = accept_changes(self, changes)
-        self._reporter.report_plan(self._navigator.strategy, "start", self.wall_s())
+        self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
+        self._reporter = StrategyReporter(endpoints)
+        self.runner = EpisodeRunner(
+            endpoints,
+            config,
+            plan.navigator.strategy.scenario,
+            plan.navigator,
+            self._steer,
+            plan.results,
+            needs_people=False,  # the policy depends on the robot's cell alone
+            start=None if config.reset else self._start,
+            give_up=lambda: self._navigator.reason,
+            on_end=self._on_end,
+            on_new_session=self._on_new_session,
+        )
+        if not config.lockstep:
+            endpoints.every(REPEAT_PERIOD_S, self._repeat_waypoint)
+        endpoints.subscribe(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
+        endpoints.subscribe(String, topics.MODEL, self._on_model, qos.LATCHED)
+        endpoints.every(_MODEL_CHECK_PERIOD_S, self._check_model_file)
+        endpoints.on_set({"goal": self._change_goal, "model": self._change_model})
+        self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
 
     def deactivate(self) -> None:
         """Discard the drive and its prediction; another one needs a goal anew."""
-        super().deactivate()
+        self.runner.discard()
         self._records.discard_prediction()
-        self._goal_waits = False
-        self.remove_on_set_parameters_callback(self._on_set)
+        self._plan.goal_waits = False
 
-    def make_driver(self) -> Driver:
-        """The policy of the model file, towards the goal of the parameters."""
-        scenario = self.scenario
-        if self.config.people >= 0:
-            scenario = scenario.with_pedestrian_count(self.config.people)
-        self._navigator = Navigator(scenario, self.config)
-        self.scenario = self._navigator.strategy.scenario
-        return self._navigator
-
-    def clock_jumped(self, jump: Jump) -> None:
-        """A new session discards the prediction and a waiting goal."""
-        if jump is Jump.BACKWARD:
-            self._records.discard_prediction()
-            self._reporter.time_s, self._goal_waits = 0.0, False
-        super().clock_jumped(jump)
-
-    def steer(self, observation: Observation, action: Action) -> None:
+    def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
         grid = self._navigator.strategy.problem.grid
         self._waypoint = waypoint_of_intent(grid, observation, action)
@@ -109,59 +158,38 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def _repeat_waypoint(self) -> None:
         """Publish the waypoint again with the newest stamp, so that silence means an end."""
-        if self.driving and self.observation is not None:
-            self._publish_waypoint(self.observation)
+        if self.runner.driving and self.runner.observation is not None:
+            self._publish_waypoint(self.runner.observation)
 
-    def give_up_reason(self) -> str:
-        """The reason of the navigator."""
-        return self._navigator.reason
+    def _start(self) -> EpisodeStart | None:
+        """Without resets, drive to the waiting goal; the next goal begins an episode otherwise."""
+        if not self._plan.goal_waits:
+            self._node.get_logger().info("waiting for a goal on goal_pose")
+            return None
+        self._plan.goal_waits = False
+        return EpisodeStart(
+            episode=self.runner.n_finished,
+            seed=self._config.seed,
+            start_area=ANYWHERE,
+            start_s=self._reporter.time_s,
+        )
 
-    def episode_ended(self, result: EpisodeResult) -> None:
+    def _on_end(self, result: EpisodeResult) -> None:
         """Append prediction and measurement to the log of arrivals; the robot stands."""
         self._records.note_result(result)
         self._waypoint = None
-        if not self.config.lockstep and self.observation is not None:
-            self._publish_waypoint(self.observation)
+        if not self._config.lockstep and self.runner.observation is not None:
+            self._publish_waypoint(self.runner.observation)
         if result.reason:
             self._reporter.report_give_up(result.reason)
 
-    def episode_begun(self) -> None:
-        """Stand until the first decision."""
-        self._waypoint = None
-
-    @property
-    def resets_world(self) -> bool:
-        """As the parameter `reset`."""
-        return self.config.reset
-
-    def request_episode(self) -> None:
-        """Without resets, drive to the waiting goal; the next goal begins an episode otherwise."""
-        if self.config.reset:
-            super().request_episode()
-        elif self._goal_waits:
-            self._goal_waits = False
-            self.begin_episode(
-                EpisodeStart(
-                    episode=self.n_finished,
-                    seed=self.config.seed,
-                    start_area=ANYWHERE,
-                    start_s=self._reporter.time_s,
-                )
-            )
-        else:
-            self.get_logger().info("waiting for a goal on goal_pose")
-
-    def world_report(self, observation: Observation) -> dict[str, str] | None:
-        """Without resets, contacts are not counted per episode."""
-        return super().world_report(observation) if self.config.reset else UNCOUNTED
-
-    def save_results(self) -> None:
-        """Without resets, only the log of arrivals is written, which has no contacts."""
-        if self.config.reset:
-            super().save_results()
+    def _on_new_session(self) -> None:
+        """Discard the prediction and a waiting goal."""
+        self._records.discard_prediction()
+        self._reporter.time_s, self._plan.goal_waits = 0.0, False
 
     def _on_goal(self, message: PoseStamped) -> None:
-        x_m, y_m = from_goal_message(message, self.frames)
+        x_m, y_m = from_goal_message(message, self._node.frames)
         try:
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._start_drive()
@@ -174,11 +202,11 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def _change_model(self, value: Any) -> None:
         self._replan(lambda: self._navigator.set_model(str(value)), f"model {value}")
-        self._path, self._watch = str(value), FileWatch(str(value))
+        self._plan.model, self._plan.file = str(value), FileWatch(str(value))
 
     def _check_model_file(self) -> None:
-        path = self._path
-        if self._watch.changed():
+        path = self._plan.model
+        if self._plan.file.changed():
             self._try(lambda: self._navigator.set_model(path), f"{path} read again")
 
     def _on_model(self, message: String) -> None:
@@ -197,16 +225,16 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             self._reporter.report_rejection(error)
 
     def _replan(self, change: Callable[[], None], what: str) -> None:
-        began_s = self.wall_s()
+        began_s = self._node.wall_s()
         change()
         self._records.discard_prediction()
-        self.set_scenario(self._navigator.strategy.scenario)
+        self.runner.set_scenario(self._navigator.strategy.scenario)
         self._reporter.report_plan(self._navigator.strategy, what, began_s)
 
     def _start_drive(self) -> None:
         """Without resets, a goal begins an episode unless one is running."""
-        if self.config.reset or self.driving:
+        if self._config.reset or self.runner.driving:
             return
-        self._goal_waits = True
-        if self.ready:
-            self.request_episode()
+        self._plan.goal_waits = True
+        if self.runner.ready:
+            self.runner.next_episode()

@@ -8,7 +8,8 @@ and counted apart. Other errors of the project (a full disk) end the node with t
 import time
 import traceback
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any
@@ -31,18 +32,20 @@ class Lifetime:
     ended: bool = False
 
 
+_OF_THE_PROCESS = Lifetime()
+
+
 class CallbackGuard:
     """Guards the callbacks of one node.
 
     n_internal_errors: since the start; after_each: called after each callback. An executor that
     receives messages faster than the node processes them does nothing between two callbacks.
-    lifetime: of the callbacks that are guarded from now on; after its end they do nothing, since
-    the executor still calls those that were due when their endpoint was destroyed.
+    A callback does nothing after the end of the lifetime it was guarded for: the executor still
+    calls those that were due when their endpoint was destroyed.
     """
 
     def __init__(self, node: Node, fail: Callable[[str], None]) -> None:
         self.n_internal_errors = 0
-        self.lifetime = Lifetime()
         self.after_each: Callable[[], None] = lambda: None
         self._node, self._fail = node, fail
         self._rejected: defaultdict[str, Counter[str]] = defaultdict(Counter)
@@ -62,32 +65,26 @@ class CallbackGuard:
             values[f"rejected.{topic}"] = f"{by_rule}; last: {self._last_reason[topic]}"
         return values
 
-    def of_messages(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
+    def of_messages(
+        self, topic: str, callback: Callable[..., None], lifetime: Lifetime = _OF_THE_PROCESS
+    ) -> Callable[..., None]:
         """The callback of a subscription, or of a future; its signature stays."""
-        lifetime = self.lifetime
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            if lifetime.ended:
-                return
-            try:
-                callback(*arguments)
-            except MessageError as error:
-                self._reject(topic, error.rule, str(error))
-            except USER_ERRORS as error:  # an executor would print its traceback
-                self._fail(str(error))
-            except Exception as error:
-                self.note(topic, callback, error)
-            finally:
-                self.after_each()
+            if not lifetime.ended:
+                with self._handled(topic, callback):
+                    callback(*arguments)
 
         return guarded
 
     def of_requests(
-        self, service: str, callback: Callable[[Any, Any], Any]
+        self,
+        service: str,
+        callback: Callable[[Any, Any], Any],
+        lifetime: Lifetime = _OF_THE_PROCESS,
     ) -> Callable[[Any, Any], Any]:
         """The callback of a service; after an error it responds without success."""
-        lifetime = self.lifetime
 
         def guarded(request: Any, response: Any) -> Any:
             if lifetime.ended:
@@ -106,29 +103,37 @@ class CallbackGuard:
 
         return guarded
 
-    def of_timer(self, callback: Callable[[], None]) -> Callable[[], None]:
+    def of_timer(self, callback: Callable[[], None], lifetime: Lifetime) -> Callable[[], None]:
         """The callback of a timer; it ends the node when it fails again and again."""
         name = callback.__name__.strip("_")
-        n_failures, lifetime = 0, self.lifetime
+        n_failures = 0
 
         def guarded() -> None:
             nonlocal n_failures
             if lifetime.ended:
                 return
-            try:
+            n_before = self.n_internal_errors
+            with self._handled(name, callback):
                 callback()
-                n_failures = 0
-            except USER_ERRORS as error:  # an executor would print its traceback
-                self._fail(str(error))
-            except Exception as error:
-                n_failures += 1
-                self.note(name, callback, error)
-                if n_failures == _FAILURES_IN_A_ROW:
-                    self._fail(f"{name} failed {n_failures} times in a row; report the traceback")
-            finally:
-                self.after_each()
+            n_failures = n_failures + 1 if self.n_internal_errors > n_before else 0
+            if n_failures == _FAILURES_IN_A_ROW:
+                self._fail(f"{name} failed {n_failures} times in a row; report the traceback")
 
         return guarded
+
+    @contextmanager
+    def _handled(self, name: str, callback: object) -> Iterator[None]:
+        """Within it no error ends an executor, which would print its traceback."""
+        try:
+            yield
+        except MessageError as error:
+            self._reject(name, error.rule, str(error))
+        except USER_ERRORS as error:
+            self._fail(str(error))
+        except Exception as error:
+            self.note(name, callback, error)
+        finally:
+            self.after_each()
 
     def _reject(self, topic: str, rule: str, reason: str) -> None:
         self._rejected[topic][rule] += 1

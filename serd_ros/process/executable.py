@@ -6,36 +6,18 @@ serd_ros.process.executable hallway_sim`."""
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from serd_files.errors import missing_extra
 from serd_files.moved_names import where_or_near
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
-#: Module in serd_ros.nodes and class of the node, by executable.
-NODES = {
-    "bag_replay": "bags.bag_replay:BagReplayNode",
-    "demo_recorder": "bags.demo_recorder:DemoRecorderNode",
-    "guard": "guard:GuardNode",
-    "hallway_sim": "hallway_sim:HallwaySim",
-    "learner": "learner:LearnerNode",
-    "local_planner": "local_planner:LocalPlannerNode",
-    "nav2_bridge": "nav2_bridge:Nav2BridgeNode",
-    "people_tracker": "people_tracker:PeopleTrackerNode",
-    "scripted_expert": "scripted_expert:ScriptedExpertNode",
-    "strategy": "strategy:StrategyNode",
-    "teleop_joy": "teleop.joy:TeleopJoyNode",
-    "teleop_mux": "teleop.mux:TeleopMuxNode",
-    "teleop_page": "teleop.page:TeleopPageNode",
-    "watch_page": "watch_page:WatchPageNode",
-}
 
 
 @contextmanager
@@ -80,14 +62,16 @@ def run(executable: str) -> NoReturn:
     with starting():
         if sys.stdout is None:
             sys.stdout = _nowhere(1)
+        from serd_ros.graph.graph import class_of, load_graph
         from serd_ros.process.run_node import run_node
 
-        if executable not in NODES:  # of a workspace that an earlier version built
-            near = where_or_near("executable", executable, NODES)
+        nodes = load_graph().nodes
+        if executable not in nodes:  # of a workspace that an earlier version built
+            near = where_or_near("executable", executable, nodes)
             print(f"there is no node {executable!r}; {near}", file=sys.stderr)
             sys.exit(2)
         try:
-            node = node_maker(executable)
+            node = partial(class_of(executable), executable)
         except ModuleNotFoundError as error:
             if not (sentence := missing_extra(error)):
                 raise
@@ -99,18 +83,7 @@ def run(executable: str) -> NoReturn:
     os._exit(code)
 
 
-def node_maker(executable: str) -> Callable[[], Any]:
-    """What makes the node of an executable, whose name is also the node's."""
-    name = NODES[executable].partition(":")[2]
-    return partial(getattr(import_module(module_of(executable)), name), executable)
-
-
-def module_of(executable: str) -> str:
-    """The name of the module of an executable."""
-    return f"serd_ros.nodes.{NODES[executable].partition(':')[0]}"
-
-
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        sys.exit(f"serd_ros: name a node: {', '.join(NODES)}")
+    if len(sys.argv) < 2:
+        sys.exit("serd_ros: name a node, as guard")
     run(sys.argv.pop(1))

@@ -16,6 +16,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_files.errors import USER_ERRORS
+from serd_ros.endpoints.endpoints import confirm
 from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
 
@@ -62,7 +63,7 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
         if node is not None:
             node.close()
             if rclpy.ok():
-                node.confirm(node.publishers)
+                confirm(node.publishers)
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()

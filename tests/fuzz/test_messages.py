@@ -24,7 +24,6 @@ from serd_ros.endpoints.followed_topic import Received
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.endpoints.transforms import TF_TYPE
-from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.graph.graph import load_graph
 from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
@@ -112,13 +111,13 @@ class Session:
     def prepare(self) -> None:
         """Have an episode run and a person drive."""
         node = self.node
-        if isinstance(node, EpisodeDriverNode):
-            node._starter._look.cancel()
-            if not node.driving:
+        if runner := getattr(self.running.work, "runner", None):
+            runner._starter._look.cancel()
+            if not runner.driving:
                 start = EpisodeStart(
                     episode=0, seed=0, start_area="train", start_s=self._time_s - TICK_S
                 )
-                node.begin_episode(start)
+                runner._starter.begin(start)
         if isinstance(node, TeleopPageNode):
             node.choice.hold(None)
             node.choice.hold(Action.NORTH)
@@ -173,7 +172,7 @@ class Session:
         """A recorder has every message but those without a stamp."""
         if isinstance(self.node, DemoRecorderNode):
             n_kept = self._n_recorded - self.node.callbacks.n_rejected
-            assert self.node._recorder.status.n_messages == n_kept
+            assert self.running.work._recorder.status.n_messages == n_kept
 
 
 def follow_tf(running: NodeInProcess) -> None:
@@ -249,7 +248,7 @@ def test_no_people_of_another_type_end_a_node_or_fail_in_it(name):
     with node_in_process("teleop_mux") as running:
         callbacks = running.node.callbacks
         raising(callbacks)
-        topic = PeopleTopic(running.node, "people", lambda *seen: taken.append(seen))
+        topic = PeopleTopic(running.node.endpoints, "people", lambda *seen: taken.append(seen))
         topic._change_type({name: ""})
         take = callbacks.of_messages("people", topic._on_message)
         for number in range(N_MUTATIONS):

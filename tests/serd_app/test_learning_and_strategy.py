@@ -26,7 +26,7 @@ from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
-from serd_ros.graph.configs import LearnerConfig
+from serd_ros.nodes.learner import LearnerConfig
 from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario

@@ -13,8 +13,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS
-from serd_ros.graph.graph import find_stack, stack_parameters
+from serd_ros.graph.graph import config_of, find_stack, load_graph, stack_parameters
 
 PACKAGE = "ros_ws/src/serd_ros"
 #: The stack of each file.
@@ -42,7 +41,9 @@ class Configuration(Kept):
 
 def context_of(launch_file, **given):
     """As launch makes it of the arguments, with what was not given as the file declares it."""
-    names = dict.fromkeys((*launch_file["OWN"], *launch_file["descriptions"]()), "")
+    names = dict.fromkeys(
+        (*launch_file["OWN"], *launch_file["descriptions"](load_graph().nodes)), ""
+    )
     return SimpleNamespace(launch_configurations=names | given)
 
 
@@ -126,7 +127,7 @@ def test_the_package_installs_the_file_under_the_name_of_each_stack(root):
 def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(installed, name):
     arguments, nodes_of = description_of(installed, name)
     stack = find_stack(FILES[name])
-    known = {each for node in stack.nodes for each in CONFIGS[node].model_fields}
+    known = {each for node in stack.nodes for each in config_of(node).model_fields}
     assert set(arguments) == known | {"namespace", "use_sim_time", "params_file"}
     assert all(each["description"] for each in arguments.values())
     given = dict.fromkeys(arguments, "") | {"namespace": "robot1"}

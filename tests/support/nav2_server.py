@@ -9,7 +9,6 @@ import pytest
 from rclpy.task import Future
 
 from serd_ros.nodes import nav2_bridge
-from serd_ros.process import managed_node
 
 
 class Handle:
@@ -63,5 +62,5 @@ def nav2_server(monkeypatch):
     server = Nav2Server()
     action = SimpleNamespace(Goal=SimpleNamespace)
     monkeypatch.setattr(nav2_bridge, "ros_type", lambda *_: action)
-    monkeypatch.setattr(managed_node, "ActionClient", lambda *_: server)
+    monkeypatch.setattr(nav2_bridge, "ActionClient", lambda *_: server)
     return server

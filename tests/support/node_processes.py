@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from serd_ros.graph.graph import PACKAGE
+from serd_ros.graph.graph import PACKAGE, load_graph, module_of
 from serd_ros.process import executable
 from support import standin_robot
 
@@ -22,7 +22,7 @@ _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     [
         "serd_ros.process.run_node",
-        *sorted({executable.module_of(each) for each in executable.NODES}),
+        *sorted({module_of(each) for each in load_graph().nodes}),
     ]
 )
 

@@ -14,12 +14,15 @@ from typing import Any
 import rclpy
 import yaml
 from domain_coordinator import domain_id
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from serd_ros.process.executable import node_maker
+from serd_ros.graph.graph import class_of
 from serd_ros.process.serd_node import SerdNode
 
 
@@ -68,7 +71,7 @@ class NodeInProcess:
 
     def call_timers(self) -> None:
         """Call every timer that runs once."""
-        for timer in self.node.timers:
+        for timer in list(self.node.timers):
             if not timer.is_canceled():
                 timer.callback()
 
@@ -76,6 +79,17 @@ class NodeInProcess:
         """The response of a service of the node."""
         (found,) = [each for each in self.node.services if each.srv_name.split("/")[-1] == service]
         return found.callback(request, found.srv_type.Response())
+
+    @property
+    def work(self) -> Any:
+        """What an active node does, which a managed node has apart."""
+        return self.node.lifecycle.activity if hasattr(self.node, "lifecycle") else self.node
+
+    def set(self, **values: object) -> SetParametersResult:
+        """The answer of the node's service to set these parameters together."""
+        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=wanted)
+        return self.call("set_parameters_atomically", request).result
 
     @property
     def rejected(self) -> Mapping[str, object]:
@@ -124,7 +138,7 @@ def node_in_process(
             signal_handler_options=SignalHandlerOptions.NO,
         )
         try:
-            node = node_maker(kind)()
+            node = class_of(kind)(kind)
             try:
                 yield NodeInProcess(node)
             finally:

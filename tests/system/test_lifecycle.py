@@ -16,12 +16,12 @@ from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.endpoints import qos
-from serd_ros.graph.configs import CONFIGS, ManagedConfig
-from serd_ros.graph.graph import load_graph
+from serd_ros.graph.graph import config_of, load_graph
+from serd_ros.settings import ManagedConfig
 from support.goals import Goals
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-MANAGED = sorted(name for name, kind in CONFIGS.items() if issubclass(kind, ManagedConfig))
+MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kind), ManagedConfig))
 needs_nav2 = pytest.mark.skipif(
     importlib.util.find_spec("nav2_msgs") is None,
     reason="nav2_msgs is not installed; run make interfaces",

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import yaml
 
-from serd_ros.graph.configs import CONFIGS
-from serd_ros.graph.parameters import validated
+from serd_ros.graph.graph import config_of, load_graph
+from serd_ros.process.parameters import validated
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,7 +19,7 @@ def test_the_committed_reference_is_the_generated_one():
 
 def test_nodes_yaml_holds_the_defaults_of_every_node():
     content = yaml.safe_load((ROOT / "ros_ws/src/serd_ros/config/nodes.yaml").read_text())
-    assert set(content) == set(CONFIGS)
+    assert set(content) == set(load_graph().nodes)
     for node, entry in content.items():
-        given = validated(node, entry["ros__parameters"], CONFIGS[node])
-        assert given == validated(node, {}, CONFIGS[node])
+        given = validated(node, entry["ros__parameters"], config_of(node))
+        assert given == validated(node, {}, config_of(node))

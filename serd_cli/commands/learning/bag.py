@@ -29,7 +29,7 @@ from serd_cli.output.terminal import console, print_json, progress_console
 from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import require_free, run_alone
 from serd_cli.processes.workspace import ros_environment
-from serd_ros.graph.configs import BagReplayConfig
+from serd_ros.settings import BagReplayConfig
 
 Bags = Annotated[
     list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap, .db3 or .bag files")

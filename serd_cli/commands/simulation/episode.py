@@ -13,7 +13,7 @@ from serd_cli.options import AsJson, option, require_suffix, validated
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
-from serd_ros.graph.configs import LocalPlannerConfig
+from serd_ros.settings import StackConfig
 from serd_sim.drivers.catalogue import driver_names, make_driver
 from serd_sim.episodes.batch import EpisodeTask, scenario_of
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
@@ -51,7 +51,7 @@ def render(
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = "expert",
     planner: str = option(WorldSettings, "planner"),
-    people_from: str = option(LocalPlannerConfig, "people_from"),
+    people_from: str = option(StackConfig, "people_from"),
     seed: int = option(EpisodeSettings, "seed", default=1),
     episode: Annotated[int, typer.Option(min=0, help="number of the episode")] = 0,
     people: int | None = option(WorldSettings, "people"),

@@ -30,9 +30,9 @@ from serd_cli.processes.workspace import ros_environment
 from serd_files.errors import USER_ERRORS
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel, model_yaml
-from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, parse_progress
+from serd_ros.settings import PageConfig
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
@@ -51,9 +51,9 @@ class TeleopSettings(StrictModel):
     people: int | None = setting_of(WorldSettings, "people")
     velocity: bool = setting(False, "drive by velocities, not by directions")
     driver: str = setting("", "name of the driver in the episode marks; the node's own when empty")
-    address: str = setting_of(TeleopPageConfig, "address")
-    port: int = setting_of(TeleopPageConfig, "port")
-    token_file: str = setting_of(TeleopPageConfig, "token_file")
+    address: str = setting_of(PageConfig, "address")
+    port: int = setting_of(PageConfig, "port")
+    token_file: str = setting_of(PageConfig, "token_file")
 
     def parameters(self, bag: Path) -> dict[str, Any]:
         """Parameters of the nodes of the stack `teleop`."""

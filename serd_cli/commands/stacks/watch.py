@@ -17,9 +17,9 @@ from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import run_alone
 from serd_cli.processes.workspace import ros_environment
 from serd_files.moved_names import where
-from serd_ros.graph.configs import WatchPageConfig
 from serd_ros.graph.graph import full_namespace
 from serd_ros.process.progress import Progress
+from serd_ros.settings import WatchPageConfig
 from serd_sim.scenario.scenario import load_scenario
 
 _NODE = "watch_page"

@@ -6,17 +6,15 @@ still being matched, so a tick that stays unanswered is sent again; receivers an
 with the same message. A robot in its goal stands and is not waited for.
 """
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from geometry_msgs.msg import Twist, TwistStamped
 
 from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import follow_commands
-from serd_ros.endpoints.world.world_publisher import ClockPublisher, WorldPublisher
-from serd_ros.graph.configs import HallwaySimConfig
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.endpoints.commands import follow_commands
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_sim.world.command import CommandGuard
 from serd_sim.world.world import HallwayWorld
 
@@ -26,50 +24,28 @@ _RESEND_AFTER_S = 0.5
 _LONGEST_TURN_S = 2.0
 
 
-class WorldLoop(ABC):
-    """Advances the world between resets."""
+class LockstepLoop:
+    """One step per stamped command, unless it is paused.
+
+    publish: sends the present tick. timeout_s: without an answer, after which the node ends.
+    """
 
     def __init__(
         self,
-        node: SerdNode[HallwaySimConfig],
+        endpoints: Endpoints,
         world: HallwayWorld,
-        clock: ClockPublisher,
-        publisher: WorldPublisher,
+        publish: Callable[[], None],
+        timeout_s: float,
     ) -> None:
-        self.paused = False
-        self._node, self._world, self._clock, self._publisher = node, world, clock, publisher
-        self.start()
-
-    @abstractmethod
-    def start(self) -> None:
-        """Take commands from now on."""
-
-    @abstractmethod
-    def begin(self) -> None:
-        """A new episode has just been reset."""
-
-    @abstractmethod
-    def look(self) -> None:
-        """The robot has another goal area."""
-
-    def publish(self) -> None:
-        """Send the present tick: the clock, then what the robot observes."""
-        self._clock.publish(self._world.time_s)
-        self._publisher.publish()
-
-
-class LockstepLoop(WorldLoop):
-    """One step per stamped command."""
-
-    def start(self) -> None:
-        """Wait for the first episode."""
-        self._begun = False
+        self._node, self._world = endpoints.node, world
+        self._publish, self._timeout_s = publish, timeout_s
+        self.paused = self._begun = False
         self._awaited_ns: int | None = None
         self._sent_wall_s = self._watched_wall_s = self._node.wall_s()
         #: How long the command was awaited since the begin of the tick.
         self._silent_s = 0.0
-        self._node.create_subscription(TwistStamped, topics.CMD_VEL, self._on_command, qos.COMMAND)
-        self._node.create_timer(_RESEND_AFTER_S / 2, self._watch)
+        endpoints.subscribe(TwistStamped, topics.CMD_VEL, self._on_command, qos.COMMAND)
+        endpoints.every(_RESEND_AFTER_S / 2, self._watch)
 
     def begin(self) -> None:
         """Publish the first observation of the episode and wait for its command."""
@@ -96,7 +72,7 @@ class LockstepLoop(WorldLoop):
 
     def _send(self) -> None:
         self._sent_wall_s = self._node.wall_s()
-        self.publish()
+        self._publish()
 
     def _watch(self) -> None:
         """Send an unanswered tick again; give up after a long time without an answer."""
@@ -105,33 +81,43 @@ class LockstepLoop(WorldLoop):
         if self.paused or self._awaited_ns is None:
             return
         self._silent_s += turn_s if turn_s <= _LONGEST_TURN_S else 0.0
-        if self._silent_s > self._node.config.lockstep_timeout_s:
+        if self._silent_s > self._timeout_s:
             self._node.fail(
                 f"no command for the tick at {self._world.time_s:.2f} s arrived on"
                 f" {self._node.resolve_topic_name(topics.CMD_VEL)} within "
-                f"lockstep_timeout_s = {self._node.config.lockstep_timeout_s:g} s; start "
+                f"lockstep_timeout_s = {self._timeout_s:g} s; start "
                 "local_planner and a driver with lockstep:=true, or run with lockstep:=false"
             )
         elif now_s - self._sent_wall_s > _RESEND_AFTER_S:
             self._send()
 
 
-class LiveLoop(WorldLoop):
-    """One step per control period of (scaled) real time, with a dead-man's switch."""
+class LiveLoop:
+    """One step per control period of (scaled) real time, with a dead-man's switch, unless paused.
 
-    def start(self) -> None:
-        """Run the timer, which advances the world once an episode has begun."""
-        self._guard = CommandGuard(self._node.config.command_timeout_s)
-        self._running = False
-        kind = TwistStamped if self._node.config.stamped_cmd_vel else Twist
-        follow_commands(self._node, kind, topics.CMD_VEL, self._take)
-        period_s = self._world.scenario.control_period_s
-        self._node.create_timer(period_s / self._node.config.real_time_factor, self._step)
+    publish: sends the present tick. timeout_s: without a command, after which the robot stops.
+    """
+
+    def __init__(
+        self,
+        endpoints: Endpoints,
+        world: HallwayWorld,
+        publish: Callable[[], None],
+        timeout_s: float,
+        *,
+        stamped: bool,
+        real_time_factor: float,
+    ) -> None:
+        self._world, self._publish = world, publish
+        self._guard = CommandGuard(timeout_s)
+        self.paused = self._running = False
+        follow_commands(endpoints, topics.CMD_VEL, self._take, stamped=stamped)
+        endpoints.every(world.scenario.control_period_s / real_time_factor, self._step)
 
     def begin(self) -> None:
         """Publish the first observation; the timer continues from here."""
         self._running = True
-        self.publish()
+        self._publish()
 
     def look(self) -> None:
         """Nothing to do: a live world waits for no robot."""
@@ -144,4 +130,4 @@ class LiveLoop(WorldLoop):
         if self.paused or not self._running:
             return
         self._world.step(self._guard.current(self._world.time_s))
-        self.publish()
+        self._publish()

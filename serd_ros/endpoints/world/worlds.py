@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -11,10 +10,11 @@ from std_msgs.msg import Empty
 
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.process.exit_limit import process_ends_within
-from serd_ros.process.serd_node import INTERNAL_ERROR, SerdNode
+from serd_ros.process.serd_node import INTERNAL_ERROR
 
 WORLD_TOPICS = (topics.CLOCK, topics.ROBOT_POSE)
 FIX = (
@@ -88,14 +88,15 @@ class OtherClocks:
     """
 
     def __init__(
-        self, node: SerdNode[Any], n_sent: Callable[[], int], on_free: Callable[[], None]
+        self, endpoints: Endpoints, n_sent: Callable[[], int], on_free: Callable[[], None]
     ) -> None:
-        self._node, self._n_sent, self._newest, self._reported = node, n_sent, 0, ""
+        self._node, self._endpoints = endpoints.node, endpoints
+        self._n_sent, self._newest, self._reported = n_sent, 0, ""
         self._on_free: Callable[[], None] | None = on_free
         self._clock: FollowedTopic | None = None
-        _discover(node)
-        self._until_s = node.wall_s() + LONGEST_END_S
-        node.create_timer(_LOOK_PERIOD_S, self._look)
+        _discover(self._node)
+        self._until_s = self._node.wall_s() + LONGEST_END_S
+        endpoints.every(_LOOK_PERIOD_S, self._look)
 
     def _look(self) -> None:
         """Report several publishers when that changes, and receive while there are."""
@@ -105,8 +106,7 @@ class OtherClocks:
             self._begin_when_free(several)
         if several and self._clock is None:
             name = self._node.resolve_topic_name(topics.CLOCK)
-            take = self._node.callbacks.of_messages(name, self._take)
-            self._clock = FollowedTopic(self._node, name, _CLOCK_TYPE, take)
+            self._clock = FollowedTopic(self._endpoints, name, _CLOCK_TYPE, self._take)
         elif not several and self._clock is not None:
             self._clock.close()
             self._clock = None

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -23,13 +22,13 @@ from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import BagReplayConfig
-from serd_ros.graph.parameters import accept_changes
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import BagReplayConfig
 
 _TURN_S = 0.005
 _AT_ONCE = 200
@@ -44,8 +43,8 @@ class ReplayPublishers:
     skipped: topics whose messages are not CDR, or of which there is no class; their types.
     """
 
-    def __init__(self, node: Node, topics: Iterable[Topic]) -> None:
-        self._node = node
+    def __init__(self, endpoints: Endpoints, topics: Iterable[Topic]) -> None:
+        self._endpoints = endpoints
         self.skipped: dict[str, str] = {}
         self._of: dict[str, Publisher] = {}
         self._n_unconfirmed: Counter[str] = Counter()
@@ -55,7 +54,7 @@ class ReplayPublishers:
                 self.skipped[topic.name] = topic.type_name
                 continue
             profile = qos.replay_qos(profile_to_offer(topic.qos))
-            self._of[topic.name] = node.create_publisher(message, topic.name, profile)
+            self._of[topic.name] = endpoints.publisher(message, topic.name, profile)
         if not self._of:
             types = ", ".join(sorted(set(self.skipped.values()))) or "nothing"
             raise NodeError(f"bag must hold a topic of messages in CDR, got {types}")
@@ -85,7 +84,7 @@ class ReplayPublishers:
     def close(self) -> None:
         """End all topics."""
         for publisher in self._of.values():
-            self._node.destroy_publisher(publisher)
+            self._endpoints.destroy(publisher)
         self._of.clear()
 
     def _confirm(self, topic: str) -> None:
@@ -103,6 +102,8 @@ class ReplayPublishers:
 class BagReplayNode(SerdNode[BagReplayConfig]):
     """Waits for subscribers, then publishes every message at its time."""
 
+    config_class = BagReplayConfig
+
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
         config = self.config
@@ -113,7 +114,9 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             wanted = frozenset(
                 each for each in wanted if kinds[each].type_name != "rosgraph_msgs/msg/Clock"
             )
-        self._outlet = ReplayPublishers(self, [self._reader.topics[name] for name in wanted])
+        self._outlet = ReplayPublishers(
+            self.endpoints, [self._reader.topics[name] for name in wanted]
+        )
         for topic, kind in self._outlet.skipped.items():
             self.get_logger().warning(
                 f"{topic} is not played: {kind} is not in CDR or not installed"
@@ -125,14 +128,14 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
         self._waiting_until_s: float | None = self.wall_s() + config.wait_s
         self._playback = self._from_the_beginning()
-        self.serve(SetBool, topics.PAUSE, self._on_pause)
-        self.serve(Trigger, topics.STEP, self._on_step)
-        accept_changes(self, {"rate": self._on_rate})
-        self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
-        self.create_timer(_TURN_S, self._turn)
-        self.create_timer(_REPORT_PERIOD_S, self._report_playback)
+        self.endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
+        self.endpoints.serve(Trigger, topics.STEP, self._on_step)
+        self.endpoints.on_set({"rate": self._on_rate})
+        self._bag_clock = self.endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self.endpoints.every(_TURN_S, self._turn)
+        self.endpoints.every(_REPORT_PERIOD_S, self._report_playback)
         if config.clock_hz > 0:
-            self.create_timer(1.0 / config.clock_hz, self._send_clock)
+            self.endpoints.every(1.0 / config.clock_hz, self._send_clock)
 
     def _from_the_beginning(self) -> Playback:
         self._sound = UntilDamage(self._excerpt.messages(self._reader))

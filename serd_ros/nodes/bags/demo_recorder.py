@@ -8,8 +8,10 @@ are simulated time instead (`bags/serd_bag/messages/times.py`).
 import sys
 import time
 from collections.abc import Iterable
+from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import Literal
 
 from std_srvs.srv import Trigger
 
@@ -18,55 +20,116 @@ from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
 from serd_bag.recorder import BagRecorder
 from serd_bag.recorder_settings import RecorderSettings
+from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.graph.configs import DemoRecorderConfig
-from serd_ros.process.managed_node import ManagedNode
+from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import ManagedConfig, StackConfig
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
 #: At its end it takes messages until no more come, at most for the product of these.
 _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
+_RECORDER = RecorderSettings()
 
 
-class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
-    """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
+class DemoRecorderConfig(ManagedConfig):
+    """Parameters of demo_recorder."""
+
+    output: str = setting("recording", "folder of the bag; must not exist", min_length=1)
+    topics: tuple[str, ...] = setting(
+        (
+            "/clock",
+            "odom",
+            "robot_pose",
+            "scan",
+            "pedestrians",
+            "map",
+            "cmd_vel",
+            "intent",
+            "waypoint",
+            "episode",
+        ),
+        'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
+        " recorded from its first publisher on, with the quality of service of its publishers",
+        min_length=1,
+    )
+    stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
+    record_at_start: bool = setting(True, "start recording at once, without start_recording")
+    minimum_free_mb: float = setting(
+        _RECORDER.min_free_bytes / 1e6,
+        "stop recording when less disk space is free",
+        unit="MB",
+        ge=0,
+    )
+    maximum_file_mb: float = setting(
+        0.0, "start another file of the bag beyond this size; 0: one file", unit="MB", ge=0
+    )
+    compression: Literal["none", "zstd"] = setting(
+        _RECORDER.compression, "compression of the bag's chunks"
+    )
+
+
+class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
+    """Records while it is active."""
+
+    config_class = DemoRecorderConfig
 
     def __init__(self, kind: str) -> None:
-        self._n_bags = 0
         super().__init__(kind)
+        #: The bags of this process.
+        self._bags: list[Path] = []
+        self.lifecycle = Lifecycle(self, self._configure)
 
-    def configure(self) -> None:
-        """Look up the types of the topics."""
-        self._clock_topic = self.resolve_topic_name(topics.CLOCK)
-        self._kinds: dict[str, TopicType] = {}
+    def _configure(self) -> Activate:
+        return partial(Recording, self.config, self._look_up_types(), self._bags)
+
+    def _look_up_types(self) -> dict[str, TopicType]:
+        """The types of the topics, by their full names."""
+        kinds: dict[str, TopicType] = {}
         for text in self.config.topics:
             topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
             name = self.resolve_topic_name(topic)
-            if name in self._kinds:
+            if name in kinds:
                 raise NodeError(
                     f"topics must name each topic once, got {name} twice; leave one out"
                 )
-            self._kinds[name] = kind
+            kinds[name] = kind
+        return kinds
 
-    def activate(self) -> None:
-        """Subscribe, and begin to record unless `start_recording` is to do so."""
+
+class Recording(Activity):
+    """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
+
+    def __init__(
+        self,
+        config: DemoRecorderConfig,
+        kinds: dict[str, TopicType],
+        bags: list[Path],
+        endpoints: Endpoints,
+    ) -> None:
+        self._node, self._config, self._bags = endpoints.node, config, bags
+        self._clock_topic = self._node.resolve_topic_name(topics.CLOCK)
         self._recorder: BagRecorder | None = None
         self._recording_clock: RecordingClock | None = None
-        self._topics = {name: self._followed(name, kind) for name, kind in self._kinds.items()}
-        self.serve(Trigger, topics.START_RECORDING, self._on_start)
-        self.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
-        self.create_timer(_POLL_PERIOD_S, self._poll)
-        self.create_timer(_REPORT_PERIOD_S, self._report)
-        if self.config.record_at_start:
+        self._topics = {
+            name: FollowedTopic(endpoints, name, kind, self._take) for name, kind in kinds.items()
+        }
+        endpoints.serve(Trigger, topics.START_RECORDING, self._on_start)
+        endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
+        endpoints.every(_POLL_PERIOD_S, self._poll)
+        endpoints.every(_REPORT_PERIOD_S, self._report)
+        if config.record_at_start:
             self._start()
 
-    def release(self) -> None:
+    def close(self) -> None:
         """Finish the bag, with all that has come in."""
         for _ in range(_LAST_LOOKS):
             recorded = self._record_what_waits()
@@ -93,9 +156,6 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
     def _silences(self) -> list[str]:
         return [topic.silence for topic in self._topics.values() if topic.silence]
 
-    def _followed(self, name: str, kind: TopicType) -> FollowedTopic:
-        return FollowedTopic(self, name, kind, self.callbacks.of_messages(name, self._take))
-
     def _take(self, message: Received) -> None:
         name = message.topic
         try:
@@ -115,8 +175,10 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
 
     def _is_simulated(self, first_topic: str) -> bool:
         """Whether there is a /clock; its publisher is known before any message of a world."""
-        expected = bool(self.get_parameter("use_sim_time").value)
-        has_clock = first_topic == self._clock_topic or self.count_publishers(self._clock_topic) > 0
+        expected = bool(self._node.get_parameter("use_sim_time").value)
+        has_clock = (
+            first_topic == self._clock_topic or self._node.count_publishers(self._clock_topic) > 0
+        )
         return expected or has_clock
 
     def _poll(self) -> None:
@@ -140,26 +202,27 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
         """The bag is kept and closed; the process ends, and with it the stack and the drive."""
         self._report()
         self._finish_bag()
-        self.fail(recorder.status.problem)
+        self._node.fail(recorder.status.problem)
 
     def _start(self) -> None:
         settings = RecorderSettings(
-            min_free_bytes=round(self.config.minimum_free_mb * 1e6),
-            max_file_bytes=round(self.config.maximum_file_mb * 1e6) or None,
-            compression=self.config.compression,
+            min_free_bytes=round(self._config.minimum_free_mb * 1e6),
+            max_file_bytes=round(self._config.maximum_file_mb * 1e6) or None,
+            compression=self._config.compression,
         )
-        self._recorder = BagRecorder(self._free_folder(), settings=settings)
+        folder = self._free_folder()
+        self._recorder = BagRecorder(folder, settings=settings)
+        self._bags.append(folder)
         if self._recording_clock is not None and not self._recording_clock.simulated:
             self._recording_clock = None  # there may be a /clock now
-        self._n_bags += 1
         for topic in self._topics.values():
             self._declare(topic)
 
     def _free_folder(self) -> Path:
         """`output`, or `output-2`, ... for later recordings of this process."""
-        output = Path(self.config.output)
+        output = Path(self._config.output)
         names = (output.with_name(f"{output.name}-{number}") for number in count(2))
-        if not output.exists() or not self._n_bags:
+        if not output.exists() or not self._bags:
             return output
         return next(name for name in names if not name.exists())
 
@@ -187,7 +250,7 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
         if self._recorder is None:
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
-        self.report(
+        self._node.report(
             self._recording_clock.now_ns * 1e-9 if self._recording_clock is not None else 0.0,
             {
                 "recording": status.recording,

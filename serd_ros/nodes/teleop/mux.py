@@ -13,18 +13,46 @@ from std_srvs.srv import SetBool
 
 from serd_app.teleop.mux_settings import load_mux
 from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
-from serd_ros.convert.command import from_any_twist, to_twist, to_twist_stamped
+from serd_files.settings import setting, setting_of
+from serd_ros.convert.command import from_any_twist
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import follow_commands
-from serd_ros.graph.configs import TeleopMuxConfig
+from serd_ros.endpoints.commands import CommandPublisher, follow_commands
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import FramesConfig, StackConfig
+from serd_sim.scenario.settings import RobotSettings
 
 _REPORT_PERIOD_S = 0.2
+_ROBOT = RobotSettings()
+
+
+class TeleopMuxConfig(FramesConfig):
+    """Parameters of teleop_mux."""
+
+    mux: str = setting("", "YAML file of inputs and locks as twist_mux has it; built in when empty")
+    rate_hz: float = setting(50.0, "rate of cmd_vel", unit="Hz", ge=10, le=200)
+    stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
+    max_vel_x_mps: float = setting(
+        _ROBOT.max_vel_x_mps, "largest speed of any command", unit="m/s", gt=0
+    )
+    min_vel_x_mps: float = setting(
+        _ROBOT.min_vel_x_mps, "largest speed backwards", unit="m/s", le=0
+    )
+    max_vel_theta_radps: float = setting(
+        _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
+    )
+    acc_lim_x_mps2: float = setting(
+        _ROBOT.acc_lim_x_mps2, "largest acceleration and braking", unit="m/s2", gt=0
+    )
+    acc_lim_theta_radps2: float = setting(
+        _ROBOT.acc_lim_theta_radps2, "largest angular acceleration", unit="rad/s2", gt=0
+    )
 
 
 class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
     """Converts, calls `TwistMux.step`, publishes `cmd_vel_raw`."""
+
+    config_class = TeleopMuxConfig
 
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
@@ -35,16 +63,17 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self._reported: MuxOutput | None = None
         self._reported_s = self.wall_s()
         for name, source in settings.topics.items():
-            twist = TwistStamped if source.stamped else Twist
-            follow_commands(self, twist, source.topic, partial(self._take, name))
+            take = partial(self._take, name)
+            follow_commands(self.endpoints, source.topic, take, stamped=source.stamped)
         for name, lock in settings.locks.items():
-            self.create_subscription(Bool, lock.topic, partial(self._lock, name), qos.COMMAND)
-        self.create_subscription(Bool, topics.E_STOP, self._take_e_stop, qos.COMMAND)
-        self.serve(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
-        kind = TwistStamped if config.stamped_cmd_vel else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
-        self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
-        self.create_timer(1.0 / config.rate_hz, self._step)
+            self.endpoints.subscribe(Bool, lock.topic, partial(self._lock, name), qos.COMMAND)
+        self.endpoints.subscribe(Bool, topics.E_STOP, self._take_e_stop, qos.COMMAND)
+        self.endpoints.serve(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
+        self._commands = CommandPublisher(
+            self.endpoints, topics.CMD_VEL_RAW, stamped=config.stamped_cmd_vel
+        )
+        self._engaged = self.endpoints.publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
+        self.endpoints.every(1.0 / config.rate_hz, self._step)
 
     def _take(self, name: str, message: Twist | TwistStamped, age_s: float) -> None:
         self._mux.receive(name, from_any_twist(message), self.wall_s() - age_s)
@@ -63,11 +92,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
     def _step(self) -> None:
         now_s = self.wall_s()
         output = self._mux.step(now_s)
-        if self.config.stamped_cmd_vel:
-            time_s = self.get_clock().now().nanoseconds * 1e-9
-            self._commands.publish(to_twist_stamped(output.command, time_s))
-        else:
-            self._commands.publish(to_twist(output.command))
+        self._commands.publish(output.command, self.now_s())
         last = self._reported
         if last is None or last.e_stop != output.e_stop:
             self._engaged.publish(Bool(data=output.e_stop))
@@ -81,7 +106,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         """Publish the state on `diagnostics`: at each change, and once in a period."""
         self._reported, self._reported_s = output, now_s
         self.report(
-            self.get_clock().now().nanoseconds * 1e-9,
+            self.now_s(),
             {
                 "active": output.active,
                 "e_stop": output.e_stop,

@@ -42,6 +42,7 @@ from serd_app.teleop.page.requests import (
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import scene_of
 from serd_core.grid.grid import Action
+from serd_files.settings import setting, setting_of
 from serd_ros.convert.command import to_intent, to_joy, to_twist
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import Jump
@@ -49,9 +50,10 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.episodes.page_view import LearnedOverlay, PageView, episode_values
 from serd_ros.episodes.person_episodes import PersonEpisodes
-from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.progress import report_address
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import NO_NAMES, PageConfig
+from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
@@ -67,17 +69,33 @@ _PAGE_SILENCE_S = 0.5
 _SILENCE_S = 1.0
 
 
+class TeleopPageConfig(PageConfig):
+    """Parameters of teleop_page."""
+
+    driver: str = setting("teleop_page", "name of the driver in the episode marks", min_length=1)
+    mode: Mode = setting("directions", "directions: publish intent; velocity: cmd_vel_teleop")
+    timeout_s: float = setting_of(EpisodeSettings, "timeout_s")
+    required_nodes: tuple[str, ...] = setting(
+        NO_NAMES, "an episode starts when these nodes subscribe"
+    )
+    speed_mps: float = setting(0.6, "speed in velocity mode", unit="m/s", gt=0)
+    turn_radps: float = setting(1.5, "turning rate in velocity mode", unit="rad/s", gt=0)
+
+
 class TeleopPageNode(SerdNode[TeleopPageConfig]):
     """One page at a time drives; without its heartbeat the robot stops."""
 
+    config_class = TeleopPageConfig
+
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
+        endpoints = self.endpoints
         self.scenario = load_scenario(self.config.scenario)
         self.mode: Mode = self.config.mode
         self.choice = DirectionChoice()
         self.observation: Observation | None = None
         self.episodes = PersonEpisodes(
-            self,
+            endpoints,
             self.scenario,
             driver=self.config.driver,
             timeout_s=self.config.timeout_s,
@@ -96,33 +114,29 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self._beat_s = self.wall_s()
         self._received_s: dict[str, float] = {}
         self._is_silent = False
-        self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
-        self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
-        self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
-        self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
-        self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
+        self._intents = endpoints.publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+        self._velocities = endpoints.publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
+        self._gone = endpoints.publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
+        self._e_stop = endpoints.publisher(Bool, topics.E_STOP, qos.COMMAND)
+        self._override = endpoints.publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
         self._is_guarded = True
-        ObservationSource(self, self.scenario.control_period_s, self._on_observation)
-        self.create_subscription(
-            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
-        )
-        self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
-        self.create_timer(_BEAT_PERIOD_S, self._beat)
+        period_s = self.scenario.control_period_s
+        ObservationSource(endpoints, period_s, self._on_observation, on_jump=self._on_jump)
+        endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE)
+        endpoints.subscribe(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
+        endpoints.every(_BEAT_PERIOD_S, self._beat)
         self._heard_s: float | None = None
         self._moving = self._was_released = self._has_gamepad = False
         self._view = PageView(self.scenario)
-        self._view.subscribe(self)
-        self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
+        self._view.subscribe(endpoints)
+        self._joy = endpoints.publisher(Joy, topics.JOY, qos.COMMAND)
         access = PageAccess(self.config.address, read_token(self.config.token_file))
         scene = scene_of(self.scenario, self._view.grid)
         self._server = PageServer(scene, access, self.config.port)
-        self._overlay = LearnedOverlay(self, self.scenario, self._server)
+        self._overlay = LearnedOverlay(endpoints, self.scenario, self._server)
+        self.at_end.callback(self._server.close)
+        self.at_end.callback(self._overlay.close)
         report_address(self._server.url, self.get_logger().info)
-
-    def close(self) -> None:
-        """End the server."""
-        self._overlay.close()
-        self._server.close()
 
     def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""
@@ -212,7 +226,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             "choice": self.choice.action.name.lower(),
         }
 
-    def clock_jumped(self, jump: Jump) -> None:
+    def _on_jump(self, jump: Jump) -> None:
         """End every motion, show nothing stale; a new session discards the episode and counts.
 
         The clock jumps forward where an episode begins, too.

@@ -153,9 +153,9 @@ def test_the_prefix_of_a_robot_is_added_to_its_own_frames_and_removed_from_all()
     frames = Frames("robot1/")
     odometry, pose = Odometry(child_frame_id="base_link"), PoseStamped()
     odometry.header.frame_id, pose.header.frame_id = "odom", "map"
-    frames.add_prefix(odometry)
-    frames.add_prefix(odometry)  # a message that is published again keeps one prefix
-    frames.add_prefix(pose)
+    frames.prefixed(odometry)
+    frames.prefixed(odometry)  # a message that is published again keeps one prefix
+    frames.prefixed(pose)
     assert (odometry.header.frame_id, odometry.child_frame_id) == (
         "robot1/odom",
         "robot1/base_link",

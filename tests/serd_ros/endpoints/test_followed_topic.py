@@ -62,7 +62,7 @@ def publish(publisher, *numbers):
 
 def test_messages_that_wait_are_taken_before_a_subscription_requests_less(running):
     node, taken = running.node, []
-    node.create_subscription(Int32, "number", taken.append, qos.STATE)
+    node.endpoints.subscribe(Int32, "number", taken.append, qos.STATE)
     reliable = node.create_publisher(Int32, "number", qos.STATE)
     wait_until(reliable.get_subscription_count)
     publish(reliable, 1, 2, 3)
@@ -77,7 +77,7 @@ def test_messages_that_wait_are_taken_before_a_subscription_requests_less(runnin
 
 def test_a_latched_subscription_stays_beside_one_for_volatile_publishers(running):
     node = running.node
-    node.create_subscription(Int32, "number", lambda _: None, qos.LATCHED)
+    node.endpoints.subscribe(Int32, "number", lambda _: None, qos.LATCHED)
     for profile in (qos.LATCHED, qos.STATE):
         node.create_publisher(Int32, "number", profile)
     wait_until(lambda: node.count_publishers("number") == 2)
@@ -97,7 +97,9 @@ def test_a_followed_topic_receives_latched_and_volatile_publishers_once_each(run
     volatile = node.create_publisher(Int32, "number", qos.STATE)
     wait_until(lambda: node.count_publishers("number") == 2)
     kind = TopicType("std_msgs/msg/Int32")
-    followed = FollowedTopic(node, "/number", kind, lambda each: taken.append(each.data[4]))
+    followed = FollowedTopic(
+        node.endpoints, "/number", kind, lambda each: taken.append(each.data[4])
+    )
 
     def take_waiting():
         for each in followed.waiting():

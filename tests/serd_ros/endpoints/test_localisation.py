@@ -10,7 +10,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.endpoints.transforms import TF_TYPE, follow_transforms
-from serd_ros.graph.configs import LocalisationConfig
+from serd_ros.settings import LocalisationConfig
 from support.nodes_in_process import deliver, node_in_process
 from support.observations import observation_at
 from support.transforms_message import transforms_message
@@ -29,7 +29,9 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
     config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
     seen = []
     with node_in_process("teleop_mux") as running:
-        source = ObservationSource(running.node, 0.05, seen.append, config, needs_people=False)
+        source = ObservationSource(
+            running.node.endpoints, 0.05, seen.append, config, needs_people=False
+        )
         fault = source._localisation.fault
         odometry(running, START, (0.0, 0.0, 0.0))
         running.receive("amcl_pose", valid_message("amcl_pose", START))
@@ -50,7 +52,9 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
 def test_what_has_stopped_is_named_and_no_difference_of_clocks():
     config = LocalisationConfig(stamp_tolerance_s=0.3)
     with node_in_process("teleop_mux") as running:
-        source = ObservationSource(running.node, 0.05, lambda _: None, config, needs_people=False)
+        source = ObservationSource(
+            running.node.endpoints, 0.05, lambda _: None, config, needs_people=False
+        )
         running.receive("robot_pose", valid_message("robot_pose", START))
         odometry(running, START + 9.0, (0.0, 0.0, 0.0))
         assert source._missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
@@ -68,7 +72,7 @@ def test_of_a_message_with_a_bad_transform_the_others_are_taken():
     changes = []
     with node_in_process("teleop_mux") as running:
         node = running.node
-        follow_transforms(node, lambda: changes.append(node.frames.names))
+        follow_transforms(node.endpoints, lambda: changes.append(node.frames.names))
         kind = raw_message_class(message_type(TF_TYPE))
         node.create_publisher(kind, topics.TF, qos.TF)
 

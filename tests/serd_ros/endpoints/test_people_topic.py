@@ -13,7 +13,7 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.endpoints.topic_types import message_class
-from serd_ros.graph.configs import ObservationConfig
+from serd_ros.settings import ObservationConfig
 from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
@@ -30,7 +30,7 @@ class Listening:
 
     def __init__(self, running, other):
         self.running, self.other, self.taken = running, other, []
-        self.topic = PeopleTopic(running.node, "people", self.take)
+        self.topic = PeopleTopic(running.node.endpoints, "people", self.take)
 
     def take(self, time_ns, people):
         self.taken.append((time_ns, people))
@@ -155,7 +155,7 @@ def test_people_are_received_beside_a_publisher_of_another_type(listening):
 def test_what_the_observation_lacks_names_the_topic_of_people():
     with node_in_process("teleop_mux") as running:
         source = ObservationSource(
-            running.node, 0.05, lambda _: None, ObservationConfig(people_topic="tracks")
+            running.node.endpoints, 0.05, lambda _: None, ObservationConfig(people_topic="tracks")
         )
         assert "tracks has no publisher" in source._missing()
 

@@ -15,11 +15,11 @@ IN_MAP, IN_ODOM = (3.5, 6.5, 1.5), (1.0, -2.0, 0.5)
 @pytest.mark.parametrize("prefix", ["", "robot1/"])
 def test_the_base_is_in_the_map_where_the_pose_is_and_in_odom_where_the_wheels_are(prefix):
     with node_in_process("teleop_mux", frame_prefix=prefix) as running:
-        publisher, sent = TransformPublisher(running.node), []
+        publisher, sent = TransformPublisher(running.node.endpoints), []
         publisher._tf.publish = sent.append
         publisher.publish(IN_MAP, IN_ODOM, 7.0)
         assert not sent  # without a subscriber
-        follow_transforms(running.node)
+        follow_transforms(running.node.endpoints)
         wait_until(publisher._tf.get_subscription_count, turn=running.call_timers)
         publisher.publish(IN_MAP, IN_ODOM, 7.0)
     (data,) = sent

@@ -4,19 +4,24 @@ import ast
 from pathlib import Path
 
 import pytest
+from rclpy.node import Node
 
 from serd_ros.episodes.page_view import WatchView
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS, DemoRecorderConfig
 from serd_ros.graph.graph import (
     PACKAGE,
+    class_of,
+    config_of,
     find_stack,
     full_namespace,
     load_graph,
+    module_of,
     placed_nodes,
     stack_parameters,
 )
-from serd_ros.process.executable import NODES, module_of
+from serd_ros.nodes.bags.demo_recorder import DemoRecorderConfig
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import NodeConfig
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -27,19 +32,27 @@ def _path_of(node):
     return ROOT / f"{module_of(node).replace('.', '/')}.py"
 
 
-def test_every_node_has_a_module_and_a_config():
+def test_every_module_of_the_nodes_is_in_the_graph():
     paths = (ROOT / PACKAGE / "nodes").rglob("*.py")
     modules = {path for path in paths if path.stem != "__init__"}
     assert modules == set(map(_path_of, load_graph().nodes))
-    assert set(load_graph().nodes) == set(CONFIGS)
 
 
 def test_every_executable_makes_the_node_of_its_name():
-    assert set(NODES) == {*load_graph().nodes}
-    for node, place in NODES.items():
-        tree = ast.parse(_path_of(node).read_text())
-        names = {item.name for item in tree.body if hasattr(item, "name")}
-        assert place.partition(":")[2] in names, node
+    for node in load_graph().nodes:
+        made = class_of(node)
+        assert made.__module__ == module_of(node)
+        assert issubclass(made, SerdNode)
+        assert issubclass(config_of(node), NodeConfig)
+
+
+def test_a_node_has_one_class_above_rclpys_and_overrides_nothing_of_it():
+    public = {name for name in dir(Node) if not name.startswith("_")}
+    for kind in load_graph().nodes:
+        ours = class_of(kind).mro()
+        ours = ours[: ours.index(Node)]
+        assert ours[1:] == [SerdNode]
+        assert not public & {name for each in ours for name in vars(each)}
 
 
 def test_the_ros_package_installs_every_executable(root):
@@ -49,7 +62,7 @@ def test_the_ros_package_installs_every_executable(root):
         for statement in tree.body
         if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "NODES"
     )
-    assert list(installed) == list(NODES)
+    assert list(installed) == sorted(load_graph().nodes)
 
 
 def test_every_subscribed_topic_is_published_by_some_node():
@@ -109,7 +122,7 @@ def test_no_name_means_different_things_in_the_nodes_it_reaches():
             reached = [
                 node
                 for node in stack.nodes
-                if own in CONFIGS[node].model_fields and own not in stack.parameters.get(node, {})
+                if own in config_of(node).model_fields and own not in stack.parameters.get(node, {})
             ]
             assert len(reached) <= 1, (name, own, reached)
 

@@ -3,13 +3,16 @@
 import pytest
 
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS, HallwaySimConfig, LearnerConfig
-from serd_ros.graph.parameters import validated
+from serd_ros.graph.graph import config_of, load_graph
+from serd_ros.nodes.hallway_sim import HallwaySimConfig
+from serd_ros.nodes.learner import LearnerConfig
+from serd_ros.process.parameters import validated
 
 
-@pytest.mark.parametrize("node", sorted(CONFIGS))
+@pytest.mark.parametrize("node", sorted(load_graph().nodes))
 def test_the_defaults_of_every_node_are_valid(node):
-    assert validated(node, {}, CONFIGS[node]) == CONFIGS[node](**CONFIGS[node].defaults({}))
+    config = config_of(node)
+    assert validated(node, {}, config) == config(**config.defaults({}))
 
 
 @pytest.mark.parametrize(

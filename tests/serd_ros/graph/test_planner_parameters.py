@@ -4,8 +4,9 @@ import pytest
 
 from serd_files.yaml_config import model_yaml
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import GuardConfig, LocalPlannerConfig
-from serd_ros.graph.parameters import validated
+from serd_ros.nodes.guard import GuardConfig
+from serd_ros.nodes.local_planner import LocalPlannerConfig
+from serd_ros.process.parameters import validated
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.names import builtin_scenarios

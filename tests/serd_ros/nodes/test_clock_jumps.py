@@ -75,7 +75,7 @@ def test_people_in_scans_are_tracked_anew_in_a_new_session():
     with node_in_process("local_planner", lockstep=False, people_from="scan") as running:
         for time_s in (START, 0.0):
             feed(running, time_s, "scan")
-            tracker = running.node._planner.perception.tracker
+            tracker = running.work._planner.perception.tracker
             assert len(tracker.identity) > 0
             assert tracker.identity.min() == 0
             assert tracker._time_s == time_s
@@ -89,9 +89,9 @@ def episode(start_s):
 def driving(kind, **parameters):
     """A node in its first episode."""
     with node_in_process(kind, **parameters) as running:
-        running.node.begin_episode(episode(START))
+        running.work.runner._starter.begin(episode(START))
         feed(running, START)
-        assert running.node.driving
+        assert running.work.runner.driving
         yield running
 
 
@@ -111,7 +111,7 @@ def test_a_driver_decides_on_what_it_sees_after_a_jump_forward_and_after_a_pause
         feed(running, START + 20.0)  # after a pause: the same tick again, and the same answer
         assert running.published[topic] > 2
         assert running.sent[topic] == answer
-        assert running.node.driving
+        assert running.work.runner.driving
         running.assert_alive()
 
 
@@ -121,10 +121,10 @@ def test_a_driver_begins_anew_after_a_jump_backward(kind, save_model_of):
     topic = "waypoint" if kind == "strategy" else "intent"
     with driving(kind, **parameters) as running:
         feed(running, 10.0)
-        assert not running.node.driving
-        assert not running.node.ready
-        assert running.node.n_finished == 0
-        running.node.begin_episode(episode(12.0))
+        assert not running.work.runner.driving
+        assert not running.work.runner.ready
+        assert running.work.runner.n_finished == 0
+        running.work.runner._starter.begin(episode(12.0))
         feed(running, 12.0)
         assert stamp_s(running.sent[topic].header.stamp) == 12.0
         running.assert_alive()
@@ -133,29 +133,29 @@ def test_a_driver_begins_anew_after_a_jump_backward(kind, save_model_of):
 def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_of):
     with node_in_process("strategy", model=str(save_model_of()), reset=False) as running:
         running.call_timers()
-        running.node._starter._look.cancel()  # its graph is there
+        running.work.runner._starter._look.cancel()  # its graph is there
         feed(running, START)
         running.receive("goal_pose", valid_message("goal_pose", START))
-        assert running.node.driving
+        assert running.work.runner.driving
         feed(running, START + 2.0)
         feed(running, 10.0)
-        assert not running.node.driving
-        running.node._starter._look.cancel()
+        assert not running.work.runner.driving
+        running.work.runner._starter._look.cancel()
         running.receive("goal_pose", valid_message("goal_pose", 10.0))
-        assert running.node.driving
+        assert running.work.runner.driving
         assert stamp_s(running.sent["waypoint"].header.stamp) == 10.0
-        assert running.node.scenario.goal_area_m[0][1] <= GOAL_M[1]
+        assert running.work.runner.scenario.goal_area_m[0][1] <= GOAL_M[1]
         running.assert_alive()
 
 
 def test_a_drive_begins_with_a_new_observation_where_the_last_one_is_old(save_model_of):
     with node_in_process("strategy", model=str(save_model_of()), reset=False) as running:
         running.call_timers()
-        running.node._starter._look.cancel()  # its graph is there
+        running.work.runner._starter._look.cancel()  # its graph is there
         feed(running, START)
         running.wait(0.6)
         running.receive("goal_pose", valid_message("goal_pose", START))
-        assert running.node.driving
+        assert running.work.runner.driving
         assert running.published["waypoint"] == 0
         feed(running, START + 0.65)
         assert stamp_s(running.sent["waypoint"].header.stamp) == pytest.approx(START + 0.65)
@@ -422,10 +422,10 @@ def test_nav2_drives_after_a_jump_only_to_the_next_waypoint(later_s, nav2_server
         goal = nav2_server.answer()
         feed(running, later_s)
         assert goal.canceled
-        assert running.node._goals.state == "no goal"
+        assert running.work._goals.state == "no goal"
         feed(running, later_s + 0.1, "waypoint")
         nav2_server.answer()
-        assert running.node._goals.state == "driving"
+        assert running.work._goals.state == "driving"
         running.assert_alive()
 
 
@@ -434,7 +434,7 @@ def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(late
     with node_in_process("guard") as running:
 
         def command_at(time_s, *topics):
-            monkeypatch.setattr(running.node, "_now_s", lambda: time_s)
+            monkeypatch.setattr(running.node, "now_s", lambda: time_s)
             running.node._guard.advance(time_s)
             for topic in topics:
                 running.receive(topic, valid_message(topic, time_s))
@@ -452,7 +452,7 @@ def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(late
 
 def test_the_learner_divides_messages_into_sessions_where_the_clock_falls_back(tmp_path):
     with node_in_process("learner", output=str(tmp_path / "model.yaml")) as running:
-        sessions = running.node._memory.drive.sessions
+        sessions = running.work._memory.drive.sessions
         for time_s, n_sessions in ((START, 1), (START + 1e4, 1), (START - 0.5 + 1e4, 1), (0.0, 2)):
             for topic in ("robot_pose", "intent"):
                 running.receive(topic, serialize_message(valid_message(topic, time_s)))
@@ -465,5 +465,5 @@ def test_the_recorder_keeps_the_stamps_of_both_sessions(tmp_path):
         for time_s in (START, START + 1e4, 0.5):
             for topic in ("clock", "robot_pose"):
                 running.receive(topic, serialize_message(valid_message(topic, time_s)))
-            assert running.node._recording_clock.now_ns == time_s * 1e9
+            assert running.work._recording_clock.now_ns == time_s * 1e9
         running.assert_alive()

@@ -18,7 +18,7 @@ START = 100.0
 @pytest.fixture
 def running(monkeypatch):
     """A guard whose clock stands at START, with a fresh message of each input."""
-    monkeypatch.setattr(guard.GuardNode, "_now_s", lambda _: START)
+    monkeypatch.setattr(guard.GuardNode, "now_s", lambda _: START)
     with node_in_process("guard") as node:
         node.node._guard.advance(START)
         for topic in INPUTS:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from serd_ros.process.executable import module_of
+from serd_ros.graph.graph import module_of
 
 _LOADED = """
 import sys

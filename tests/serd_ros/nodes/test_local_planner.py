@@ -75,7 +75,7 @@ def test_unequal_stamps_are_named_where_equal_ones_are_required(planner):
 def test_amcl_pose_is_carried_on_by_odometry(monkeypatch):
     seen = []
     monkeypatch.setattr(
-        local_planner.LocalPlannerNode, "_on_observation", lambda _, each: seen.append(each)
+        local_planner.Planning, "_on_observation", lambda _, each: seen.append(each)
     )
     given = {"people_from": "none", "pose_from": "amcl_pose", "stamp_tolerance_s": 0.3}
     with node_in_process("local_planner", lockstep=False, **given) as running:
@@ -113,7 +113,7 @@ def test_frames_with_the_prefix_of_the_robot_are_received_and_published():
 def test_people_are_those_of_the_topic_that_is_named_for_them(monkeypatch):
     seen = []
     monkeypatch.setattr(
-        local_planner.LocalPlannerNode, "_on_observation", lambda _, each: seen.append(each)
+        local_planner.Planning, "_on_observation", lambda _, each: seen.append(each)
     )
     with node_in_process("local_planner", people_topic="tracks", lockstep=False) as running:
         running.receive("tracks", valid_message("pedestrians", 10.0))

@@ -20,7 +20,7 @@ def test_pose_and_odometry_are_transformed_into_the_frames_of_its_tf():
             running.node.frames.take(placed, static=True)
         odometry, pose = valid_message("odom", START), valid_message("robot_pose", START)
         odometry.header.frame_id, pose.header.frame_id = "wheels", "world"
-        subscribed = running.node._transforms._tf.get_subscription_count
+        subscribed = running.work._transforms._tf.get_subscription_count
         wait_until(subscribed, turn=running.call_timers)  # by itself
         running.receive("odom", odometry)
         running.receive("robot_pose", pose)

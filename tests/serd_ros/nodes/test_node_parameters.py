@@ -3,13 +3,12 @@
 import re
 
 import pytest
-from rclpy.parameter import Parameter
 
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.writer import BagWriter
 from serd_files.settings import settings_of
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS
+from serd_ros.graph.graph import config_of, load_graph
 from support.bag_messages import POSE
 from support.nodes_in_process import node_in_process
 
@@ -46,27 +45,26 @@ def other_value(parameter):
 
 
 @pytest.mark.usefixtures("nav2_server")
-@pytest.mark.parametrize("kind", sorted(CONFIGS))
+@pytest.mark.parametrize("kind", sorted(load_graph().nodes))
 def test_every_parameter_is_described_and_fixed_ones_refuse_to_be_set(kind, given):
     with node_in_process(kind, **given.get(kind, {})) as running:
-        node, config = running.node, CONFIGS[kind]
+        node, config = running.node, config_of(kind)
         for name in config.model_fields:
             described, parameter = node.describe_parameter(name), node.get_parameter(name)
             assert len(described.description) > 5, name
             assert described.type == parameter.type_.value, name
             assert described.read_only == (name not in config.changeable), name
             if described.read_only:
-                wanted = Parameter(name, value=other_value(parameter))
-                result = node.set_parameters_atomically([wanted])
+                result = running.set(**{name: other_value(parameter)})
                 assert not result.successful
                 assert f"{name} is fixed while the node runs" in result.reason
                 assert node.get_parameter(name).value == parameter.value
         running.assert_alive()
 
 
-@pytest.mark.parametrize("kind", sorted(CONFIGS))
+@pytest.mark.parametrize("kind", sorted(load_graph().nodes))
 def test_every_number_has_its_unit_and_its_range(kind):
-    for setting in settings_of(CONFIGS[kind]):
+    for setting in settings_of(config_of(kind)):
         if setting.schema["type"] not in ("number", "integer"):
             continue
         assert setting.range or setting.name in WITHOUT_RANGE, setting.name
@@ -87,8 +85,7 @@ def test_an_empty_list_is_refused_by_its_name():
 def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
     with node_in_process("guard") as running:
         for value in (True, False):
-            wanted = Parameter("use_sim_time", value=value)
-            assert running.node.set_parameters_atomically([wanted]).successful
+            assert running.set(use_sim_time=value).successful
             running.call_timers()
         running.assert_alive()
 
@@ -98,11 +95,11 @@ def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_is_refused(given):
         node = running.node
 
         def set_goal(value):
-            return node.set_parameters_atomically([Parameter("goal", value=value)])
+            return running.set(goal=value)
 
-        before = node._navigator.strategy.scenario.goal_area_m
+        before = running.work._navigator.strategy.scenario.goal_area_m
         assert set_goal("3.5, 3.5").successful
-        assert node._navigator.strategy.scenario.goal_area_m != before
+        assert running.work._navigator.strategy.scenario.goal_area_m != before
         refused = set_goal("900, 3.5")
         assert not refused.successful
         assert "walkable cell" in refused.reason
@@ -111,9 +108,7 @@ def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_is_refused(given):
 
 def test_a_goal_that_is_set_beside_a_wrong_model_changes_nothing(given):
     with node_in_process("strategy", **given["strategy"]) as running:
-        node = running.node
-        before = node._navigator.strategy.scenario.goal_area_m
-        wanted = [Parameter("goal", value="3.5, 3.5"), Parameter("model", value="missing.yaml")]
-        refused = node.set_parameters_atomically(wanted)
+        before = running.work._navigator.strategy.scenario.goal_area_m
+        refused = running.set(goal="3.5, 3.5", model="missing.yaml")
         assert refused.reason == "set goal and model one after the other"
-        assert node._navigator.strategy.scenario.goal_area_m == before
+        assert running.work._navigator.strategy.scenario.goal_area_m == before

@@ -102,7 +102,7 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
             node.finish(0)
             raise RuntimeError("fault of a test")
 
-        node.create_timer(0.01, fail_once)
+        node.endpoints.every(0.01, fail_once)
         return node
 
     assert run_node(make_node) == 1

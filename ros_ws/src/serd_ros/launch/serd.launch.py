@@ -28,6 +28,7 @@ stack, and arguments override both. Any other argument is refused, unless anothe
 this one, whose arguments are visible here.
 """
 
+from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -39,9 +40,9 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from serd_files.settings import settings_of
-from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import (
     addressees,
+    config_of,
     find_stack,
     full_namespace,
     load_graph,
@@ -58,9 +59,13 @@ OWN = {
 }
 
 
-def descriptions(nodes=tuple(CONFIGS)):
-    """Return what each parameter of the nodes sets, by its name."""
-    return {each.name: each.description for node in nodes for each in settings_of(CONFIGS[node])}
+def descriptions(nodes):
+    """Return what each parameter of the nodes that can run here sets, by its name."""
+    found = {}
+    for node in nodes:
+        with suppress(ModuleNotFoundError):  # a robot has no simulator
+            found |= {each.name: each.description for each in settings_of(config_of(node))}
+    return found
 
 
 def is_included():
@@ -75,7 +80,8 @@ def is_included():
 
 def given_parameters(context, own):
     """All arguments but empty ones and those of this file; those of an including file are left."""
-    known, nodes = descriptions(), load_graph().nodes
+    nodes = load_graph().nodes
+    known = descriptions(nodes)
     given = {}
     for name, text in context.launch_configurations.items():
         node, dot, _ = name.partition('.')
@@ -146,5 +152,9 @@ def generate_launch_description():
     about = '; '.join(f'{name}: {stack.about}' for name, stack in stacks.items())
     chosen = DeclareLaunchArgument('stack', default_value='live', description=about)
     return LaunchDescription(
-        [chosen, *declared(descriptions()), OpaqueFunction(function=nodes_of_stack)]
+        [
+            chosen,
+            *declared(descriptions(load_graph().nodes)),
+            OpaqueFunction(function=nodes_of_stack),
+        ]
     )

@@ -45,7 +45,7 @@ def test_the_clock_of_a_remapped_topic_is_looked_at(tmp_path, messages):
         running.node.create_publisher(Clock, "/robot1/clock", qos.CLOCK)
         wait_until(lambda: running.node.count_publishers("/robot1/clock"))
         running.receive("episode", messages.mark(10.0, "start", 0, ""))
-        assert running.node._recording_clock.simulated
+        assert running.work._recording_clock.simulated
 
 
 def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_out(tmp_path):

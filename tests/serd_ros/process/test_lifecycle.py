@@ -1,17 +1,17 @@
 """The states of a managed node, its parameters in them, and what is left of it afterwards."""
 
 import pytest
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_ros.convert.pose import to_pose_stamped
-from serd_ros.graph.configs import CONFIGS, ManagedConfig
+from serd_ros.graph.graph import config_of, load_graph
+from serd_ros.settings import ManagedConfig
 from support.nodes_in_process import deliver, node_in_process
 
-MANAGED = sorted(name for name, kind in CONFIGS.items() if issubclass(kind, ManagedConfig))
+MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kind), ManagedConfig))
 
 
 @pytest.fixture
@@ -35,13 +35,13 @@ def test_cleanup_leaves_what_there_was_before_the_node_was_configured(kind, give
         node = running.node
         for _ in range(2):
             before, attributes = endpoints(node), set(vars(node))
-            node.trigger_configure()
-            node.trigger_activate()
+            node.lifecycle.trigger_configure()
+            node.lifecycle.trigger_activate()
             assert endpoints(node)["subscriptions"] > before["subscriptions"]
             running.call_timers()
-            node.trigger_deactivate()
-            node.trigger_cleanup()
-            assert node.state == "unconfigured"
+            node.lifecycle.trigger_deactivate()
+            node.lifecycle.trigger_cleanup()
+            assert node.lifecycle.state == "unconfigured"
             assert endpoints(node) == before
             assert set(vars(node)) == attributes
         running.assert_alive()
@@ -52,7 +52,7 @@ def test_cleanup_leaves_what_there_was_before_the_node_was_configured(kind, give
 def test_all_parameters_can_be_set_before_configuration_and_those_alone_afterwards_that_change(
     kind, given
 ):
-    config = CONFIGS[kind]
+    config = config_of(kind)
     with node_in_process(kind, managed=True, **given.get(kind, {})) as running:
         node = running.node
 
@@ -61,16 +61,16 @@ def test_all_parameters_can_be_set_before_configuration_and_those_alone_afterwar
             return {name for name in fields if node.describe_parameter(name).read_only}
 
         def set_again(name):
-            return node.set_parameters_atomically([node.get_parameter(name)])
+            return running.set(**{name: node.get_parameter(name).value})
 
         assert fixed() == {"managed"}
         for name in config.model_fields:
             assert set_again(name).successful == (name != "managed"), name
-        node.trigger_configure()
+        node.lifecycle.trigger_configure()
         assert fixed() == set(config.model_fields) - set(config.changeable)
         for name in config.model_fields:
             assert "cannot be set while the node is inactive" in set_again(name).reason
-        node.trigger_activate()
+        node.lifecycle.trigger_activate()
         for name in fixed():
             assert f"{name} is fixed while the node runs" in set_again(name).reason
         running.assert_alive()
@@ -81,19 +81,15 @@ def test_parameters_follow_the_one_on_which_their_defaults_depend():
         node = running.node
         before = node.get_parameter("max_vel_x").value
 
-        def set_to(**values):
-            wanted = [Parameter(name, value=value) for name, value in values.items()]
-            return node.set_parameters_atomically(wanted)
-
-        assert set_to(max_vel_x=0.75 * before).successful
-        assert set_to(planner="dwa_smooth").successful
+        assert running.set(max_vel_x=0.75 * before).successful
+        assert running.set(planner="dwa_smooth").successful
         assert node.get_parameter("max_vel_x").value == 0.75 * before
-        refused = set_to(scenario="nowhere")
+        refused = running.set(scenario="nowhere")
         assert not refused.successful
         assert "nowhere" in refused.reason
-        assert set_to(use_sim_time=True, input_timeout_s=0.25).successful
+        assert running.set(use_sim_time=True, input_timeout_s=0.25).successful
         assert node.get_parameter("use_sim_time").value
-        node.trigger_configure()
+        node.lifecycle.trigger_configure()
         assert node.config.max_vel_x == 0.75 * before
         assert node.config.input_timeout_s == 0.25
 
@@ -102,26 +98,28 @@ def test_parameters_follow_the_one_on_which_their_defaults_depend():
 def test_an_unexpected_exception_in_a_transition_leaves_an_unconfigured_node(step, given):
     with node_in_process("strategy", managed=True, **given["strategy"]) as running:
         node, before = running.node, endpoints(running.node)
-        whole = getattr(node, step)
+        owner, name = node.lifecycle, f"_{step}"
+        if step != "configure":
+            node.lifecycle.trigger_configure()
+        if step == "deactivate":
+            node.lifecycle.trigger_activate()
+            owner, name = node.lifecycle.activity, step
+        whole = getattr(owner, name)
 
-        def fail():
-            whole()
+        def fail(*arguments):
+            whole(*arguments)
             raise ZeroDivisionError("by a test")
 
-        setattr(node, step, fail)
-        node.trigger_configure()
-        if step != "configure":
-            node.trigger_activate()
-        if step == "deactivate":
-            node.trigger_deactivate()
-        assert node.state == "unconfigured"
-        assert node._state_machine.current_state[1] == "unconfigured"
+        setattr(owner, name, fail)
+        getattr(node.lifecycle, f"trigger_{step}")()
+        assert node.lifecycle.state == "unconfigured"
+        assert node.lifecycle._state_machine.current_state[1] == "unconfigured"
         assert endpoints(node) == before
         assert node.callbacks.n_internal_errors == 1
-        setattr(node, step, whole)
-        node.trigger_configure()
-        node.trigger_activate()
-        assert node.state == "active"
+        setattr(owner, name, whole)
+        node.lifecycle.trigger_configure()
+        node.lifecycle.trigger_activate()
+        assert node.lifecycle.state == "active"
 
 
 def test_a_refusal_to_activate_leaves_an_inactive_node_and_its_sentence(given, tmp_path):
@@ -129,33 +127,33 @@ def test_a_refusal_to_activate_leaves_an_inactive_node_and_its_sentence(given, t
     (tmp_path / "bag" / "kept").touch()
     with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
         node = running.node
-        node.trigger_configure()
+        node.lifecycle.trigger_configure()
         inactive = endpoints(node)
-        node.trigger_activate()
-        assert node.state == "inactive"
+        node.lifecycle.trigger_activate()
+        assert node.lifecycle.state == "inactive"
         assert "must be new or empty" in running.sent["diagnostics"].status[0].message
         assert endpoints(node) == inactive
         (tmp_path / "bag" / "kept").unlink()
-        node.trigger_activate()
-        assert node.state == "active"
+        node.lifecycle.trigger_activate()
+        assert node.lifecycle.state == "active"
         running.assert_alive()
 
 
 def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(given, monkeypatch):
     with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
         node, before = running.node, endpoints(running.node)
-        node.trigger_configure()
-        node.trigger_activate()
-        recorder = node._recorder
+        node.lifecycle.trigger_configure()
+        node.lifecycle.trigger_activate()
+        recorder = running.work._recorder
 
         def fail():
             raise BagError("the disk is full; make room")
 
         monkeypatch.setattr(recorder, "close", fail)
-        node.trigger_deactivate()
+        node.lifecycle.trigger_deactivate()
         monkeypatch.undo()
         recorder.close()
-        assert node.state == "unconfigured"
+        assert node.lifecycle.state == "unconfigured"
         assert endpoints(node) == before
         reported = running.sent["diagnostics"].status[0]
         assert reported.message == "deactivate refused: the disk is full; make room"
@@ -164,12 +162,12 @@ def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(given, monk
 def test_what_was_due_when_its_endpoint_was_destroyed_does_nothing(given):
     with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
         node = running.node
-        node.trigger_configure()
+        node.lifecycle.trigger_configure()
         earlier = set(node.services)
-        node.trigger_activate()
+        node.lifecycle.trigger_activate()
         timers, subscriptions = list(node.timers), list(node.subscriptions)
         (stop,) = [each for each in set(node.services) - earlier if "stop" in each.srv_name]
-        node.trigger_deactivate()
+        node.lifecycle.trigger_deactivate()
         for timer in timers:
             timer.callback()
         for subscription in subscriptions:
@@ -186,35 +184,33 @@ def test_a_model_that_is_missing_refuses_to_configure_until_another_one_is_set(g
     with node_in_process("strategy", managed=True, model=absent) as running:
         node = running.node
         for _ in range(2):
-            node.trigger_configure()
-            assert node.state == "unconfigured"
+            node.lifecycle.trigger_configure()
+            assert node.lifecycle.state == "unconfigured"
             message = running.sent["diagnostics"].status[0].message
             assert message.startswith("configure refused: ")
             assert "absent.yaml" in message
-        wrong = node.set_parameters_atomically([Parameter("timeout_s", value=-1.0)])
+        wrong = running.set(timeout_s=-1.0)
         assert "timeout_s" in wrong.reason
-        model = Parameter("model", value=given["strategy"]["model"])
-        assert node.set_parameters_atomically([model]).successful
-        node.trigger_configure()
-        node.trigger_activate()
-        assert node.state == "active"
-        goal = Parameter("goal", value="3.5, 3.5")
-        assert node.set_parameters_atomically([goal]).successful
+        assert running.set(model=given["strategy"]["model"]).successful
+        node.lifecycle.trigger_configure()
+        node.lifecycle.trigger_activate()
+        assert node.lifecycle.state == "active"
+        assert running.set(goal="3.5, 3.5").successful
         running.assert_alive()
 
 
 def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_active(tmp_path):
     given = {"output": str(tmp_path / "bag"), "topics": ["robot_pose"], "minimum_free_mb": 0.0}
     with node_in_process("demo_recorder", managed=True, **given) as running:
-        running.node.trigger_configure()
+        running.node.lifecycle.trigger_configure()
         for number, bag in enumerate(("bag", "bag-2")):
-            running.node.trigger_activate()
+            running.node.lifecycle.trigger_activate()
             pose = to_pose_stamped((float(number), 0.0, 0.0), 1.0)
             running.receive("robot_pose", serialize_message(pose))
-            running.node.trigger_deactivate()
+            running.node.lifecycle.trigger_deactivate()
             (message,) = BagReader(tmp_path / bag).messages()
             assert message.data == serialize_message(pose)
-        running.node.trigger_cleanup()
-        running.node.trigger_configure()
-        running.node.trigger_activate()
+        running.node.lifecycle.trigger_cleanup()
+        running.node.lifecycle.trigger_configure()
+        running.node.lifecycle.trigger_activate()
         assert (tmp_path / "bag-3").is_dir()

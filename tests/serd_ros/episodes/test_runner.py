@@ -18,7 +18,7 @@ from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import several_worlds
-from serd_ros.episodes.driver import EpisodeDriverNode
+from serd_ros.process.serd_node import SerdNode
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
 from support.nav2_server import answered
@@ -45,11 +45,12 @@ def test_a_robot_without_a_simulator_depends_on_the_topics_that_it_follows(
         for _ in range(2):
             running.node.create_publisher(kind, topic, profile)
         wait_until(lambda: several_worlds(running.node))
-        node = running.node
+        starter = running.work.runner._starter
         wait_until(
-            lambda: node.ready or "one publisher of" in node._waited_for, turn=running.call_timers
+            lambda: not starter.waiting or "one publisher of" in starter._waited_for,
+            turn=running.call_timers,
         )
-        assert node.ready == is_ready
+        assert starter.waiting != is_ready
 
 
 class SilentWorld:
@@ -73,7 +74,7 @@ class SilentWorld:
 def test_a_reset_without_an_answer_is_requested_again(save_model_of):
     given = {"model": str(save_model_of()), "required_nodes": [""]}
     with node_in_process("strategy", **given) as running:
-        starter, world = running.node._starter, SilentWorld()
+        starter, world = running.work.runner._starter, SilentWorld()
         starter._reset = world
         wait_until(lambda: world.requests, turn=running.call_timers)
         for waited_s, n_requests in ((29.0, 1), (2.0, 2), (29.0, 2)):
@@ -97,7 +98,7 @@ def test_a_driver_warns_of_a_patience_too_short_for_the_next_cell(
     (tmp_path / "slow.yaml").write_text(model_yaml(slow))
     warnings = []
     logger = SimpleNamespace(warning=warnings.append, info=lambda *_, **__: None)
-    monkeypatch.setattr(EpisodeDriverNode, "get_logger", lambda _: logger)
+    monkeypatch.setattr(SerdNode, "get_logger", lambda _: logger)
     given = {"scenario": str(tmp_path / "slow.yaml"), "required_nodes": [""]}
     with node_in_process("scripted_expert", **given):
         assert warnings == [slow.patience_remark] * n_warnings
@@ -127,13 +128,13 @@ def test_the_contacts_of_an_episode_are_those_at_its_last_tick(tmp_path, reports
     given = {"required_nodes": [""], "timeout_s": 2.0, "episodes": 2, "output": str(tmp_path)}
     with node_in_process("scripted_expert", **given) as running:
         start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
-        running.node.begin_episode(start)
+        running.work.runner._starter.begin(start)
         for tick in range(41):
             observe(running, 10.0 + 0.05 * tick)
-        assert running.node.n_finished == 0
+        assert running.work.runner.n_finished == 0
         for time_s, count in reports:
             report(running, time_s, count)
-        assert running.node.n_finished == 1
+        assert running.work.runner.n_finished == 1
         mark = from_episode_message(running.sent["episode"])
         assert (mark.event, mark.time_s, mark.outcome) == (END, 12.0, "timeout")
         (row,) = load_episodes(tmp_path / "episodes.csv")
@@ -143,7 +144,7 @@ def test_the_contacts_of_an_episode_are_those_at_its_last_tick(tmp_path, reports
 def test_a_driver_decides_in_each_cell_and_answers_a_tick_again_in_the_same_way():
     with node_in_process("scripted_expert", required_nodes=[""]) as running:
         start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
-        running.node.begin_episode(start)
+        running.work.runner._starter.begin(start)
         places_m = (3.5, 3.6, 3.9, 4.05, 4.15, 4.5)
         counts = []
         for tick, y_m in enumerate(places_m):
@@ -156,4 +157,16 @@ def test_a_driver_decides_in_each_cell_and_answers_a_tick_again_in_the_same_way(
         assert running.published["intent"] > 2
         assert running.sent["intent"].vector == decided.vector
         assert stamp_s(running.sent["intent"].header.stamp) == pytest.approx(10.25)
+        running.assert_alive()
+
+
+def test_a_goal_where_the_robot_stands_is_reached_at_once(save_model_of):
+    given = {"model": str(save_model_of()), "reset": False, "required_nodes": [""]}
+    with node_in_process("strategy", **given) as running:
+        running.call_timers()
+        running.work.runner._starter._look.cancel()  # its graph is there
+        observe(running, 10.0)
+        running.receive("goal_pose", to_pose_stamped((2.5, 3.5, 0.0), 10.0))
+        assert running.work.runner.n_finished == 1
+        assert from_episode_message(running.sent["episode"]).outcome == "arrived"
         running.assert_alive()

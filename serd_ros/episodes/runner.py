@@ -1,11 +1,7 @@
-"""A node that drives episodes: resets the world, decides once per epoch, writes the results.
+"""Runs the episodes of a driver: resets the world, decides once per epoch, writes the results."""
 
-The scripted expert and the strategy are this node with different drivers and steering topics.
-"""
-
-from abc import abstractmethod
+from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -13,24 +9,23 @@ from serd_app.drives.episode_spans import END, START
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.table import write_rows
-from serd_ros.convert.diagnostics import from_world_report
+from serd_ros.convert.diagnostics import UNCOUNTED, from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.world.worlds import several_worlds
 from serd_ros.episodes.starter import EpisodeStarter
-from serd_ros.graph.configs import DriverConfig
-from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
+from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import Ending, EpisodeProgress
 from serd_sim.episodes.result import EpisodeStart, observed_result
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation
 
-Config = TypeVar("Config", bound=DriverConfig)
 _CLOCK_ROUNDING_S = 1e-6
 #: Without a reset, an episode begins with an observation of at most this wall time ago (s), or of
 #: two control periods where these are longer.
@@ -38,27 +33,41 @@ _FRESH_S = 0.5
 _LOOK_PERIOD_S = 1.0
 
 
-class EpisodeDriverNode(ManagedNode[Config]):
-    """Runs `episodes` episodes one after the other, then ends its process.
+class EpisodeRunner:
+    """Runs `config.episodes` episodes one after the other, then ends the process.
 
+    steer: publishes the action of an observation for the local planner, with its stamp.
+    results: of the episodes before, to which those of this runner are added.
     needs_people: whether decisions depend on people.
+    start: where the world is not reset, what begins when an episode may begin; None begins none.
+    give_up: why the episode is given up at the decision just taken; empty to go on.
+    on_end: called with each finished episode, before the next one begins.
+    on_new_session: called when the clock fell back.
     """
 
-    needs_people: ClassVar[bool] = True
-
-    def configure(self) -> None:
-        """Load the scenario and make the driver."""
-        self.scenario: Scenario = load_scenario(self.config.scenario)
-        self.driver: Driver = self.make_driver()
-        if self.scenario.patience_remark:
-            self.get_logger().warning(self.scenario.patience_remark)
-        self._results: list[EpisodeResult] = []
-        self._epochs = epochs_in(self.scenario, grid_of(self.scenario))
-
-    def activate(self) -> None:
-        """Wait for the graph, then drive."""
+    def __init__(
+        self,
+        endpoints: Endpoints,
+        config: DriverConfig,
+        scenario: Scenario,
+        driver: Driver,
+        steer: Callable[[Observation, Action], None],
+        results: list[EpisodeResult],
+        *,
+        needs_people: bool = True,
+        start: Callable[[], EpisodeStart | None] | None = None,
+        give_up: Callable[[], str] = lambda: "",
+        on_end: Callable[[EpisodeResult], None] = lambda _: None,
+        on_new_session: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.scenario, self.driver = scenario, driver
+        #: The newest observation.
+        self.observation: Observation | None = None
+        self._node, self._config, self._results = endpoints.node, config, results
+        self._steer, self._start_of, self._give_up = steer, start, give_up
+        self._on_end, self._on_new_session = on_end, on_new_session
+        self._epochs = epochs_in(scenario, grid_of(scenario))
         self._running: EpisodeStart | None = None
-        self._observation: Observation | None = None
         self._progress: EpisodeProgress | None = None
         #: With the wall time at which it came.
         self._waiting: tuple[Observation, float] | None = None
@@ -69,51 +78,28 @@ class EpisodeDriverNode(ManagedNode[Config]):
         #: Stamps and counts of the world, from those at the begin of the episode on.
         self._world_reports = list[tuple[int, dict[str, str]]]()
         self._started_wall_s = 0.0
-        self._waited_for = ""
-        self.create_subscription(
-            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
-        )
+        if scenario.patience_remark:
+            self._node.get_logger().warning(scenario.patience_remark)
+        endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE)
         ObservationSource(
-            self,
-            self.scenario.control_period_s,
+            endpoints,
+            scenario.control_period_s,
             self._on_observation,
-            self.config,
-            needs_people=self.needs_people,
+            config,
+            on_jump=self._on_jump,
+            needs_people=needs_people,
         )
         self._starter = EpisodeStarter(
-            self,
-            self.config.required_nodes,
-            on_ready=self._next_episode,
+            endpoints,
+            config.required_nodes,
+            on_ready=self.next_episode,
             on_start=self._begin_episode,
             on_wait=self._log_waiting,
-            needs_reset=self.resets_world,
+            needs_reset=self._resets_world,
             world_topics=self._world_topics(),
         )
         self._starter.wait()
-        self.create_timer(_LOOK_PERIOD_S, self._look_for_other_worlds)
-
-    def deactivate(self) -> None:
-        """Discard the running episode."""
-        self._discard()
-        super().deactivate()
-
-    @abstractmethod
-    def make_driver(self) -> Driver:
-        """The driver that decides."""
-
-    @abstractmethod
-    def steer(self, observation: Observation, action: Action) -> None:
-        """Publish the action for the local planner, with the observation's stamp."""
-
-    def give_up_reason(self) -> str:
-        """Why the episode is given up at the decision just taken; empty to go on."""
-        return ""
-
-    def episode_ended(self, result: EpisodeResult) -> None:
-        """Called with every finished episode, before the next begins."""
-
-    def episode_begun(self) -> None:
-        """Called before the first observation of an episode."""
+        endpoints.every(_LOOK_PERIOD_S, self._look_for_other_worlds)
 
     def set_scenario(self, scenario: Scenario) -> None:
         """End episodes in the goal area of this scenario from now on, the running one too."""
@@ -121,58 +107,10 @@ class EpisodeDriverNode(ManagedNode[Config]):
         if self._progress is not None:
             self._progress.goal_area_m = scenario.goal_area_m
 
-    def clock_jumped(self, jump: Jump) -> None:
-        """After a gap it decides anew; a new session ends the drive and begins another episode."""
-        if jump is Jump.FORWARD:
-            self._epochs.lose()
-        if jump is Jump.BACKWARD:
-            self.get_logger().warning("the clock fell back: the drive begins anew")
-            self._clear()
-            self._waiting = None
-            self._world_reports.clear()
-            self._starter.wait()
-
-    def _world_topics(self) -> list[str]:
-        """The topics of a world that this node depends on."""
-        follows_clock = self.resets_world or self.get_parameter("use_sim_time").value
-        takes_pose = self.config.pose_from == topics.ROBOT_POSE
-        return [topics.CLOCK] * bool(follows_clock) + [topics.ROBOT_POSE] * takes_pose
-
-    def _look_for_other_worlds(self) -> None:
-        """Discard the episode while several nodes publish the world; another one begins after."""
-        several = several_worlds(self, self._world_topics()) if self.driving else ""
-        if not several:
-            return
-        self.get_logger().error(f"there must be {several}; the episode is discarded")
-        self._discard()
-        self._waiting = None
-        self._starter.wait()
-
-    def _discard(self) -> None:
-        if self._observation is not None and self._progress is not None:
-            self._mark(END, self._observation, "discarded")
-        self._clear()
-
-    def _log_waiting(self, missing: str) -> None:
-        if missing != self._waited_for:
-            self._waited_for = missing
-            self.get_logger().info(f"waiting for {missing}")
-            write_progress(Progress(text=f"waiting for {missing}"))
-
-    @property
-    def observation(self) -> Observation | None:
-        """The newest observation."""
-        return self._observation
-
     @property
     def ready(self) -> bool:
         """Whether all that episodes need is there."""
         return not self._starter.waiting
-
-    @property
-    def n_finished(self) -> int:
-        """How many episodes have ended."""
-        return len(self._results)
 
     @property
     def driving(self) -> bool:
@@ -180,25 +118,63 @@ class EpisodeDriverNode(ManagedNode[Config]):
         return self._running is not None
 
     @property
-    def resets_world(self) -> bool:
-        """Whether the world is reset before each episode."""
-        return True
+    def n_finished(self) -> int:
+        """How many episodes have ended."""
+        return len(self._results)
 
-    def _next_episode(self) -> None:
+    def next_episode(self) -> None:
+        """Have the world reset, or begin what `start` returns."""
         self._clear()
-        self.request_episode()
+        if self._start_of is None:
+            self._starter.reset_world()
+        elif (episode := self._start_of()) is not None:
+            self._starter.begin(episode)
+
+    def discard(self) -> None:
+        """Discard the running episode."""
+        if self.observation is not None and self._progress is not None:
+            self._mark(END, self.observation, "discarded")
+        self._clear()
+
+    @property
+    def _resets_world(self) -> bool:
+        return self._start_of is None
+
+    def _on_jump(self, jump: Jump) -> None:
+        """After a gap it decides anew; a new session ends the drive and begins another episode."""
+        if jump is Jump.FORWARD:
+            self._epochs.lose()
+        if jump is Jump.BACKWARD:
+            self._on_new_session()
+            self._node.get_logger().warning("the clock fell back: the drive begins anew")
+            self._clear()
+            self._waiting = None
+            self._world_reports.clear()
+            self._starter.wait()
+
+    def _world_topics(self) -> list[str]:
+        """The topics of a world that this node depends on."""
+        follows_clock = self._resets_world or self._node.get_parameter("use_sim_time").value
+        takes_pose = self._config.pose_from == topics.ROBOT_POSE
+        return [topics.CLOCK] * bool(follows_clock) + [topics.ROBOT_POSE] * takes_pose
+
+    def _look_for_other_worlds(self) -> None:
+        """Discard the episode while several nodes publish the world; another one begins after."""
+        several = several_worlds(self._node, self._world_topics()) if self.driving else ""
+        if not several:
+            return
+        self._node.get_logger().error(f"there must be {several}; the episode is discarded")
+        self.discard()
+        self._waiting = None
+        self._starter.wait()
+
+    def _log_waiting(self, missing: str) -> None:
+        self._node.get_logger().info(f"waiting for {missing}")
+        write_progress(Progress(text=f"waiting for {missing}"))
 
     def _clear(self) -> None:
         self._running, self._progress, self._ending = None, None, None
         self._reason, self._followed_tick = "", -1
-
-    def request_episode(self) -> None:
-        """Request the next episode; a node that does not reset the world calls `begin_episode`."""
-        self._starter.reset_world()
-
-    def begin_episode(self, episode: EpisodeStart) -> None:
-        """Begin an episode without a reset."""
-        self._starter.begin(episode)
 
     def _begin_episode(self, episode: EpisodeStart) -> None:
         """Drive from the episode's first observation on, which may be here already."""
@@ -210,14 +186,14 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self._waiting = None
             # A world that was reset stands until its first observation is answered.
             fresh_s = max(_FRESH_S, 2 * self.scenario.control_period_s)
-            if self.resets_world or self.wall_s() - received_s <= fresh_s:
+            if self._resets_world or self._node.wall_s() - received_s <= fresh_s:
                 self._on_observation(observation)
 
     def _on_observation(self, observation: Observation) -> None:
         """Follow the episode; an observation may come before the reply that begins it."""
-        self._observation = observation
+        self.observation = observation
         if self._running is None:
-            self._waiting = observation, self.wall_s()
+            self._waiting = observation, self._node.wall_s()
             return
         self._waiting = None
         if observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S:
@@ -232,10 +208,9 @@ class EpisodeDriverNode(ManagedNode[Config]):
         self._finish_when_reported()
 
     def _start(self, observation: Observation) -> None:
-        self._progress = EpisodeProgress(self.scenario, observation, self.config.timeout_s)
+        self._progress = EpisodeProgress(self.scenario, observation, self._config.timeout_s)
         self._epochs.begin()
-        self.episode_begun()
-        self._started_wall_s = self.wall_s()
+        self._started_wall_s = self._node.wall_s()
         self._mark(START, observation)
 
     def _follow_epochs(self, observation: Observation) -> None:
@@ -250,14 +225,14 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self._epochs.take(observation.time_s, self._action)
         self._followed_tick = observation.tick
         if begins or is_again:
-            self.steer(observation, self._action)
+            self._steer(observation, self._action)
 
     def _decided(self, observation: Observation) -> Action:
         """What the driver decides; to wait where it gives up, and until the end is reported."""
         if self._ending is not None:
             return Action.WAIT
         action = self.driver.decide(observation, self._epochs.state)
-        self._reason = self.give_up_reason()
+        self._reason = self._give_up()
         if not self._reason:
             return action
         self._ending = "aborted", observation
@@ -274,25 +249,28 @@ class EpisodeDriverNode(ManagedNode[Config]):
         if self._ending is None or self._running is None:
             return
         ending, observation = self._ending
-        report = self.world_report(observation)
+        report = self._world_report(observation)
         if report is None:
             return
         self._mark(END, observation, ending)
         self._results.append(self._result(ending, report))
-        self.save_results()
+        self._save_results()
         self._log_result(self._results[-1])
-        self.episode_ended(self._results[-1])
-        if len(self._results) < self.config.episodes:
-            self._next_episode()
+        self._on_end(self._results[-1])
+        if len(self._results) < self._config.episodes:
+            self.next_episode()
         else:
             self._running = None
-            self.finish(0)
+            self._node.finish(0)
 
-    def world_report(self, observation: Observation) -> dict[str, str] | None:
+    def _world_report(self, observation: Observation) -> dict[str, str] | None:
         """The world's counts at an observation; None while they have not arrived.
 
-        The world reports at each change: those at a tick are the last ones until then.
+        The world reports at each change: those at a tick are the last ones until then. Without
+        resets, contacts are not counted per episode.
         """
+        if not self._resets_world:
+            return UNCOUNTED
         time_ns = stamp_ns(to_stamp(observation.time_s))
         if not self._world_reports or self._world_reports[-1][0] < time_ns:
             return None
@@ -309,21 +287,21 @@ class EpisodeDriverNode(ManagedNode[Config]):
             driver=self.driver.name,
             outcome=ending,
             reason=self._reason,
-            wall_s=self.wall_s() - self._started_wall_s,
+            wall_s=self._node.wall_s() - self._started_wall_s,
         )
 
-    def save_results(self) -> None:
-        """Write the table of all episodes so far."""
-        if self.config.output:
-            write_rows(Path(self.config.output) / "episodes.csv", EpisodeResult, self._results)
+    def _save_results(self) -> None:
+        """Write the table of all episodes so far, in which contacts are counted."""
+        if self._config.output and self._resets_world:
+            write_rows(Path(self._config.output) / "episodes.csv", EpisodeResult, self._results)
 
     def _log_result(self, result: EpisodeResult) -> None:
         ending = f"{result.outcome} ({result.reason})" if result.reason else result.outcome
-        text = (
-            f"{ending} after {result.duration_s:.1f} s "
-            f"({result.duration_s / result.wall_s:.1f} times real time)"
+        speed = result.duration_s / max(result.wall_s, 1e-6)  # one that arrives at once has none
+        text = f"{ending} after {result.duration_s:.1f} s ({speed:.1f} times real time)"
+        self._node.get_logger().info(
+            f"episode {self.n_finished} of {self._config.episodes}: {text}"
         )
-        self.get_logger().info(f"episode {self.n_finished} of {self.config.episodes}: {text}")
         write_progress(Progress(text=text, done=self.n_finished))
 
     def _mark(self, event: str, observation: Observation, outcome: str = "") -> None:

@@ -1,0 +1,246 @@
+"""Publishers, subscriptions, services and timers of a node that live and end together.
+
+They are rclpy's, made by its functions, and what SERD adds to them stands here: no input makes a
+callback end the process (`callback_guard`), a subscription requests no more than its publishers
+offer, and frames have the names by which this robot's nodes know them.
+"""
+
+import inspect
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial, wraps
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rclpy.client import Client
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
+from serd_ros.endpoints.qos import common_qos, less_demanding, requests_too_much
+from serd_ros.process.callback_guard import Lifetime
+from serd_ros.process.parameters import accept_changes
+
+if TYPE_CHECKING:
+    from serd_ros.process.serd_node import SerdNode
+
+Made = TypeVar("Made")
+#: An event that waits while its endpoint is destroyed would end EventsExecutor.
+_NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+_CONFIRMED_WITHIN_S = 0.5
+
+
+class Endpoints:
+    """Makes endpoints of a node; `close` destroys all that it made."""
+
+    def __init__(self, node: "SerdNode[Any]") -> None:
+        self.node = node
+        self._lifetime = Lifetime()
+        #: Each with what destroys it.
+        self._made: dict[Any, Callable[[Any], object]] = {}
+        #: What subscribes again with another quality of service.
+        self._follows: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
+
+    def scope(self) -> "Endpoints":
+        """Endpoints that `destroy` ends before these, and that end with these."""
+        return self._keep(Endpoints(self.node), Endpoints.close)
+
+    def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Publisher:
+        """A publisher; one that lives as long as the node logs readers that request too much."""
+        node = self.node
+        events = None if self is node.endpoints else _NO_PUBLISHER_EVENTS
+        made = node.create_publisher(kind, topic, profile, event_callbacks=events)
+        return self._keep(made, node.destroy_publisher)
+
+    def subscribe(
+        self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
+    ) -> None:
+        """Call back with each message.
+
+        Where a publisher offers less than `profile`, the subscription requests what it offers.
+        """
+        if self.node.frames.prefix:
+            callback = self._without_prefix(callback)
+        make = partial(self._subscription, kind, topic, self.guarded(topic, callback))
+        self._follows[make(profile)] = make
+
+    def subscribe_raw(
+        self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
+    ) -> Subscription:
+        """A subscription that calls back with bytes; it requests `profile` whatever is offered."""
+        return self._subscription(kind, topic, self.guarded(topic, callback), profile, raw=True)
+
+    def every(
+        self, period_s: float, callback: Callable[[], None], *, autostart: bool = True
+    ) -> Timer:
+        """A timer of steady wall time."""
+        node = self.node
+        guarded = node.callbacks.of_timer(callback, self._lifetime)
+        made = node.create_timer(period_s, guarded, clock=node.wall_clock, autostart=autostart)
+        return self._keep(made, node.destroy_timer)
+
+    def serve(self, kind: Any, name: str, answer: Callable[[Any], str]) -> None:
+        """Serve a Trigger or SetBool.
+
+        answer: called with each request; returns the message, or raises a SerdError, whose sentence
+        is the message of a response without success.
+        """
+
+        def respond(request: Any, response: Any) -> Any:
+            response.success, response.message = True, answer(request)
+            return response
+
+        node, lifetime = self.node, self._lifetime
+        guarded = node.callbacks.of_requests(name, respond, lifetime)
+        service: Service = self._keep(
+            node.create_service(kind, name, guarded), node.destroy_service
+        )
+        send = service.send_response
+
+        def send_unless_ended(response: Any, header: Any) -> None:
+            if not lifetime.ended:
+                send(response, header)
+
+        # A request that waits while its service is destroyed gets no response.
+        service.send_response = send_unless_ended
+
+    def client(self, kind: Any, name: str) -> Client:
+        """The client of a service."""
+        return self._keep(self.node.create_client(kind, name), self.node.destroy_client)
+
+    def on_set(self, changes: Mapping[str, Callable[[Any], None]]) -> None:
+        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value."""
+        callback = accept_changes(changes)
+        self.node.add_on_set_parameters_callback(callback)
+        self._keep(callback, self.node.remove_on_set_parameters_callback)
+
+    def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
+        """A callback of messages that raises nothing, and does nothing after `close`."""
+        return self.node.callbacks.of_messages(topic, callback, self._lifetime)
+
+    def destroy(self, endpoint: Any) -> None:
+        """Destroy an endpoint or a scope before the others."""
+        self._follows.pop(endpoint, None)
+        self._made.pop(endpoint)(endpoint)
+
+    def close(self) -> None:
+        """Destroy all, once what was published has arrived."""
+        self._lifetime.ended = True
+        confirm(each for each in self._made if isinstance(each, Publisher))
+        while self._made:
+            self.destroy(next(reversed(self._made)))
+
+    def matching(
+        self,
+        subscription: Subscription,
+        offered: Sequence[QoSProfile],
+        make: Callable[[QoSProfile], Subscription],
+        take: Callable[[Any, Mapping[str, int]], None],
+    ) -> list[Subscription]:
+        """The subscription, or what matches all publishers in its place, the one to follow last.
+
+        A latched one stays where some publishers are volatile, with a volatile one beside it; any
+        other is replaced. take: called with each message that waits in it then, and its info.
+        """
+        common = common_qos(offered)
+        if not offered or not requests_too_much(subscription.qos_profile, common):
+            return [subscription]
+        profile = less_demanding(subscription.qos_profile, common)
+        stays = is_latched(subscription.qos_profile) and any(map(is_latched, offered))
+        if stays and not is_latched(profile):
+            return [subscription, make(profile)]
+        for message, info in waiting_messages(subscription):
+            take(message, info)
+        self.destroy(subscription)
+        return [make(profile)]
+
+    def _keep(self, endpoint: Made, destroy: Callable[[Any], object]) -> Made:
+        self._made[endpoint] = destroy
+        return endpoint
+
+    def _subscription(
+        self,
+        kind: Any,
+        topic: str,
+        guarded: Callable[..., None],
+        profile: QoSProfile,
+        *,
+        raw: bool = False,
+    ) -> Subscription:
+        made = self.node.create_subscription(
+            kind, topic, guarded, profile, raw=raw, event_callbacks=_NO_EVENTS
+        )
+        return self._keep(made, self.node.destroy_subscription)
+
+    def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
+        @wraps(callback)
+        def renamed(message: Any, *info: object) -> None:
+            self.node.frames.remove_prefix(message)
+            callback(message, *info)
+
+        return renamed
+
+    def follow_publishers(self) -> None:
+        """Request less where a publisher does not offer what a subscription requests."""
+        for scope in [each for each in self._made if isinstance(each, Endpoints)]:
+            scope.follow_publishers()
+        for subscription, make in list(self._follows.items()):
+            topic = subscription.topic_name
+            found = self.node.get_publishers_info_by_topic(topic)
+            offered = [each.qos_profile for each in found]
+            take = _called_with_info(subscription.callback)
+            *_, newest = self.matching(subscription, offered, make, take)
+            if newest is not subscription:
+                self._follows.pop(subscription, None)
+                self._follows[newest] = make
+                profile = newest.qos_profile
+                self.node.get_logger().info(
+                    f"{topic}: received as its publishers offer it,"
+                    f" {profile.reliability.name.lower()} and {profile.durability.name.lower()}"
+                )
+
+
+def confirm(publishers: Iterable[Publisher]) -> None:
+    """Wait until what they published last has arrived, _CONFIRMED_WITHIN_S in all.
+
+    Subscribers drop what they have not taken yet when they learn that its publisher ended.
+    """
+    end_s = time.monotonic() + _CONFIRMED_WITHIN_S
+    for each in publishers:
+        left_s = max(0.0, end_s - time.monotonic())
+        each.wait_for_all_acked(Duration(seconds=left_s))
+
+
+def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[str, int]]]:
+    """The messages that wait, with their info; works until the node is destroyed, also after a
+    signal."""
+    raw = bool(subscription.raw)
+    while (found := subscription.handle.take_message(subscription.msg_type, raw)) is not None:
+        yield bytes(found[0]) if raw else found[0], found[1]
+
+
+def is_latched(profile: QoSProfile) -> bool:
+    """Whether subscribers that come later receive earlier messages."""
+    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def with_info(take: Callable[[Any, Mapping[str, int]], None]) -> Callable[..., None]:
+    """The callback of a subscription that receives messages with their info."""
+
+    def callback(*arguments: Any) -> None:
+        """EventsExecutor passes message and info as one tuple, other executors as two."""
+        take(*(arguments if len(arguments) == 2 else arguments[0]))
+
+    # rclpy delivers the info where the signature has two parameters.
+    callback.__signature__ = inspect.signature(take)  # type: ignore[attr-defined]
+    return callback
+
+
+def _called_with_info(callback: Callable[..., None]) -> Callable[..., None]:
+    """The callback of a subscription, to be called with a message and its info."""
+    takes_info = len(inspect.signature(callback).parameters) == 2
+    return callback if takes_info else lambda message, _: callback(message)

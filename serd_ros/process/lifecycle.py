@@ -1,0 +1,158 @@
+"""The states of a node that a lifecycle manager brings up, where its parameter `managed` is true.
+
+States and transitions are those of https://design.ros2.org/articles/node_lifecycle.html. Without
+`managed` the node configures and activates itself at its start, and has no lifecycle services.
+
+Its parameters can be set while it is unconfigured. An error of the project refuses a transition
+with its sentence, in the log and as status `NODE: lifecycle`; any other exception is an internal
+error, after which the node is unconfigured.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+
+from serd_files.errors import USER_ERRORS
+from serd_ros.convert.diagnostics import ERROR, OK
+from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.process.serd_node import SerdNode
+
+_STATE_AFTER = {
+    "configure": "inactive",
+    "activate": "active",
+    "deactivate": "inactive",
+    "cleanup": "unconfigured",
+    "shutdown": "finalized",
+}
+_DONE, _REFUSED, _FAILED = (
+    TransitionCallbackReturn.SUCCESS,
+    TransitionCallbackReturn.FAILURE,
+    TransitionCallbackReturn.ERROR,
+)
+
+
+class Activity:
+    """The work of an active node: made at its activation, dropped at its deactivation."""
+
+    def deactivate(self) -> None:
+        """End the work; the process goes on, and the endpoints are destroyed afterwards."""
+        self.close()
+
+    def close(self) -> None:
+        """End the work; the process ends."""
+
+
+#: Makes endpoints and begins to work.
+Activate = Callable[[Endpoints], Activity]
+
+
+class Lifecycle(LifecycleNodeMixin):
+    """Brings a node up. configure: reads and checks files; returns what makes the activity."""
+
+    def __init__(self, node: SerdNode[Any], configure: Callable[[], Activate]) -> None:
+        self.state, self.activity = "active", Activity()
+        self._node, self._configure = node, configure
+        self._activate: Activate | None = None
+        self._endpoints: Endpoints | None = None
+        node.at_end.callback(self._close)
+        if not node.config.managed:
+            self._activate = configure()
+            self._make_activity()
+            return
+        # What the mixin uses of a node that derives from it.
+        self.handle, self._services = node.handle, node._services
+        self.default_callback_group = node.default_callback_group
+        super().__init__()
+        node.guard_services()
+        self._enter("unconfigured")
+        node.get_logger().info("unconfigured: waiting for a lifecycle manager")
+
+    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Make what the node needs; a refusal leaves it unconfigured."""
+        return self._rise("configure", self._configure_anew, self._clean_up)
+
+    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to work; a refusal leaves the node inactive."""
+        return self._rise("activate", self._make_activity, self._drop_activity)
+
+    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """End the work; after an error in it the node is unconfigured."""
+        return self._fall("deactivate", self.activity.deactivate, self._drop_activity)
+
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Free what was configured."""
+        return self._fall("cleanup", self._clean_up)
+
+    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """End the work and free everything; the process goes on until a signal."""
+        return self._fall("shutdown", self._close, self._clean_up)
+
+    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
+        """Free everything, so that the node can be configured again."""
+        self._clean_up()
+        self._enter("unconfigured", report=False)
+        return _DONE
+
+    def _configure_anew(self) -> None:
+        self._node.parameters.read_again()
+        self._activate = self._configure()
+
+    def _make_activity(self) -> None:
+        assert self._activate is not None
+        self._endpoints = self._node.endpoints.scope()
+        self.activity = self._activate(self._endpoints)
+
+    def _drop_activity(self) -> None:
+        endpoints, self._endpoints, self.activity = self._endpoints, None, Activity()
+        if endpoints is not None:
+            self._node.endpoints.destroy(endpoints)
+
+    def _clean_up(self) -> None:
+        self._drop_activity()
+        self._activate = None
+
+    def _close(self) -> None:
+        if self.state == "active":
+            self.activity.close()
+
+    def _rise(
+        self, transition: str, make: Callable[[], None], take_back: Callable[[], None]
+    ) -> TransitionCallbackReturn:
+        result = self._result_of(transition, make)
+        if result == _REFUSED:
+            take_back()
+        elif result == _DONE:
+            self._enter(_STATE_AFTER[transition])
+        return result
+
+    def _fall(self, transition: str, *steps: Callable[[], None]) -> TransitionCallbackReturn:
+        """Every step is made, whatever those before it did."""
+        results = [self._result_of(transition, step) for step in steps]
+        if any(each != _DONE for each in results):
+            return _FAILED
+        self._enter(_STATE_AFTER[transition])
+        return _DONE
+
+    def _result_of(self, transition: str, step: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            step()
+        except USER_ERRORS as error:
+            self._node.get_logger().error(f"{transition} refused: {error}")
+            self._report_state(ERROR, f"{transition} refused: {error}")
+            return _REFUSED
+        except Exception as error:
+            self._node.callbacks.note(transition, step, error)
+            self._report_state(ERROR, f"{transition} failed: {error}")
+            return _FAILED
+        return _DONE
+
+    def _enter(self, state: str, *, report: bool = True) -> None:
+        self.state = state
+        self._node.parameters.enter(state)
+        if report:
+            self._report_state(OK, "")
+
+    def _report_state(self, level: bytes, message: str) -> None:
+        values = {"state": self.state}
+        self._node.report(0.0, values, level=level, message=message, part="lifecycle")
