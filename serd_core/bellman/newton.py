@@ -78,7 +78,7 @@ class Newton(BellmanSolver):
         swept, unsettled = problem.engine.sweeps and problem.equation.curved, False
         forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
-        solver = self.linear_solver.for_systems(relative_residual=forcing)
+        solver = self.linear_solver
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:

@@ -33,11 +33,9 @@ class LinearSolver(ABC):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
 
-    def for_systems(
-        self, *, relative_residual: float = 0.0, right_sides: int = 1
-    ) -> "LinearSolver":
-        """The solver for systems of so many right-hand sides, solved to no less than a residual."""
-        del relative_residual, right_sides
+    def for_systems(self, *, right_sides: int) -> "LinearSolver":
+        """The solver for systems of so many right-hand sides."""
+        del right_sides
         return self
 
 
