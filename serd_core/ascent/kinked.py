@@ -44,7 +44,7 @@ STALLED = "not converged: no step gains anything and the gradients around do not
 
 @dataclass(frozen=True)
 class KinkedAscent(Ascent):
-    """A smooth ascent, then BFGS from where that one stalled.
+    """An ascent for objectives with kinks: a smooth one, then BFGS from where that one stalled.
 
     gradient_tolerance: for the gradient, or the smallest mean of the gradients around; around means
     within neighbourhood * max(1, |x|). The gradient norm of the result is that of this mean.

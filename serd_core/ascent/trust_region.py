@@ -207,7 +207,7 @@ class Curvature:
 
 @dataclass(frozen=True)
 class NewtonAscent(Ascent):
-    """Steps of a trust region until the Newton step is short; for log densities (not means).
+    """An ascent of log densities (not means), in a trust region until the Newton step is short.
 
     short: longest Newton step of a maximum, in standard errors, which the gradient norm of the
     result is.

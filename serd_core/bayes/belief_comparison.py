@@ -119,11 +119,13 @@ def compare_beliefs(
     dynamics: FloatArray | None = None,
     on_step: StepCallback | None = None,
 ) -> BeliefComparison:
-    """Fit under each relation, all equally probable beforehand.
+    """Compare how the expert's belief relates to the truth, by the evidence of each relation.
 
-    dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there. on_step:
-    called after each step of each fit. A relation without a maximum is left out; SerdError where
-    none has one.
+    All relations are equally probable beforehand. dynamics: (M, K) known ones, which `FixedBelief`
+    takes as they are; others start there. on_step: called after each step of each fit. A relation
+    without a maximum is left out; SerdError where none has one.
+
+        print(sc.compare_beliefs(problem, decisions).probabilities)
     """
     if len(relations) < 2 or len(set(relations)) < len(relations):
         raise SerdError(

@@ -71,7 +71,7 @@ LEFT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class OutcomeInformation:
-    """One number per outcome model (M,), in nats unless stated.
+    """What informed each outcome model: arrays over the M models, in nats unless stated.
 
     n_decisions: how many were observed; from_transitions, from_choices: information gained.
     shared: with all reward weights; partner: the feature whose weight shares most.
@@ -102,7 +102,14 @@ def named_source(**nats: float) -> str:
 
 
 def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
-    """Of the true outcome models; SerdError where the fit learned none."""
+    """Compute what informed each outcome model of a fit: moves, choices, or the prior alone.
+
+    found: of `laplace`; mass: share of the posterior that intervals hold. SerdError where the fit
+    learned no outcome models.
+
+        known = sc.outcome_information(found)
+        print([known.source(model) for model in range(n_models)])
+    """
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
@@ -227,10 +234,12 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
 def expected_information_gain(
     found: Laplace, *, task: Problem | None = None, longest: int = 200
 ) -> FloatArray:
-    """(S,) nats that a demonstration from each state is expected to add.
+    """Compute the (S,) nats that one more demonstration from each state is expected to add.
 
     task: the problem it is made in, such as one with another goal; None for that of the fit. It
     must have the features and outcome models of the fit. longest: decisions of a demonstration.
+
+        start = sc.expected_information_gain(found).argmax()
     """
     problem = found.problem if task is None else task
     _require_same_numbers(found.problem, problem)

@@ -53,7 +53,7 @@ LEAST = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Laplace:
-    """The normal distribution, over (d,) coordinates.
+    """A normal approximation of the posterior, over (d,) coordinates.
 
     posterior: what it approximates; mode: (d,) its maximum; root: (d, d), covariance =
     root @ root.T; log_evidence: log P(D).
@@ -148,7 +148,13 @@ def laplace_at(
 
 
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
-    """At a fit whose prior is a density; SerdError where it is none, or no maximum."""
+    """Approximate the posterior at a fit by a normal distribution (Laplace).
+
+    SerdError where the fit has a prior that is no density, or is no maximum.
+
+        found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
+        print(found.log_evidence, sc.laplace_draws(found, rng, 400))
+    """
     objective = log_posterior_of(problem, decisions, fit)
     return laplace_at(objective, objective.coordinates.of(fit.parameters))
 

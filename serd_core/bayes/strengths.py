@@ -35,12 +35,12 @@ HYPERPRIORS = {
 
 @dataclass(frozen=True)
 class PriorByEvidence:
-    """A normal prior on rewards and a Dirichlet prior on dynamics, both proper.
+    """Proper priors whose strengths the decisions choose: normal on rewards, Dirichlet on dynamics.
 
-    deviation: sigma; pseudo_count: c; dwell_deviation: sd of log mean dwell times around a common
-    one, where moves take time (`DwellPrior`). None for the one of highest evidence; few laws hold
-    hardly any evidence of their deviation, and a small one makes moves that nobody makes as fast as
-    the others.
+    deviation: sigma of the weights; pseudo_count: c of the outcomes; dwell_deviation: sd of log
+    mean dwell times around a common one, where moves take time (`DwellPrior`). None for the one of
+    highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
+    moves that nobody makes as fast as the others.
     """
 
     deviation: float | None = None

@@ -53,8 +53,9 @@ QUADRATIC = 0.1
 
 @dataclass(frozen=True)
 class Newton(BellmanSolver):
-    """Safeguarded Newton iteration.
+    """Solves the Bellman equation by Newton's method, safeguarded by sweeps: the default.
 
+    linear_solver: of the system of each step.
     accuracy: wanted error of V relative to max(1, max |V|).
     max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
     """

@@ -155,10 +155,13 @@ def _moved(
 def estimate_dynamics(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
-    """(M, K) outcome probabilities; SerdError where the estimate did not converge.
+    """Estimate the (M, K) outcome probabilities that explain the observed moves (M-estimate).
 
-    Of a SparseModel, whose prior adds to each transition of each pair, and of moves that take time
-    (`counted_parameters`), their parameters.
+    pseudo_count: added to each outcome of each model, or to each transition of a SparseModel. Of a
+    SparseModel and of moves that take time the result is their parameters. SerdError where the
+    estimate does not converge or a move is impossible.
+
+        table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     seen = observe_in(problem, decisions)
@@ -252,9 +255,12 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
 def counted_transitions(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> TabularProblem:
-    """The problem with known transitions: the M-estimate in which each pair has its own counts.
+    """Replace the dynamics of a problem by known ones: those counted for each pair (s, a) alone.
 
     pseudo_count: c, of each transition that the problem's dynamics can have.
+
+        known = sc.counted_transitions(problem, decisions)
+        fit = sc.fit_mdce_irl_by_likelihood(known, decisions, rng=rng)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = problem.mdp.transitions

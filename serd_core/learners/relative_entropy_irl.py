@@ -80,16 +80,25 @@ def fit_relative_entropy_irl(
     max_steps: int = 5_000,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights from demonstrations and samples of the real dynamics; maximises g.
+    """Learn reward weights from demonstrations and samples of the real dynamics (section 3.2.4).
+
+    Model-free: maximises g (3.43) with importance weights of the samples.
 
     samples: episodes made by `sampling_policy` (S, A), at least as long as demonstrations that were
-    cut off; baseline_policy: (S, A), uniform if None.
+    cut off; `baseline_policy`: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
     dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the
     fit has not converged.
+    gradient_tolerance, max_steps: of L-BFGS; on_step: called after each step, True stops it.
+
+    Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
+
+        fit = sc.fit_relative_entropy_irl(
+            problem, decisions, samples=samples, sampling_policy=policy, rng=rng)
     """
     if not (is_number(largest_weight) and largest_weight > 0):
         raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")

@@ -37,13 +37,16 @@ def finite_horizon(
     features: FloatArray | None = None,
     terminal_features: FloatArray | None = None,
 ) -> TabularProblem:
-    """The problem over T = n_periods decisions, with (T + 1) S states.
+    """Unroll a problem over T = n_periods decisions, into (T + 1) S states.
 
     features: (T, S, A, F) where they depend on the period. terminal_features: (S, F), counted once,
     on arrival in period T; by default 0, and in states that are final anyway what they go on
     paying. Outcome models and parameters stay those of the problem, which all periods share;
     pseudo-counts of a DirichletPrior are of all periods together, other priors of transitions count
     each period.
+
+        unrolled = sc.finite_horizon(problem, 20)
+        fit = sc.fit_mdce_serd(unrolled, sc.decisions_in_periods(decisions, n_states, 20))
     """
     require_count("n_periods", n_periods, 1, "10")
     mdp, given = problem.mdp, problem.features
@@ -72,10 +75,10 @@ def finite_horizon(
 def decisions_in_periods(
     decisions: Decisions, n_states: int, n_periods: int, period: IntArray | None = None
 ) -> Decisions:
-    """The decisions in the states of `finite_horizon`; n_states: S of the problem itself.
+    """Move decisions into the states of `finite_horizon`.
 
-    period: (N,) of each decision; by default the first of an episode is in period 0, the next in 1,
-    in the order of their times.
+    n_states: S of the problem itself; period: (N,) of each decision; by default the first of an
+    episode is in period 0, the next in 1, in the order of their times.
     """
     if period is None:
         period = _places(decisions)

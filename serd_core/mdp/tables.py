@@ -61,13 +61,17 @@ def from_transitions(
     terminal: Iterable[int] = (),
     learned: bool = False,
 ) -> TabularProblem:
-    """A learning problem with known transitions, or with ones to be learned.
+    """Make a learning problem from a table of transitions, known or to be learned.
 
-    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices.
-    features: (S, F) of states or (S, A, F) of pairs.
-    terminal: states in which an episode ends, or an (S,) mask of them.
+    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices. Pairs (s, a) without
+    entries are not available.
+    features: (S, F) of states or (S, A, F) of pairs; feature_names: (F,), None numbers them.
+    discount: gamma in [0, 1) per decision.
+    terminal: states in which an episode ends, or an (S,) mask of them; their features count once.
     learned: whether the probabilities are unknown. The table then lists which transitions can
     happen, by any positive numbers, and each pair has a distribution of its own over them.
+
+        problem = sc.from_transitions(table, features, discount=0.95, terminal=[24])
     """
     table = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
@@ -83,14 +87,16 @@ def from_gymnasium(
     feature_names: Sequence[str] | None = None,
     model_of: Any = None,
 ) -> TabularProblem:
-    """A learning problem from an environment with a table `P`, as Gymnasium's toy texts have it.
+    """Make a learning problem from an environment with a table `P`, as Gymnasium's toy texts have.
 
     `P[s][a]` lists (probability, next state, reward, terminated); states that end an episode become
     terminal. The reward of the environment is not used by learners; without `features` it is the
     one feature, so a weight of 1 is the environment's own reward.
-    features: (S, F) or (S, A, F).
+    features: (S, F) or (S, A, F); discount: gamma in [0, 1) per decision.
     model_of: None for dynamics that are known; else outcome models are learned, and the k-th entry
     of each list is their outcome k: one number, or (S, A) of the model of each pair.
+
+        problem = sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.99)
     """
     rows = _gymnasium_rows(environment)
     n_states, n_actions = len(rows), max(len(actions) for actions in rows)

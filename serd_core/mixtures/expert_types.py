@@ -88,7 +88,7 @@ def fit_expert_types(
     experts: IntArray | None = None,
     seed: int = 0,
 ) -> ExpertTypes:
-    """A mixture of a given number of types.
+    """Fit a mixture of a given number of types of experts, who differ in their reward weights.
 
     experts: (N,) number of the expert who took each decision, whose episodes share their type; None
     where each episode has a type of its own. seed: of the starts of EM.
@@ -112,9 +112,13 @@ def choose_expert_types(
     experts: IntArray | None = None,
     seed: int = 0,
 ) -> ExpertTypes:
-    """The mixture of highest BIC, of 1, 2, ... types until one more lowers it.
+    """Choose the number of types of experts: the mixture of highest BIC, until one more lowers it.
 
-    minimum_episodes: expected, that each type must have. Others as in `fit_expert_types`.
+    most_types: where the search ends; minimum_episodes: expected, that each type must have;
+    experts,
+    seed: as in `fit_expert_types`.
+
+        mixture = sc.choose_expert_types(problem, decisions)
     """
     require_count("most_types", most_types, 1, "2")
     start = _one_type(problem, decisions, experts)

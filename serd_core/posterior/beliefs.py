@@ -89,7 +89,7 @@ class FreeBelief(Belief):
 
 @dataclass(frozen=True)
 class CoupledBelief(FreeBelief):
-    """Two blocks kept similar by a prior of the given weight on their divergence."""
+    """The expert may be wrong: a prior of the given weight keeps the belief near the truth."""
 
     weight: float
 
@@ -101,7 +101,7 @@ class CoupledBelief(FreeBelief):
 
 @dataclass(frozen=True)
 class BeliefAroundTruth(FreeBelief):
-    """Two blocks, the belief's log odds drawn from a normal distribution around the truth's.
+    """The expert is nearly right: log odds of the belief are normal around those of the truth.
 
     deviation: standard deviation of that distribution; None where it is chosen by evidence.
     """

@@ -34,9 +34,11 @@ _LARGEST = 1e50
 
 @dataclass(frozen=True)
 class GaussianPrior(Prior):
-    """Independent normal distributions with one mean.
+    """A prior on any block: independent normal distributions with one mean.
 
     standard_deviation: one for the block, or a tuple of one per number.
+
+    prior = sc.GaussianPrior(0.0, sc.Block.REWARD, 2.0)
     """
 
     standard_deviation: float | tuple[float, ...]

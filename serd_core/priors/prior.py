@@ -120,7 +120,7 @@ def terms_of(prior: Prior) -> tuple[Prior, ...]:
 
 @dataclass(frozen=True)
 class UniformPrior(SumOfPriors):
-    """No preference: log P(theta) = 0, a sum of no terms."""
+    """No prior: log P(theta) = 0, so that a fit finds the most likely parameters."""
 
     terms: tuple[Prior, ...] = field(default=(), init=False, repr=False)
 

@@ -36,7 +36,7 @@ from serd_core.semi_markov.models import SemiMarkovModels
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
-    """Mean log pi(a | s) over the decisions; -inf where the policy rules one out."""
+    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
     require_shown(decisions, "the likelihood of a policy alone")
     counts = observe(problem.mdp, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
@@ -47,9 +47,11 @@ def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatA
 
 
 def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
-    """(S, A) policy of a fit's rewards and belief, in the fitted problem or a transfer one.
+    """Compute the (S, A) policy of a fit, in the fitted problem or one to which it is transferred.
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
+
+        policy = sc.fitted_policy(other_problem, fit)
     """
     model = problem.mdp.transitions
     believed = fit.believed_outcome_probabilities if model.n_parameters else None
@@ -63,7 +65,7 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
 
 def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
-    """Mean log-likelihood of decisions under the policy of a fit.
+    """Compute the mean log-likelihood of other decisions under the policy of a fit.
 
     That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
     """
@@ -83,10 +85,10 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
 def move_log_likelihood(
     problem: Problem, decisions: Decisions, policy: FloatArray, outcome_probabilities: FloatArray
 ) -> FloatArray:
-    """(N,) log-likelihood of each decision under an (S, A) policy and outcome probabilities.
+    """Compute the (N,) log-likelihood of each decision under a policy and dynamics.
 
-    log pi(a | s) P(s' | s, a), and where the action is hidden the log of its sum over actions;
-    -inf for what they rule out.
+    policy: (S, A); outcome_probabilities: (M, K). log pi(a | s) P(s' | s, a), and where the action
+    is hidden the log of its sum over actions; -inf for what they rule out.
     """
     mdp = problem.mdp
     require_index("state", decisions.state, mdp.n_states, "a state")
@@ -104,9 +106,10 @@ def move_log_likelihood(
 def dynamics_divergence(
     problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
 ) -> float:
-    """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares).
+    """Measure the error of estimated transitions: mean KLD from the true ones under visits.
 
-    Pairs that are never visited do not count, were their divergence infinite.
+    truth, estimate: (M, K), or (E,) entries; visits: (S, A) counts or shares. Pairs that are never
+    visited do not count, were their divergence infinite.
     """
     model = problem.mdp.transitions
     true, other = (
@@ -123,9 +126,9 @@ def dynamics_divergence(
 
 
 def adjusted_rand_index(first: IntArray, second: IntArray) -> float:
-    """1 for equal partitions, 0 on average for random ones (Hubert and Arabie 1985).
+    """Measure how two partitions agree: 1 if equal, 0 on average for random ones.
 
-    first, second: (n,) labels; which numbers they are does not matter.
+    first, second: (n,) labels; which numbers they are does not matter (Hubert and Arabie 1985).
     """
     one = int_array("first", first, (None,))
     other = int_array("second", second, (len(one),))

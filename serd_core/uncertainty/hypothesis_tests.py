@@ -18,7 +18,7 @@ LOSS = 1e-6
 
 @dataclass(frozen=True)
 class HypothesisTest:
-    """A statistic, its degrees of freedom and p-value."""
+    """The result of a test: its statistic, degrees of freedom and p-value."""
 
     statistic: float
     degrees_of_freedom: int
@@ -28,9 +28,12 @@ class HypothesisTest:
 def likelihood_ratio_test(
     restricted: FitResult, full: FitResult, n_restrictions: int | None = None
 ) -> HypothesisTest:
-    """Of a fit against one that is free in more numbers.
+    """Test a fit against one that is free in more numbers, by twice the gain in log-likelihood.
 
-    n_restrictions: None for the number of features that the restricted fit has less.
+    n_restrictions: degrees of freedom; None for the number of features that the restricted fit has
+    less. SerdError where a fit did not converge or is no fit by likelihood.
+
+        print(sc.likelihood_ratio_test(fit_without_walls, fit).p_value)
     """
     _require_likelihood(restricted, full)
     if restricted.n_decisions != full.n_decisions:

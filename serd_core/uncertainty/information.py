@@ -89,9 +89,13 @@ def fit_information(
     belief: Belief | None = None,
     prior: Prior | None = None,
 ) -> Information:
-    """Information at a fit, under what the fit assumed; None for the fit's own of each.
+    """Compute the information matrices of a fit, from which standard errors follow.
 
-    Raises SerdError where the fit is one of another problem or policy model.
+    policy_model, belief, prior: what the fit assumed; None for what it records. SerdError where the
+    fit is one of another problem or policy model.
+
+        information = sc.fit_information(problem, decisions, fit)
+        errors = sc.standard_errors(problem, information)
     """
     assumed = _assumptions(fit, policy_model, belief, prior)
     _require_fitting(problem, fit, assumed)

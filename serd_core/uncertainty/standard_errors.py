@@ -92,10 +92,15 @@ def standard_errors(
     meat: FloatArray | None = None,
     require_optimum: bool = True,
 ) -> StandardErrors:
-    """From one of `information.observed`, the default, and `information.outer_product`.
+    """Compute standard errors of rewards and dynamics of a fit, jointly.
 
+    matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
     meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it.
+    null_share: eigenvalues below this share of the largest count as undetermined.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
+
+        errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
+        print(errors.reward, errors.reward_interval(fit.reward_weights))
     """
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix, null_share)
@@ -138,7 +143,11 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
 def confidence_interval(
     estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
+    """Compute the normal (Wald) interval of estimates; approximate, as it relies on many decisions.
+
+    estimate, errors: (n,) numbers and their standard errors; coverage: share of such intervals that
+    hold the truth. Returns the lower and the upper ends.
+    """
     middle, table = number_array("estimate", estimate), number_array("errors", errors)
     if table.ndim and table.shape != middle.shape:
         raise SerdError(
@@ -157,10 +166,11 @@ def clustered_outer_product(
     decisions: Decisions,
     clusters: IntArray | None = None,
 ) -> FloatArray:
-    """(n, n) sum over clusters of the outer product of the sum of their scores.
+    """Sum scores over clusters, for standard errors of decisions that depend on each other.
 
-    clusters: (N,) of each decision; None for episodes. With the factor C / (C - 1) of C clusters
-    (Cameron and Miller, Journal of Human Resources 50, 2015).
+    clusters: (N,) of each decision; None for episodes. Returns the (n, n) sum over clusters of the
+    outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
+    Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
     """
     given = decisions.episode if clusters is None else clusters
     labels = int_array("clusters", given, (len(decisions),))
@@ -220,7 +230,7 @@ def covariance_of(information: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """estimates: (n, ...) of the resampled decisions."""
+    """The (n, ...) estimates of resampled decisions, with their spread."""
 
     estimates: FloatArray
 
@@ -244,9 +254,12 @@ def bootstrap(
     rng: np.random.Generator,
     n: int = 200,
 ) -> Bootstrap:
-    """Estimates from n samples of as many episodes as there are, drawn with replacement.
+    """Estimate anew from n samples of as many episodes as there are, drawn with replacement.
 
-    SerdError where one is NaN.
+    estimate: decisions -> numbers of one shape. SerdError where one is NaN.
+
+        drawn = sc.bootstrap(decisions, lambda d: sc.estimate_dynamics(problem, d), rng=rng)
+        print(drawn.standard_errors, drawn.interval(0.95))
     """
     require_generator(rng)
     episodes = decisions.episodes
