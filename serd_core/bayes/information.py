@@ -188,7 +188,7 @@ def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
 
 
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
-    """Of reward weights, then of the coordinates of each true outcome model."""
+    """Covariance of reward weights, then of the coordinates of each true outcome model."""
     space = found.coordinates
     jacobian = space.belief.jacobian(space.like)
     by_model = np.kron(np.eye(models.n_models), _contrasts(models))

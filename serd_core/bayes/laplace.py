@@ -67,7 +67,7 @@ class Laplace:
 
     @property
     def problem(self) -> Problem:
-        """That of the posterior."""
+        """The learning problem of the posterior."""
         return self.posterior.problem
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
@@ -125,7 +125,7 @@ class Laplace:
 def laplace_at(
     objective: LogPosterior, mode: FloatArray, *, require_maximum: bool = True
 ) -> Laplace:
-    """At a maximum; SerdError naming the direction in which it is none.
+    """The approximation at a maximum; SerdError naming the direction in which it is none.
 
     require_maximum: whether the gradient must be 0, too.
     """
@@ -207,7 +207,7 @@ class _DirichletBlock:
 def _dirichlet_blocks(
     posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray
 ) -> Iterator[_DirichletBlock]:
-    """Those of outcome models."""
+    """The blocks of dynamics that are outcome models."""
     model, parameters = posterior.problem.mdp.transitions.moves, space.parameters(mode)
     if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
         return

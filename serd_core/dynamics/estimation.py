@@ -189,7 +189,7 @@ def most_likely_dynamics(
     tolerance: float = 1e-9,
     max_steps: int = 200,
 ) -> DynamicsEstimate:
-    """From the uniform distribution, by steps that share and then by Newton's, until certified."""
+    """Find the M-estimate by steps that share, and then by Newton's until it is certified."""
     require_positive("pseudo_count", pseudo_count)
     seen = outcome_sets(model, observations)
     start = _shared(model, seen, pseudo_count)

@@ -46,9 +46,8 @@ def fit_maxent_irl(
 ) -> FitResult:
     """Learn the reward weights under which the demonstrated trajectories are most likely (3.21).
 
-    A trajectory has probability in proportion to exp(reward) times that of its moves, among those of
-    equal length from its start; the objective is the mean
-    log-likelihood per episode.
+    The probability of a trajectory, among those of its length from its start, is in proportion to
+    exp(reward) times that of its moves. The objective is the mean log-likelihood per episode.
 
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
     be given.

@@ -110,7 +110,7 @@ class BeliefAroundTruth(FreeBelief):
 
     @property
     def prior(self) -> Prior:
-        """That normal distribution."""
+        """The normal distribution of the belief around the truth."""
         if self.deviation is None:
             raise SerdError(
                 "deviation of BeliefAroundTruth must be a number where the prior is given, got"

@@ -124,7 +124,7 @@ class GaussianAroundTruth(Prior):
         return table
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """That of normal distributions of all energies without gauge."""
+        """Log density of normal distributions of all energies without gauge."""
         del parameters
         models = require_outcome_models(model, "GaussianAroundTruth")
         width = self.standard_deviation / models.beta

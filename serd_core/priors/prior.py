@@ -97,7 +97,7 @@ class SumOfPriors(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of all terms."""
+        """The blocks of all terms."""
         return tuple(block for term in self.terms for block in term.blocks)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:

@@ -169,7 +169,7 @@ class WeightSelection:
 
     @property
     def fit(self) -> FitResult:
-        """Its fit."""
+        """The fit of the chosen weight."""
         return self.fits[self.best]
 
     @property
