@@ -229,10 +229,10 @@ def vanishing(point: Point, gradient_tolerance: float) -> tuple[float, str]:
     return norm, CONVERGED if norm <= gradient_tolerance else ""
 
 
-def require_limits(gradient_tolerance: float, max_steps: int) -> None:
-    """SerdError unless an ascent with these limits can end, and end for a reason."""
+def require_limits(tolerance: float, max_steps: int, of: str = "gradient_tolerance") -> None:
+    """SerdError unless an ascent with these limits can end; of: name of its tolerance."""
     for name, value, example in (
-        ("gradient_tolerance", gradient_tolerance, "1e-6"),
+        (of, tolerance, "1e-6"),
         ("max_steps", max_steps, "500"),
     ):
         if not (is_number(value) and value >= 0):

@@ -219,7 +219,7 @@ class NewtonAscent(Ascent):
     largest_radius: float = 100.0
 
     def __post_init__(self) -> None:
-        require_limits(self.short, self.max_steps)
+        require_limits(self.short, self.max_steps, "short")
 
     def maximise(
         self,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from serd_core.arrays import FloatArray, require_count, require_generator
+from serd_core.arrays import FloatArray, require_count, require_generator, require_kind
 from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
@@ -24,7 +24,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import (
     Belief,
@@ -127,6 +127,8 @@ def compare_beliefs(
 
         print(sc.compare_beliefs(problem, decisions).probabilities)
     """
+    require_problem(problem)
+    require_kind("prior", prior, (PriorByEvidence,), "PriorByEvidence()")
     if len(relations) < 2 or len(set(relations)) < len(relations):
         raise SerdError(
             f"relations must be at least two different beliefs, got {len(set(relations))}"

@@ -38,7 +38,7 @@ from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
 from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import Laplace
+from serd_core.bayes.laplace import Laplace, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.dynamics.estimation import most_likely_dynamics
@@ -110,6 +110,7 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         known = sc.outcome_information(found)
         print([known.source(model) for model in range(n_models)])
     """
+    require_laplace(found)
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
@@ -241,6 +242,7 @@ def expected_information_gain(
 
         start = sc.expected_information_gain(found).argmax()
     """
+    require_laplace(found)
     problem = found.problem if task is None else task
     _require_same_numbers(found.problem, problem)
     if longest < 1:

@@ -27,14 +27,14 @@ import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.problem import Problem
+from serd_core.learners.fit_result import FitResult, require_fit
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.beliefs import BeliefAroundTruth
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
@@ -159,8 +159,15 @@ def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
     return laplace_at(objective, objective.coordinates.of(fit.parameters))
 
 
+def require_laplace(found: object) -> None:
+    """SerdError unless an argument is a `Laplace`."""
+    require_kind("found", found, (Laplace,), "laplace(problem, decisions, fit)")
+
+
 def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> LogPosterior:
     """The log posterior that a fit maximised; SerdError where its prior is no density."""
+    require_problem(problem)
+    require_fit(fit)
     assumed = fit.assumed
     prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)

@@ -54,7 +54,7 @@ from serd_core.dynamics.transition_model import (
 )
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem, TabularProblem
+from serd_core.mdp.problem import Problem, TabularProblem, require_problem
 from serd_core.semi_markov.counted import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
@@ -262,6 +262,7 @@ def counted_transitions(
         known = sc.counted_transitions(problem, decisions)
         fit = sc.fit_mdce_irl_by_likelihood(known, decisions, rng=rng)
     """
+    require_problem(problem)
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = problem.mdp.transitions
     if isinstance(model, SparseModel) and model.n_copies > 1:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_kind
+from serd_core.arrays import FloatArray, require_kind, require_positive
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import LBFGS
@@ -217,6 +217,7 @@ def fit_pm_serd(
     prior = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
         fit = sc.fit_pm_serd(problem, decisions, rng=np.random.default_rng(0), prior=prior)
     """
+    require_positive("initial_temperature", initial_temperature)
     return fit_serd(
         problem,
         decisions,

@@ -19,7 +19,7 @@ from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import CouplingPrior
 from serd_core.priors.gaussian import GaussianAroundTruth
-from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.priors.prior import Prior, UniformPrior, require_weight
 
 
 class Belief:
@@ -92,6 +92,9 @@ class CoupledBelief(FreeBelief):
     """The expert may be wrong: a prior of the given weight keeps the belief near the truth."""
 
     weight: float
+
+    def __post_init__(self) -> None:
+        require_weight("weight", self.weight)
 
     @property
     def prior(self) -> Prior:

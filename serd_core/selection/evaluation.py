@@ -21,16 +21,17 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    number_array,
     require_index,
     weighted_counts,
 )
-from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import explaining_transitions, observe
+from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
+from serd_core.demonstrations.observations import explaining_transitions, observe_in
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.mdp import checked_policy
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.semi_markov.models import SemiMarkovModels
 
@@ -38,7 +39,7 @@ from serd_core.semi_markov.models import SemiMarkovModels
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
     """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
     require_shown(decisions, "the likelihood of a policy alone")
-    counts = observe(problem.mdp, decisions).state_action
+    counts = observe_in(problem, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
     if np.any(chosen[seen] <= 0):
@@ -53,6 +54,8 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
         policy = sc.fitted_policy(other_problem, fit)
     """
+    require_problem(problem)
+    require_fit(fit)
     model = problem.mdp.transitions
     believed = fit.believed_outcome_probabilities if model.n_parameters else None
     if isinstance(model, SemiMarkovModels):
@@ -70,6 +73,7 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
     That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
     """
     policy = fitted_policy(problem, fit)
+    require_decisions(decisions)
     if not decisions.hidden.any():
         return policy_log_likelihood(problem, decisions, policy)
     shown, hidden = decisions.select(~decisions.hidden), decisions.select(decisions.hidden)
@@ -90,10 +94,12 @@ def move_log_likelihood(
     policy: (S, A); outcome_probabilities: (M, K). log pi(a | s) P(s' | s, a), and where the action
     is hidden the log of its sum over actions; -inf for what they rule out.
     """
+    require_problem(problem)
+    require_decisions(decisions)
     mdp = problem.mdp
     require_index("state", decisions.state, mdp.n_states, "a state")
     chosen = checked_policy("policy", policy, mdp)
-    table = np.asarray(outcome_probabilities, np.float64)
+    table = np.asarray(number_array("outcome_probabilities", outcome_probabilities), np.float64)
     entries = transitions_of(mdp.transitions, table).entries
     found = explaining_transitions(mdp, decisions)
     by_group = mdp.transitions.groups.probabilities(entries)
@@ -111,10 +117,12 @@ def dynamics_divergence(
     truth, estimate: (M, K), or (E,) entries; visits: (S, A) counts or shares. Pairs that are never
     visited do not count, were their divergence infinite.
     """
+    require_problem(problem)
     model = problem.mdp.transitions
+    tables = number_array("truth", truth), number_array("estimate", estimate)
     true, other = (
         model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
-        for table in (truth, estimate)
+        for table in tables
     )
     by_row = weighted_counts(model.groups.row, rel_entr(true, other), model.available.size)
     divergence = by_row.reshape(model.available.shape)

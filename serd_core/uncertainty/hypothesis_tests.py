@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import scipy  # loads stats at its first use
 
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.priors.prior import UniformPrior
 
 #: Loss of log-likelihood, relative to its size, that incomplete convergence explains.
@@ -35,6 +35,8 @@ def likelihood_ratio_test(
 
         print(sc.likelihood_ratio_test(fit_without_walls, fit).p_value)
     """
+    require_fit(restricted, "restricted")
+    require_fit(full, "full")
     _require_likelihood(restricted, full)
     if restricted.n_decisions != full.n_decisions:
         raise SerdError(

@@ -18,7 +18,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
 from serd_core.posterior.coordinates import gauge_free_basis
-from serd_core.uncertainty.information import Information
+from serd_core.uncertainty.information import Information, require_information
 
 #: Eigenvalues below this share of the largest count as zero.
 NULL_SHARE = 1e-9
@@ -126,6 +126,7 @@ def identifiability(
 
         print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
     """
+    require_information(information)
     chosen = information.outer_product if matrix is None else matrix
     found = spectrum(information, chosen, null_share)
     null = tuple(

@@ -38,18 +38,19 @@ from serd_core.arrays import (
     float_array,
     int_array,
     number_array,
+    require_count,
     require_each,
     require_generator,
     require_share,
 )
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.parameters import Block
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_core.uncertainty.identifiability import NULL_SHARE, Spectrum, spectrum
-from serd_core.uncertainty.information import Information
+from serd_core.uncertainty.information import Information, require_information
 
 #: Part of a null direction below which a parameter counts as not moved by it.
 TOUCHED = 1e-6
@@ -102,6 +103,8 @@ def standard_errors(
         errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
         print(errors.reward, errors.reward_interval(fit.reward_weights))
     """
+    require_problem(problem)
+    require_information(information)
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix, null_share)
     if found.indefinite:
@@ -172,6 +175,9 @@ def clustered_outer_product(
     outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
     Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
     """
+    require_problem(problem)
+    require_information(information)
+    require_decisions(decisions)
     given = decisions.episode if clusters is None else clusters
     labels = int_array("clusters", given, (len(decisions),))
     names, cluster = np.unique(labels, return_inverse=True)
@@ -204,7 +210,7 @@ def _spread(found: Spectrum, meat: FloatArray | None) -> FloatArray:
     if meat is None:
         return np.diag(1.0 / found.values[known])
     inner = found.directions[known] / found.values[known][:, None]
-    return np.asarray(inner @ float_array("meat", meat) @ inner.T)
+    return np.asarray(inner @ float_array("meat", meat, (found.directions.shape[1],) * 2) @ inner.T)
 
 
 def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray:
@@ -262,10 +268,12 @@ def bootstrap(
         print(drawn.standard_errors, drawn.interval(0.95))
     """
     require_generator(rng)
+    require_decisions(decisions)
+    require_count("n", n, 2, "200")
     episodes = decisions.episodes
-    if n < 2 or len(episodes) < 2:
+    if len(episodes) < 2:
         raise SerdError(
-            f"bootstrap must have at least 2 samples and 2 episodes, got {n} and {len(episodes)}"
+            f"decisions must hold at least 2 episodes, got {len(episodes)}; record more of them"
         )
     order = np.argsort(decisions.episode, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)
