@@ -46,6 +46,9 @@ class EarlyStopping(Ascent):
     score: Callable[[FloatArray], float]
     patience: int = 20
 
+    def __post_init__(self) -> None:
+        """The other ascent has its own limits."""
+
     def tries(self, climb: Climb) -> Iterator[None]:
         """The tries of the other ascent."""
         return self.inner.tries(climb)

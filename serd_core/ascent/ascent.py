@@ -6,6 +6,7 @@ An ascent gives the steps (`Ascent.tries`); when it ends, and what it reports, i
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -77,9 +78,18 @@ class AscentResult:
 
 
 class Ascent(ABC):
-    """A bounded search for a maximum from a given start."""
+    """A bounded search for a maximum from a given start; `tolerance` names its field of that."""
 
+    tolerance: ClassVar[str] = "gradient_tolerance"
     max_steps: int
+
+    def __post_init__(self) -> None:
+        for name, example in ((self.tolerance, "1e-6"), ("max_steps", "500")):
+            value = getattr(self, name)
+            if not (is_number(value) and value >= 0):
+                raise SerdError(
+                    f"{name} must not be negative or NaN, got {shown(value)}; use {example}"
+                )
 
     @abstractmethod
     def tries(self, climb: "Climb") -> Iterator[None]:
@@ -227,18 +237,6 @@ def vanishing(point: Point, gradient_tolerance: float) -> tuple[float, str]:
     """Norm of the gradient, and the message of a maximum where that is within the tolerance."""
     norm = point.gradient_norm
     return norm, CONVERGED if norm <= gradient_tolerance else ""
-
-
-def require_limits(tolerance: float, max_steps: int, of: str = "gradient_tolerance") -> None:
-    """SerdError unless an ascent with these limits can end; of: name of its tolerance."""
-    for name, value, example in (
-        (of, tolerance, "1e-6"),
-        ("max_steps", max_steps, "500"),
-    ):
-        if not (is_number(value) and value >= 0):
-            raise SerdError(
-                f"{name} must not be negative or NaN, got {shown(value)}; use {example}"
-            )
 
 
 def largest(gradient: FloatArray) -> float:

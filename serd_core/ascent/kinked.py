@@ -25,7 +25,6 @@ from serd_core.ascent.ascent import (
     Climb,
     Point,
     largest,
-    require_limits,
     vanishing,
 )
 from serd_core.ascent.trust_region import TrustRegion
@@ -56,9 +55,6 @@ class KinkedAscent(Ascent):
     neighbourhood: float = 1e-6
     max_steps: int = 1_000
     longest_step: float = 10.0
-
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
 
     def tries(self, climb: Climb) -> Iterator[None]:
         """Make the smooth ascent's tries, then steps of BFGS from where it stalled."""

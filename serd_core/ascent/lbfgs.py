@@ -8,7 +8,7 @@ import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import OUT_OF_STEPS, Ascent, Climb, require_limits, vanishing
+from serd_core.ascent.ascent import OUT_OF_STEPS, Ascent, Climb, vanishing
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,6 @@ class Lbfgs(Ascent):
     gradient_tolerance: float = 1e-6
     max_steps: int = 5_000
     memory: int = 30
-
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
 
     def tries(self, climb: Climb) -> Iterator[None]:
         """Run SciPy's, once more where its line search stalls by rounding."""

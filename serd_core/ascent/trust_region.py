@@ -35,7 +35,6 @@ from serd_core.ascent.ascent import (
     Objective,
     Point,
     StepCallback,
-    require_limits,
     vanishing,
 )
 
@@ -67,9 +66,6 @@ class TrustRegion(Ascent):
     max_steps: int = 500
     initial_radius: float = 1.0
     largest_radius: float = 100.0
-
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
 
     def tries(self, climb: Climb) -> Iterator[None]:
         """Try steps by the Hessian of each point, until the radius is too short."""
@@ -213,13 +209,11 @@ class NewtonAscent(Ascent):
     result is.
     """
 
+    tolerance = "short"
     short: float = SHORT
     max_steps: int = 200
     initial_radius: float = 4.0
     largest_radius: float = 100.0
-
-    def __post_init__(self) -> None:
-        require_limits(self.short, self.max_steps, "short")
 
     def maximise(
         self,

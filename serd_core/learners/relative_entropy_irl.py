@@ -43,7 +43,6 @@ from serd_core.ascent.ascent import (
     FunctionObjective,
     Point,
     StepCallback,
-    require_limits,
     vanishing,
 )
 from serd_core.ascent.lbfgs import minimise
@@ -102,7 +101,6 @@ def fit_relative_entropy_irl(
     """
     if not (is_number(largest_weight) and largest_weight > 0):
         raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")
-    require_limits(gradient_tolerance, max_steps)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")
     scale = search.scale
