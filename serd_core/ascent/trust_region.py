@@ -23,6 +23,7 @@ Hessian; a maximum is certified by its own.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -116,12 +117,8 @@ def _shift(slopes: FloatArray, curvatures: FloatArray, radius: float, low: float
     return high
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A step that was tried: the point it leads to, its length, and its quality.
-
-    quality: gain over predicted gain; where both drown in rounding, whether the gradient shrank.
-    """
+class Trial(NamedTuple):
+    """A step that was tried: where it leads, its length, and its gain over the predicted gain."""
 
     point: Point
     length: float
@@ -131,9 +128,8 @@ class Trial:
         """The radius after a step that was tried within that one."""
         if not self.quality > SHRINK:
             return SHRINK * min(radius, self.length)
-        if self.quality > 0.75 and self.length > 0.8 * radius:
-            return min(GROW * radius, largest_radius)
-        return radius
+        grows = self.quality > 0.75 and self.length > 0.8 * radius
+        return min(GROW * radius, largest_radius) if grows else radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +168,10 @@ class Curvature:
         return cls(*np.linalg.eigh(-objective.hessian(point.vector)))
 
     def trial(self, climb: Climb, radius: float) -> Trial:
-        """Try the best step within the radius."""
+        """Try the best step within the radius.
+
+        Where gains drown in rounding, a gradient that shrinks is the gain that was predicted.
+        """
         here = climb.here
         step = quadratic_step(here.gradient, self.values, self.vectors, radius)
         there, along = climb.evaluate(here.vector + step), self.vectors.T @ step

@@ -55,7 +55,6 @@ def fit_maxent_irl(
     estimates them from the decisions (`estimate_dynamics`).
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
     returning True stops the fit there.
-
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_maxent_irl(problem, decisions, rng=np.random.default_rng(0))

@@ -66,7 +66,6 @@ def fit_mdce_irl_by_likelihood(
     prior: of the weights; `UniformPrior()` for the most likely ones.
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
     returning True stops the fit there.
-
     Returns a `FitResult`; raises SerdError where an argument is wrong or a decision is impossible.
 
         fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
@@ -109,7 +108,6 @@ def fit_mdce_irl_by_entropy(
     demonstrations may grow without bound, as no policy has their features.
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
     returning True stops the fit there.
-
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_mdce_irl_by_entropy(problem, decisions, rng=rng, slack=0.001)

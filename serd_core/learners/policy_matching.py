@@ -61,7 +61,6 @@ def fit_policy_matching(
     estimates them from the decisions (`estimate_dynamics`).
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
     returning True stops the fit there.
-
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_policy_matching(problem, decisions, rng=np.random.default_rng(0))

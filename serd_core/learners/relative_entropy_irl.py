@@ -93,7 +93,6 @@ def fit_relative_entropy_irl(
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the
     fit has not converged.
     gradient_tolerance, max_steps: of L-BFGS; on_step: called after each step, True stops it.
-
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_relative_entropy_irl(
