@@ -1,12 +1,20 @@
 """Stopping an ascent when a validation score no longer improves (section 5.2)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
+from serd_core.ascent.ascent import (
+    Ascent,
+    AscentResult,
+    Climb,
+    Objective,
+    Step,
+    StepCallback,
+    largest,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
@@ -37,6 +45,13 @@ class EarlyStopping(Ascent):
     inner: Ascent
     score: Callable[[FloatArray], float]
     patience: int = 20
+
+    def __post_init__(self) -> None:
+        """The other ascent has its own limits."""
+
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """The tries of the other ascent."""
+        return self.inner.tries(climb)
 
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None

@@ -4,8 +4,8 @@ Here for comparison, and slow: SERD on 25 cells of the gridworld takes 13,081 st
 gradient of 1e-6, more of any smaller or decreasing size, and 6 of the trust region.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from serd_core.ascent.ascent import (
     Objective,
     Point,
     StepCallback,
+    vanishing,
 )
 
 DIVERGED = (
@@ -39,28 +40,28 @@ class GradientAscent(Ascent):
     gradient_tolerance: float = 1e-6
     max_steps: int = 100_000
 
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Step until one diverges; the last point has a finite value and gradient."""
+        climb.judge(*vanishing(climb.here, self.gradient_tolerance))
+        climb.stalled = DIVERGED
+        yield
+        while True:
+            size = self.step_size(len(climb.trace) + 1)
+            there = _finite_point(climb, climb.here.vector + size * climb.here.gradient)
+            if there is None:
+                return
+            climb.accept(there, *vanishing(there, self.gradient_tolerance))
+            yield
+
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Step until the gradient vanishes, the callback stops, steps run out or one diverges.
-
-        The result is the last point where value and gradient were finite.
-        """
-        climb, otherwise = Climb(objective, on_step), OUT_OF_STEPS
-        here = climb.evaluate(np.array(start, dtype=np.float64))
-        while not (here.gradient_norm <= self.gradient_tolerance or climb.stopped):
-            if len(climb.trace) >= self.max_steps:
-                if climb.trace and here.value < max(climb.trace):
-                    otherwise = TOO_LONG
-                break
-            size = self.step_size(len(climb.trace) + 1)
-            there = _finite_point(climb, here.vector + size * here.gradient)
-            if there is None:
-                otherwise = DIVERGED
-                break
-            here = there
-            climb.accept(here)
-        return climb.result(here, self.gradient_tolerance, otherwise)
+        """Climb; where steps run out, the message gives whether the objective fell on the way."""
+        result = super().maximise(objective, start, on_step)
+        fell = result.objective < result.objective_trace.max(initial=-np.inf)
+        return (
+            replace(result, message=TOO_LONG) if result.message == OUT_OF_STEPS and fell else result
+        )
 
 
 def _finite_point(climb: Climb, vector: FloatArray) -> Point | None:

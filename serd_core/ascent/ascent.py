@@ -1,8 +1,12 @@
-"""What every ascent takes and returns, and the record it keeps on the way."""
+"""The loop of the ascents: what each takes and returns, and the record that it keeps on the way.
+
+An ascent gives the steps (`Ascent.tries`); when it ends, and what it reports, is decided here.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -74,13 +78,33 @@ class AscentResult:
 
 
 class Ascent(ABC):
-    """A bounded search for a maximum from a given start."""
+    """A bounded search for a maximum from a given start; `tolerance` names its field of that."""
+
+    tolerance: ClassVar[str] = "gradient_tolerance"
+    max_steps: int
+
+    def __post_init__(self) -> None:
+        for name, example in ((self.tolerance, "1e-6"), ("max_steps", "500")):
+            value = getattr(self, name)
+            if not (is_number(value) and value >= 0):
+                raise SerdError(
+                    f"{name} must not be negative or NaN, got {shown(value)}; use {example}"
+                )
 
     @abstractmethod
+    def tries(self, climb: "Climb") -> Iterator[None]:
+        """Judge where the climb is, then try one step after another; yields after each.
+
+        The iterator ends where no step gains anything, for the reason `climb.stalled`.
+        """
+
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Climb from `start` (n,)."""
+        """Climb from `start` (n,) to a maximum, unless `on_step` stops it or steps run out."""
+        climb = Climb(objective, on_step, np.array(start, dtype=np.float64))
+        climb.follow(self.tries(climb), self.max_steps)
+        return climb.result()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,24 +152,33 @@ class Point:
         return largest(self.gradient)
 
 
-@dataclass(eq=False)
 class Climb:
-    """Record of one ascent under way: evaluations, objective after each step, whether stopped."""
+    """One ascent under way: where it is, whether that is a maximum, and the way to there.
 
-    objective: Objective
-    on_step: StepCallback | None
-    trace: list[float] = field(default_factory=list)
-    n_evaluations: int = 0
-    stopped: bool = False
-    last: Point | None = None
+    here: the point of the last step; norm: what is tested for convergence there; maximum: the
+    message where it is a maximum, else empty; trace: the objective after each step; stalled: why
+    the tries end, and by_rounding whether because rounding hides what a step gains.
+    """
+
+    def __init__(
+        self, objective: Objective, on_step: StepCallback | None, start: FloatArray
+    ) -> None:
+        self.objective, self.on_step = objective, on_step
+        self.trace: list[float] = []
+        self.n_evaluations = 0
+        self.stopped = self.by_rounding = False
+        self.maximum = self.stalled = self.message = ""
+        self._last: Point | None = None
+        self.here = self.evaluate(start)
+        self.norm = self.here.gradient_norm
 
     def evaluate(self, vector: FloatArray) -> Point:
         """The objective at a vector, kept where that was the last one.
 
         SerdError where an entry of the vector is not finite.
         """
-        if self.last is not None and np.array_equal(vector, self.last.vector):
-            return self.last
+        if self._last is not None and np.array_equal(vector, self._last.vector):
+            return self._last
         if (bad := first_index(~np.isfinite(vector))) is not None:
             raise SerdError(
                 f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
@@ -154,69 +187,56 @@ class Climb:
             )
         self.n_evaluations += 1
         vector = vector.copy()  # minimisers of SciPy go on in the same array
-        self.last = Point(vector, *self.objective.evaluate(vector))
-        return self.last
+        self._last = Point(vector, *self.objective.evaluate(vector))
+        return self._last
 
-    def negated(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Minus the objective and its gradient, for minimisers of SciPy."""
-        point = self.evaluate(vector)
-        return -point.value, -point.gradient
+    def judge(self, norm: float, maximum: str) -> None:
+        """Set whether the present point is a maximum: its `norm` and `maximum`."""
+        self.norm, self.maximum = norm, maximum
 
-    def accept(self, point: Point, gradient_norm: float | None = None) -> None:
-        """Record a step to the point and call back.
-
-        gradient_norm: what the ascent tests for convergence; None for the point's own.
-        """
+    def accept(self, point: Point, norm: float, maximum: str) -> None:
+        """Step to a point with its `norm` and `maximum`, and call back."""
+        self.here = point
+        self.judge(norm, maximum)
         self.trace.append(point.value)
         if self.on_step is not None:
-            norm = point.gradient_norm if gradient_norm is None else gradient_norm
             step = Step(len(self.trace), point.value, norm, self.n_evaluations, point.vector)
             self.stopped = bool(self.on_step(step))
 
-    def result(
-        self, end: Point, tolerance: float, otherwise: str, gradient_norm: float | None = None
-    ) -> AscentResult:
-        """The record of the ascent; otherwise: message where it neither converged nor was stopped.
+    @property
+    def over(self) -> bool:
+        """Whether the present point is a maximum, or the callback stopped the ascent there."""
+        return self.stopped or bool(self.maximum)
 
-        gradient_norm: as in `accept`.
-        """
-        norm = end.gradient_norm if gradient_norm is None else gradient_norm
-        if end.gradient_norm <= tolerance:
-            message = CONVERGED
-        elif norm <= tolerance:
-            message = AT_A_KINK
-        else:
-            message = STOPPED if self.stopped else otherwise
-        return self._record(end, norm, min(norm, end.gradient_norm) <= tolerance, message)
+    def follow(self, tries: Iterator[None], max_steps: int) -> None:
+        """The loop of every ascent: make tries until over, out of them, or no step gains."""
+        for number, _ in enumerate(tries):
+            if self.over:
+                break
+            if number >= max_steps:
+                self.message = OUT_OF_STEPS
+                return
+        self.message = self.maximum or (STOPPED if self.stopped else self.stalled)
 
-    def certified(self, end: Point, norm: float, at_maximum: bool, otherwise: str) -> AscentResult:
-        """The record of an ascent that its Newton step, of length `norm`, certifies or does not."""
-        missed = STOPPED if self.stopped else otherwise
-        return self._record(end, norm, at_maximum, AT_MAXIMUM if at_maximum else missed)
-
-    def _record(self, end: Point, norm: float, converged: bool, message: str) -> AscentResult:
+    def result(self) -> AscentResult:
+        """The record of the ascent."""
         return AscentResult(
-            vector=end.vector,
-            objective=end.value,
-            gradient_norm=norm,
+            vector=self.here.vector,
+            objective=self.here.value,
+            gradient_norm=self.norm,
             n_steps=len(self.trace),
             n_evaluations=self.n_evaluations,
-            converged=converged,
-            message=message,
+            converged=bool(self.maximum),
+            message=self.message,
             objective_trace=np.array(self.trace),
+            by_rounding=self.by_rounding and not self.over,
         )
 
 
-def require_limits(gradient_tolerance: float, max_steps: int) -> None:
-    """SerdError unless an ascent with these limits can end, and end for a reason."""
-    for name, value, example in (
-        ("gradient_tolerance", gradient_tolerance, "1e-6"),
-        ("max_steps", max_steps, "500"),
-    ):
-        if not (is_number(value) and value >= 0):
-            raise SerdError(
-                f"{name} must not be negative or NaN, got {shown(value)}; use {example}"
-            )
+def vanishing(point: Point, gradient_tolerance: float) -> tuple[float, str]:
+    """Norm of the gradient, and the message of a maximum where that is within the tolerance."""
+    norm = point.gradient_norm
+    return norm, CONVERGED if norm <= gradient_tolerance else ""
 
 
 def largest(gradient: FloatArray) -> float:

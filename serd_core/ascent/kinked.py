@@ -12,6 +12,7 @@ Where no step gains anything that mean gives the direction, and each failure add
 """
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,16 +20,12 @@ import scipy.optimize
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    OUT_OF_STEPS,
-    STOPPED,
+    AT_A_KINK,
     Ascent,
-    AscentResult,
     Climb,
-    Objective,
     Point,
-    StepCallback,
     largest,
-    require_limits,
+    vanishing,
 )
 from serd_core.ascent.trust_region import TrustRegion
 
@@ -46,7 +43,7 @@ STALLED = "not converged: no step gains anything and the gradients around do not
 
 @dataclass(frozen=True)
 class KinkedAscent(Ascent):
-    """A smooth ascent, then BFGS from where that one stalled.
+    """An ascent for objectives with kinks: a smooth one, then BFGS from where that one stalled.
 
     gradient_tolerance: for the gradient, or the smallest mean of the gradients around; around means
     within neighbourhood * max(1, |x|). The gradient norm of the result is that of this mean.
@@ -59,57 +56,46 @@ class KinkedAscent(Ascent):
     max_steps: int = 1_000
     longest_step: float = 10.0
 
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
-
-    def maximise(
-        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
-    ) -> AscentResult:
-        """Climb until a gradient or a mean of gradients vanishes, or no step gains anything."""
-        began = self.smooth.maximise(objective, start, on_step)
-        if began.converged or began.message == STOPPED:
-            return began
-        climb = Climb(objective, on_step, list(began.objective_trace), began.n_evaluations)
-        run = _Run(climb, self, began.vector)
-        reason = run.climb_on()
-        return climb.result(run.here, self.gradient_tolerance, reason, run.mean_norm)
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Make the smooth ascent's tries, then steps of BFGS from where it stalled."""
+        climb.follow(self.smooth.tries(climb), self.smooth.max_steps)
+        if climb.over:
+            return
+        climb.stalled, climb.by_rounding, run = STALLED, False, _Run(climb, self)
+        yield
+        while True:
+            there = run.step()
+            norm = largest(smallest_mean(run.gradients_around()))
+            _, maximum = vanishing(run.here, self.gradient_tolerance)
+            maximum = maximum or (AT_A_KINK if norm <= self.gradient_tolerance else "")
+            if there is None:
+                climb.judge(norm, maximum)
+                return
+            climb.accept(there, norm, maximum)
+            yield
 
 
 class _Run:
-    """One climb: its current point, the inverse metric, and the points seen lately."""
+    """One climb by BFGS: its current point, the inverse metric, and the points seen lately."""
 
-    def __init__(self, climb: Climb, settings: KinkedAscent, start: FloatArray) -> None:
-        self.climb, self.settings = climb, settings
+    def __init__(self, climb: Climb, settings: KinkedAscent) -> None:
+        self.climb, self.settings, self.here = climb, settings, climb.here
         # Longer than a line search, whose last trials would otherwise displace its first.
-        self.seen: deque[Point] = deque(maxlen=2 * len(start) + 20 + MAX_TRIALS)
+        size = 2 * len(self.here.vector) + 20 + MAX_TRIALS
+        self.seen: deque[Point] = deque([self.here], maxlen=size)
         self.steepest_down: list[Point] = []
-        self.here = self._visit(start)
-        self.metric = first_metric(climb.objective.hessian(start))
-        self.mean_norm = self.here.gradient_norm
+        self.metric = first_metric(climb.objective.hessian(self.here.vector))
 
-    def climb_on(self) -> str:
-        """Step until done; returns why, should that not be convergence."""
-        for _ in range(self.settings.max_steps):
-            moved = self._step()
-            self.mean_norm = largest(smallest_mean(self._gradients_around()))
-            if moved:
-                self.climb.accept(self.here, self.mean_norm)
-            smallest = min(self.here.gradient_norm, self.mean_norm)
-            if not moved or self.climb.stopped or smallest <= self.settings.gradient_tolerance:
-                return STALLED
-        return OUT_OF_STEPS
-
-    def _step(self) -> bool:
-        """One BFGS step; False where nothing was gained."""
+    def step(self) -> Point | None:
+        """The end of one BFGS step, which becomes the current point; None if nothing is gained."""
         direction = self.metric @ self.here.gradient
         there = self._search(direction, float(self.here.gradient @ direction))
         there = there or self._across_kinks()
-        if there is None:
-            return False
-        moved = there.vector - self.here.vector
-        self.metric = updated_metric(self.metric, moved, self.here.gradient - there.gradient)
-        self.here, self.steepest_down = there, []
-        return True
+        if there is not None:
+            moved = there.vector - self.here.vector
+            self.metric = updated_metric(self.metric, moved, self.here.gradient - there.gradient)
+            self.here, self.steepest_down = there, []
+        return there
 
     def _search(self, direction: FloatArray, slope: float) -> Point | None:
         """A point along the direction that meets the weak Wolfe conditions, or at least gains."""
@@ -140,7 +126,7 @@ class _Run:
         self.metric = first_metric(self.climb.objective.hessian(self.here.vector))
         root = np.linalg.cholesky(self.metric)
         for _ in range(MAX_DIRECTIONS):
-            mean = np.linalg.solve(root.T, smallest_mean(self._gradients_around() @ root))
+            mean = np.linalg.solve(root.T, smallest_mean(self.gradients_around() @ root))
             if largest(mean) <= self.settings.gradient_tolerance:
                 return None
             direction = self.metric @ mean
@@ -159,7 +145,7 @@ class _Run:
             self.seen.append(point)
         return point
 
-    def _gradients_around(self) -> FloatArray:
+    def gradients_around(self) -> FloatArray:
         """(k, n) gradients seen within the neighbourhood, the present one first."""
         return np.array([point.gradient for point in self._points_around()])
 

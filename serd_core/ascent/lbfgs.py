@@ -1,71 +1,83 @@
 """Limited-memory BFGS of scipy.optimize, stopped by the gradient and nothing weaker."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import (
-    OUT_OF_STEPS,
-    Ascent,
-    AscentResult,
-    Climb,
-    Objective,
-    Point,
-    StepCallback,
-    require_limits,
-)
+from serd_core.ascent.ascent import OUT_OF_STEPS, Ascent, Climb, vanishing
 
 
 @dataclass(frozen=True)
 class Lbfgs(Ascent):
-    """L-BFGS; converged where the largest gradient entry is at most `gradient_tolerance`."""
+    """L-BFGS, which needs values and gradients only: the ascent for many parameters.
+
+    It has converged where the largest gradient entry is at most `gradient_tolerance`; memory: pairs
+    of steps and gradients that it keeps.
+
+        fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, rng=rng, ascent=sc.Lbfgs(1e-8))
+    """
 
     gradient_tolerance: float = 1e-6
     max_steps: int = 5_000
     memory: int = 30
 
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
-
-    def maximise(
-        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
-    ) -> AscentResult:
-        """Climb; where the line search stalls by rounding it is restarted once."""
-        climb = Climb(objective, on_step)
-        here, reason = climb.evaluate(np.array(start, dtype=np.float64)), ""
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Run SciPy's, once more where its line search stalls by rounding."""
+        climb.judge(*vanishing(climb.here, self.gradient_tolerance))
+        yield
         for _ in range(2):
-            left = self.max_steps - len(climb.trace)
-            if here.gradient_norm > self.gradient_tolerance and left > 0 and not climb.stopped:
-                here, reason = self._minimise(climb, here, left)
-        out = len(climb.trace) >= self.max_steps
-        otherwise = OUT_OF_STEPS if out else f"not converged: {reason}"
-        found = climb.result(here, self.gradient_tolerance, otherwise)
-        return replace(found, by_rounding=not (found.converged or climb.stopped or out))
+            reason = minimise(
+                climb,
+                climb.here.vector,
+                self._accept,
+                maxiter=self.max_steps - len(climb.trace),
+                maxfun=20 * self.max_steps,
+                maxcor=self.memory,
+                gtol=self.gradient_tolerance,
+            )
+            if len(climb.trace) >= self.max_steps:
+                climb.stalled = OUT_OF_STEPS
+                return
+            climb.stalled, climb.by_rounding = f"not converged: {reason}", True
+            yield
 
-    def _minimise(self, climb: Climb, start: Point, max_steps: int) -> tuple[Point, str]:
-        def after_step(intermediate_result: scipy.optimize.OptimizeResult) -> None:
-            climb.accept(climb.evaluate(np.asarray(intermediate_result.x)))
-            if climb.stopped:
-                raise StopIteration
-
-        result = scipy.optimize.minimize(
-            climb.negated,
-            start.vector,
-            jac=True,
-            method="L-BFGS-B",
-            callback=after_step,
-            options={
-                "maxiter": max_steps,
-                "maxfun": 20 * self.max_steps,
-                "maxcor": self.memory,
-                "gtol": self.gradient_tolerance,
-                "ftol": 0.0,
-                "maxls": 40,
-            },
-        )
-        return climb.evaluate(np.asarray(result.x)), str(result.message)
+    def _accept(self, climb: Climb, vector: FloatArray) -> None:
+        point = climb.evaluate(vector)
+        climb.accept(point, *vanishing(point, self.gradient_tolerance))
 
 
 LBFGS = Lbfgs()
+
+
+def minimise(
+    climb: Climb,
+    start: FloatArray,
+    accept: Callable[[Climb, FloatArray], None],
+    bounds: list[tuple[float, float]] | None = None,
+    **options: Any,
+) -> str:
+    """Why L-BFGS-B of SciPy ended, which gives `accept` the vector of each step."""
+
+    def negated(vector: FloatArray) -> tuple[float, FloatArray]:
+        point = climb.evaluate(vector)
+        return -point.value, -point.gradient
+
+    def after_step(intermediate_result: scipy.optimize.OptimizeResult) -> None:
+        accept(climb, np.asarray(intermediate_result.x))
+        if climb.stopped:
+            raise StopIteration
+
+    ended = scipy.optimize.minimize(
+        negated,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        callback=after_step,
+        options={"ftol": 0.0, "maxls": 40, **options},
+    )
+    return str(ended.message)

@@ -90,7 +90,7 @@ def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> s
 def open_directions(
     objective: Objective, at: FloatArray, *, kinked: bool = False
 ) -> OpenDirections:
-    """Those that are found from a point (n,) where an ascent has ended.
+    """Find the open directions from a point (n,) where an ascent has ended.
 
     kinked: whether at a kink, where the gradient does not vanish.
     """

@@ -21,20 +21,22 @@ A Hessian may cost many evaluations. So while steps shrink the Newton step well 
 Hessian; a maximum is certified by its own.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    OUT_OF_STEPS,
+    AT_MAXIMUM,
     Ascent,
     AscentResult,
     Climb,
     Objective,
     Point,
     StepCallback,
-    require_limits,
+    vanishing,
 )
 
 SHRINK, GROW, ACCEPT = 0.25, 2.0, 1e-4
@@ -53,47 +55,34 @@ KEEP, GOOD = 0.1, 0.5
 
 @dataclass(frozen=True)
 class TrustRegion(Ascent):
-    """Few, expensive steps; converged where the largest gradient entry is within the tolerance."""
+    """Few, expensive steps by the Hessian: the ascent for problems where L-BFGS takes thousands.
+
+    It has converged where the largest gradient entry is at most `gradient_tolerance`. Radii are
+    lengths of steps in the units of the parameters.
+
+        fit = sc.fit_mdce_serd(problem, decisions, rng=rng, ascent=sc.TrustRegion(1e-9))
+    """
 
     gradient_tolerance: float = 1e-6
     max_steps: int = 500
     initial_radius: float = 1.0
     largest_radius: float = 100.0
 
-    def __post_init__(self) -> None:
-        require_limits(self.gradient_tolerance, self.max_steps)
-
-    def maximise(
-        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
-    ) -> AscentResult:
-        """Climb until the gradient vanishes, the callback stops, or steps or radius run out."""
-        climb = Climb(objective, on_step)
-        here = climb.evaluate(np.array(start, dtype=np.float64))
-        radius, tries, eigen = self.initial_radius, 0, None
-        while here.gradient_norm > self.gradient_tolerance and not climb.stopped:
-            if tries >= self.max_steps:
-                return climb.result(here, self.gradient_tolerance, OUT_OF_STEPS)
-            tries += 1
-            if eigen is None:
-                eigen = np.linalg.eigh(-objective.hessian(here.vector))
-            step = quadratic_step(here.gradient, eigen.eigenvalues, eigen.eigenvectors, radius)
-            there = climb.evaluate(here.vector + step)
-            quality = step_quality(here, there, step, eigen.eigenvalues, eigen.eigenvectors)
-            radius = self.next_radius(radius, quality, float(np.linalg.norm(step)))
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Try steps by the Hessian of each point, until the radius is too short."""
+        climb.judge(*vanishing(climb.here, self.gradient_tolerance))
+        climb.stalled, radius, curve = NO_ROOM, self.initial_radius, None
+        yield
+        while True:
+            curve = curve or Curvature.at(climb.objective, climb.here)
+            trial = curve.trial(climb, radius)
+            radius = trial.next_radius(radius, self.largest_radius)
             if radius < SHORTEST_RADIUS:
-                break
-            if quality >= ACCEPT:
-                here, eigen = there, None
-                climb.accept(here)
-        return climb.result(here, self.gradient_tolerance, NO_ROOM)
-
-    def next_radius(self, radius: float, quality: float, length: float) -> float:
-        """The radius after a step of that quality and length."""
-        if not quality > SHRINK:
-            return SHRINK * min(radius, length)
-        if quality > 0.75 and length > 0.8 * radius:
-            return min(GROW * radius, self.largest_radius)
-        return radius
+                return
+            if trial.quality >= ACCEPT:
+                climb.accept(trial.point, *vanishing(trial.point, self.gradient_tolerance))
+                curve = None
+            yield
 
 
 def quadratic_step(
@@ -128,18 +117,19 @@ def _shift(slopes: FloatArray, curvatures: FloatArray, radius: float, low: float
     return high
 
 
-def step_quality(
-    here: Point, there: Point, step: FloatArray, curvatures: FloatArray, directions: FloatArray
-) -> float:
-    """Gain over predicted gain; where both drown in rounding, whether the gradient shrank."""
-    along = directions.T @ step
-    predicted = float(here.gradient @ step - 0.5 * np.sum(curvatures * along**2))
-    gain = there.value - here.value
-    if not np.isfinite(gain):
-        return -np.inf
-    if abs(predicted) <= ROUNDING * max(1.0, abs(here.value)):
-        return 1.0 if there.gradient_norm < here.gradient_norm else -np.inf
-    return gain / predicted
+class Trial(NamedTuple):
+    """A step that was tried: where it leads, its length, and its gain over the predicted gain."""
+
+    point: Point
+    length: float
+    quality: float
+
+    def next_radius(self, radius: float, largest_radius: float) -> float:
+        """The radius after a step that was tried within that one."""
+        if not self.quality > SHRINK:
+            return SHRINK * min(radius, self.length)
+        grows = self.quality > 0.75 and self.length > 0.8 * radius
+        return min(GROW * radius, largest_radius) if grows else radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +162,29 @@ class Curvature:
     vectors: FloatArray
     own: bool = True
 
+    @classmethod
+    def at(cls, objective: Objective, point: Point) -> "Curvature":
+        """The curvature of an objective at a point."""
+        return cls(*np.linalg.eigh(-objective.hessian(point.vector)))
+
+    def trial(self, climb: Climb, radius: float) -> Trial:
+        """Try the best step within the radius.
+
+        Where gains drown in rounding, a gradient that shrinks is the gain that was predicted.
+        """
+        here = climb.here
+        step = quadratic_step(here.gradient, self.values, self.vectors, radius)
+        there, along = climb.evaluate(here.vector + step), self.vectors.T @ step
+        predicted = float(here.gradient @ step - 0.5 * np.sum(self.values * along**2))
+        gain = there.value - here.value
+        if not np.isfinite(gain):
+            quality = -np.inf
+        elif abs(predicted) <= ROUNDING * max(1.0, abs(here.value)):
+            quality = 1.0 if there.gradient_norm < here.gradient_norm else -np.inf
+        else:
+            quality = gain / predicted
+        return Trial(there, float(np.linalg.norm(step)), quality)
+
     def newton(self, gradient: FloatArray) -> NewtonStep:
         """The Newton step from a point with that gradient (n,)."""
         size = float(np.max(np.abs(self.values), initial=0.0))
@@ -189,19 +202,17 @@ class Curvature:
 
 @dataclass(frozen=True)
 class NewtonAscent(Ascent):
-    """Steps of a trust region until the Newton step is short; for log densities (not means).
+    """An ascent of log densities (not means), in a trust region until the Newton step is short.
 
     short: longest Newton step of a maximum, in standard errors, which the gradient norm of the
     result is.
     """
 
+    tolerance = "short"
     short: float = SHORT
     max_steps: int = 200
     initial_radius: float = 4.0
     largest_radius: float = 100.0
-
-    def __post_init__(self) -> None:
-        require_limits(self.short, self.max_steps)
 
     def maximise(
         self,
@@ -210,41 +221,44 @@ class NewtonAscent(Ascent):
         on_step: StepCallback | None = None,
         information: FloatArray | None = None,
     ) -> AscentResult:
-        """Climb until at a maximum, the callback stops, or steps or radius run out.
+        """Climb from `start` (n,) to a maximum, unless `on_step` stops it or steps run out.
 
         information: (n, n) estimate of minus the Hessian at the start; None computes it.
         """
-        climb = Climb(objective, on_step)
-        here = climb.evaluate(np.array(start, dtype=np.float64))
+        climb = Climb(objective, on_step, np.array(start, dtype=np.float64))
+        climb.follow(self.tries(climb, information), self.max_steps)
+        return climb.result()
+
+    def tries(self, climb: Climb, information: FloatArray | None = None) -> Iterator[None]:
+        """Try steps, whose Hessian is kept while they shrink the Newton step well."""
         given = None if information is None else Curvature(*np.linalg.eigh(information), own=False)
-        curve, newton = self._at(objective, here, given, np.inf)
-        region = TrustRegion(largest_radius=self.largest_radius)
-        radius, tries = self.initial_radius, 0
-        while not (newton.at_maximum(self.short) or climb.stopped or radius < SHORTEST_RADIUS):
-            if tries >= self.max_steps:
-                return climb.certified(here, newton.standard_errors, False, OUT_OF_STEPS)
-            tries += 1
-            step = quadratic_step(here.gradient, curve.values, curve.vectors, radius)
-            there = climb.evaluate(here.vector + step)
-            quality = step_quality(here, there, step, curve.values, curve.vectors)
-            if not (curve.own or quality >= GOOD):
-                curve, newton = self._at(objective, here, None, np.inf)
-                continue
-            radius = region.next_radius(radius, quality, float(np.linalg.norm(step)))
-            if quality >= ACCEPT:
-                here = there
-                curve, newton = self._at(objective, here, curve, newton.standard_errors)
-                climb.accept(here, newton.standard_errors)
-        return climb.certified(here, newton.standard_errors, newton.at_maximum(self.short), NO_ROOM)
+        curve, newton = self._at(climb, climb.here, given, np.inf)
+        climb.stalled, radius = NO_ROOM, self.initial_radius
+        climb.judge(*self._judged(newton))
+        yield
+        while radius >= SHORTEST_RADIUS:
+            trial = curve.trial(climb, radius)
+            if curve.own or trial.quality >= GOOD:
+                radius = trial.next_radius(radius, self.largest_radius)
+                if trial.quality >= ACCEPT:
+                    curve, newton = self._at(climb, trial.point, curve, newton.standard_errors)
+                    climb.accept(trial.point, *self._judged(newton))
+            else:
+                curve, newton = self._at(climb, climb.here, None, np.inf)
+                climb.judge(*self._judged(newton))
+            yield
+
+    def _judged(self, newton: NewtonStep) -> tuple[float, str]:
+        return newton.standard_errors, AT_MAXIMUM if newton.at_maximum(self.short) else ""
 
     def _at(
-        self, objective: Objective, here: Point, kept: Curvature | None, before: float
+        self, climb: Climb, point: Point, kept: Curvature | None, before: float
     ) -> tuple[Curvature, NewtonStep]:
         """The kept curvature where it still shrinks steps well, otherwise that of the point."""
         if kept is not None:
-            newton = kept.newton(here.gradient)
+            newton = kept.newton(point.gradient)
             shrinks = newton.standard_errors <= KEEP * before and not len(newton.rising)
             if shrinks and not newton.at_maximum(self.short):
                 return replace(kept, own=False), newton
-        own = Curvature(*np.linalg.eigh(-objective.hessian(here.vector)))
-        return own, own.newton(here.gradient)
+        own = Curvature.at(climb.objective, point)
+        return own, own.newton(point.gradient)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from serd_core.arrays import FloatArray, require_count, require_generator
+from serd_core.arrays import FloatArray, require_count, require_generator, require_kind
 from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
@@ -24,7 +24,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import (
     Belief,
@@ -119,12 +119,16 @@ def compare_beliefs(
     dynamics: FloatArray | None = None,
     on_step: StepCallback | None = None,
 ) -> BeliefComparison:
-    """Fit under each relation, all equally probable beforehand.
+    """Compare how the expert's belief relates to the truth, by the evidence of each relation.
 
-    dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there. on_step:
-    called after each step of each fit. A relation without a maximum is left out; SerdError where
-    none has one.
+    All relations are equally probable beforehand. dynamics: (M, K) known ones, which `FixedBelief`
+    takes as they are; others start there. on_step: called after each step of each fit. A relation
+    without a maximum is left out; SerdError where none has one.
+
+        print(sc.compare_beliefs(problem, decisions).probabilities)
     """
+    require_problem(problem)
+    require_kind("prior", prior, (PriorByEvidence,), "PriorByEvidence()")
     if len(relations) < 2 or len(set(relations)) < len(relations):
         raise SerdError(
             f"relations must be at least two different beliefs, got {len(set(relations))}"

@@ -38,7 +38,7 @@ from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
 from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import Laplace
+from serd_core.bayes.laplace import Laplace, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.dynamics.estimation import most_likely_dynamics
@@ -71,7 +71,7 @@ LEFT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class OutcomeInformation:
-    """One number per outcome model (M,), in nats unless stated.
+    """What informed each outcome model: arrays over the M models, in nats unless stated.
 
     n_decisions: how many were observed; from_transitions, from_choices: information gained.
     shared: with all reward weights; partner: the feature whose weight shares most.
@@ -102,7 +102,15 @@ def named_source(**nats: float) -> str:
 
 
 def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
-    """Of the true outcome models; SerdError where the fit learned none."""
+    """Compute what informed each outcome model of a fit: moves, choices, or the prior alone.
+
+    found: of `laplace`; mass: share of the posterior that intervals hold. SerdError where the fit
+    learned no outcome models.
+
+        known = sc.outcome_information(found)
+        print([known.source(model) for model in range(n_models)])
+    """
+    require_laplace(found)
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
@@ -181,7 +189,7 @@ def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
 
 
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
-    """Of reward weights, then of the coordinates of each true outcome model."""
+    """Covariance of reward weights, then of the coordinates of each true outcome model."""
     space = found.coordinates
     jacobian = space.belief.jacobian(space.like)
     by_model = np.kron(np.eye(models.n_models), _contrasts(models))
@@ -227,11 +235,14 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
 def expected_information_gain(
     found: Laplace, *, task: Problem | None = None, longest: int = 200
 ) -> FloatArray:
-    """(S,) nats that a demonstration from each state is expected to add.
+    """Compute the (S,) nats that one more demonstration from each state is expected to add.
 
     task: the problem it is made in, such as one with another goal; None for that of the fit. It
     must have the features and outcome models of the fit. longest: decisions of a demonstration.
+
+        start = sc.expected_information_gain(found).argmax()
     """
+    require_laplace(found)
     problem = found.problem if task is None else task
     _require_same_numbers(found.problem, problem)
     if longest < 1:

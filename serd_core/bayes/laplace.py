@@ -27,14 +27,14 @@ import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.problem import Problem
+from serd_core.learners.fit_result import FitResult, require_fit
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.beliefs import BeliefAroundTruth
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
@@ -53,7 +53,7 @@ LEAST = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Laplace:
-    """The normal distribution, over (d,) coordinates.
+    """A normal approximation of the posterior, over (d,) coordinates.
 
     posterior: what it approximates; mode: (d,) its maximum; root: (d, d), covariance =
     root @ root.T; log_evidence: log P(D).
@@ -67,7 +67,7 @@ class Laplace:
 
     @property
     def problem(self) -> Problem:
-        """That of the posterior."""
+        """The learning problem of the posterior."""
         return self.posterior.problem
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
@@ -125,7 +125,7 @@ class Laplace:
 def laplace_at(
     objective: LogPosterior, mode: FloatArray, *, require_maximum: bool = True
 ) -> Laplace:
-    """At a maximum; SerdError naming the direction in which it is none.
+    """The approximation at a maximum; SerdError naming the direction in which it is none.
 
     require_maximum: whether the gradient must be 0, too.
     """
@@ -148,13 +148,26 @@ def laplace_at(
 
 
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
-    """At a fit whose prior is a density; SerdError where it is none, or no maximum."""
+    """Approximate the posterior at a fit by a normal distribution (Laplace).
+
+    SerdError where the fit has a prior that is no density, or is no maximum.
+
+        found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
+        print(found.log_evidence, sc.laplace_draws(found, rng, 400))
+    """
     objective = log_posterior_of(problem, decisions, fit)
     return laplace_at(objective, objective.coordinates.of(fit.parameters))
 
 
+def require_laplace(found: object) -> None:
+    """SerdError unless an argument is a `Laplace`."""
+    require_kind("found", found, (Laplace,), "laplace(problem, decisions, fit)")
+
+
 def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> LogPosterior:
     """The log posterior that a fit maximised; SerdError where its prior is no density."""
+    require_problem(problem)
+    require_fit(fit)
     assumed = fit.assumed
     prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)
@@ -201,7 +214,7 @@ class _DirichletBlock:
 def _dirichlet_blocks(
     posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray
 ) -> Iterator[_DirichletBlock]:
-    """Those of outcome models."""
+    """The blocks of dynamics that are outcome models."""
     model, parameters = posterior.problem.mdp.transitions.moves, space.parameters(mode)
     if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
         return

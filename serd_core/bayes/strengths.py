@@ -35,12 +35,12 @@ HYPERPRIORS = {
 
 @dataclass(frozen=True)
 class PriorByEvidence:
-    """A normal prior on rewards and a Dirichlet prior on dynamics, both proper.
+    """Proper priors whose strengths the decisions choose: normal on rewards, Dirichlet on dynamics.
 
-    deviation: sigma; pseudo_count: c; dwell_deviation: sd of log mean dwell times around a common
-    one, where moves take time (`DwellPrior`). None for the one of highest evidence; few laws hold
-    hardly any evidence of their deviation, and a small one makes moves that nobody makes as fast as
-    the others.
+    deviation: sigma of the weights; pseudo_count: c of the outcomes; dwell_deviation: sd of log
+    mean dwell times around a common one, where moves take time (`DwellPrior`). None for the one of
+    highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
+    moves that nobody makes as fast as the others.
     """
 
     deviation: float | None = None
@@ -53,7 +53,7 @@ class PriorByEvidence:
                 require_positive(f"{name} of PriorByEvidence", value, "use None to find it")
 
     def strengths(self, belief: Belief, *, timed: bool = False) -> "Strengths":
-        """Those that a fit under the belief has; timed: whether moves take time."""
+        """The strengths that a fit under the belief has; timed: whether moves take time."""
         given: dict[str, float | None] = {"deviation": self.deviation}
         if belief.learns_dynamics:
             given["pseudo_count"] = self.pseudo_count
@@ -92,7 +92,7 @@ class Strengths:
         return np.array([HYPERPRIORS[name][1] for name in self.open])
 
     def log_density(self, logs: FloatArray) -> tuple[float, FloatArray]:
-        """Of the hyperprior at (h,) logs of those to find, and its gradient."""
+        """Log density of the hyperprior at (h,) logs of those to find, and its gradient."""
         away = (logs - self.start) / self.spreads
         values = -0.5 * away**2 - np.log(self.spreads * np.sqrt(2.0 * np.pi))
         return float(values.sum()), -away / self.spreads

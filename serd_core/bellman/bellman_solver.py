@@ -224,7 +224,7 @@ def solution_from(
 
 @dataclass(frozen=True)
 class ValueIteration(BellmanSolver):
-    """Plain sweeps; each shrinks the error by the discount.
+    """Solves the Bellman equation by plain sweeps, each of which shrinks the error by the discount.
 
     accuracy: wanted error of V relative to max(1, max |V|); max_sweeps bounds the loop.
     """

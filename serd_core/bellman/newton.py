@@ -53,8 +53,9 @@ QUADRATIC = 0.1
 
 @dataclass(frozen=True)
 class Newton(BellmanSolver):
-    """Safeguarded Newton iteration.
+    """Solves the Bellman equation by Newton's method, safeguarded by sweeps: the default.
 
+    linear_solver: of the system of each step.
     accuracy: wanted error of V relative to max(1, max |V|).
     max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
     """
@@ -78,7 +79,7 @@ class Newton(BellmanSolver):
         swept, unsettled = problem.engine.sweeps and problem.equation.curved, False
         forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
-        solver = self.linear_solver.for_systems(relative_residual=forcing)
+        solver = self.linear_solver
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:

@@ -32,13 +32,15 @@ _Own = TypeVar("_Own", bound="Decisions")
 
 @dataclass(frozen=True, eq=False)
 class Decisions:
-    """N observed decisions.
+    """What was demonstrated: N decisions, each a state, an action and the state it led to.
 
     episode: (N,) number of the episode, any non-negative integers.
-    time_s: (N,) when the decision was taken.
+    time_s: (N,) when the decision was taken, in seconds.
     state, action, next_state: (N,) indices of the problem they were made in; action is `HIDDEN`
     where only the states were observed.
     source: where they come from, for reports.
+
+    Raises SerdError where columns have other lengths or hold what is no index.
     """
 
     episode: IntArray
@@ -164,7 +166,12 @@ def _require_below(name: str, column: IntArray, size: int) -> None:
 
 
 def decisions_from_columns(table: Any, source: str = "") -> Decisions:
-    """Decisions of a mapping, data frame or structured array with the columns of `Decisions`."""
+    """Take decisions from a mapping, data frame or structured array with columns named as here.
+
+    Columns: episode, time_s, state, action, next_state (`Decisions`).
+
+    decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
+    """
     try:
         columns = [np.asarray(table[name]) for name in COLUMNS]
     except (KeyError, ValueError, IndexError, TypeError) as error:
@@ -178,7 +185,10 @@ def decisions_from_columns(table: Any, source: str = "") -> Decisions:
 def decisions_from_episodes(
     episodes: Iterable[tuple[Sequence[int], Sequence[int]]], source: str = ""
 ) -> Decisions:
-    """Decisions of (states, actions) per episode, with one more state than actions."""
+    """Make decisions from (states, actions) of each episode, with one more state than actions.
+
+    decisions = sc.decisions_from_episodes([([0, 1, 2], [3, 3]), ([0, 4], [1])])
+    """
     rows = []
     for number, episode in enumerate(episodes):
         try:

@@ -22,11 +22,14 @@ def sample_decisions(
     rng: np.random.Generator,
     source: str = "sampled",
 ) -> Decisions:
-    """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
+    """Draw episodes of a policy in an MDP, which end in a final state or after `n_steps`.
 
-    policy: (S, A); outcome_probabilities: None for transitions without parameters.
+    policy: (S, A); outcome_probabilities: (M, K), None for transitions without parameters.
     start_distribution: (S,); None for a uniform one over the states that are not final. Time counts
     in decisions. Episodes that start in a final state have no decisions.
+
+        decisions = sc.sample_decisions(
+            problem.mdp, policy.probabilities, table, n_episodes=20, n_steps=50, rng=rng)
     """
     require_kind("mdp", mdp, (Mdp,), "problem.mdp")
     require_count("n_episodes", n_episodes, 1, "100")

@@ -54,7 +54,7 @@ from serd_core.dynamics.transition_model import (
 )
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem, TabularProblem
+from serd_core.mdp.problem import Problem, TabularProblem, require_problem
 from serd_core.semi_markov.counted import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
@@ -155,10 +155,13 @@ def _moved(
 def estimate_dynamics(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
-    """(M, K) outcome probabilities; SerdError where the estimate did not converge.
+    """Estimate the (M, K) outcome probabilities that explain the observed moves (M-estimate).
 
-    Of a SparseModel, whose prior adds to each transition of each pair, and of moves that take time
-    (`counted_parameters`), their parameters.
+    pseudo_count: added to each outcome of each model, or to each transition of a SparseModel. Of a
+    SparseModel and of moves that take time the result is their parameters. SerdError where the
+    estimate does not converge or a move is impossible.
+
+        table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     seen = observe_in(problem, decisions)
@@ -186,7 +189,7 @@ def most_likely_dynamics(
     tolerance: float = 1e-9,
     max_steps: int = 200,
 ) -> DynamicsEstimate:
-    """From the uniform distribution, by steps that share and then by Newton's, until certified."""
+    """Find the M-estimate by steps that share, and then by Newton's until it is certified."""
     require_positive("pseudo_count", pseudo_count)
     seen = outcome_sets(model, observations)
     start = _shared(model, seen, pseudo_count)
@@ -252,10 +255,14 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
 def counted_transitions(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> TabularProblem:
-    """The problem with known transitions: the M-estimate in which each pair has its own counts.
+    """Replace the dynamics of a problem by known ones: those counted for each pair (s, a) alone.
 
     pseudo_count: c, of each transition that the problem's dynamics can have.
+
+        known = sc.counted_transitions(problem, decisions)
+        fit = sc.fit_mdce_irl_by_likelihood(known, decisions, rng=rng)
     """
+    require_problem(problem)
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = problem.mdp.transitions
     if isinstance(model, SparseModel) and model.n_copies > 1:

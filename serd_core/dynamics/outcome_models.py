@@ -40,7 +40,7 @@ SMALL_INDICES_FROM = 20_000
 
 @dataclass(frozen=True, eq=False)
 class OutcomeModels(TransitionModel):
-    """Transition model made of M local outcome distributions.
+    """Transitions that many pairs (s, a) share: M local distributions over K outcomes.
 
     successors: (S, A, K) next state of each outcome (ignored where not available).
     model_of: (S, A) local model of each state and action (ignored where not available).
@@ -50,6 +50,8 @@ class OutcomeModels(TransitionModel):
     Where actions are hidden, renaming actions and outcomes alike often changes no likelihood; fits
     then start where the intended outcomes are the most likely ones.
     n_others: further numbers of the parameter vector, on which no outcome depends.
+
+    Raises SerdError naming the first entry that is no state or no model.
     """
 
     successors: IntArray

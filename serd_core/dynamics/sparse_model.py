@@ -28,7 +28,7 @@ from serd_core.memory import BYTES_PER_PAIR, require_memory
 
 @dataclass(frozen=True, eq=False)
 class SparseModel(TransitionModel):
-    """P given entry by entry.
+    """Transitions given entry by entry, with a parameterisation of the user's own.
 
     n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order.
     probabilities: parameters (n_parameters,) -> (E,) entries in that order.
@@ -207,9 +207,10 @@ class LogOdds:
 def learned_transitions(
     n_pairs: tuple[int, int], state: IntArray, action: IntArray, next_state: IntArray
 ) -> SparseModel:
-    """Unknown P over the given transitions: each pair (s, a) has a distribution of its own.
+    """Make unknown transitions over given entries: each pair (s, a) has a distribution of its own.
 
-    The parameters are the log odds of each transition against the first of its pair.
+    n_pairs: (S, A); state, action, next_state: (E,). The parameters are the log odds of each
+    transition against the first of its pair.
     """
     nothing = partial(known_entries, np.zeros(0))
     groups = SparseModel(n_pairs, state, action, next_state, 0, nothing, no_gradient).groups
@@ -226,7 +227,10 @@ def fixed_transitions(
     next_state: IntArray,
     probability: FloatArray,
 ) -> SparseModel:
-    """A known sparse P without parameters; SerdError where a row is no distribution."""
+    """Make known transitions from their entries, which must sum to 1 for each pair (s, a).
+
+    n_pairs: (S, A); state, action, next_state, probability: (E,).
+    """
     known = float_array("probability", probability, (len(np.atleast_1d(state)),))
     entries = partial(known_entries, known)
     model = SparseModel(n_pairs, state, action, next_state, 0, entries, no_gradient)

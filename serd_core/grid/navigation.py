@@ -141,7 +141,7 @@ def with_dwell_times(
 
 
 def features_of_flow(flow: IntArray, names: Sequence[str] = FEATURE_NAMES) -> tuple[str, ...]:
-    """Those of the features that a place with the flow (S,) has: without any, no social norm.
+    """The features that a place with the flow (S,) has: without any, no social norm.
 
     >>> features_of_flow(np.array([-1, -1]))
     ('goal', 'inverse_wall_distance')

@@ -18,7 +18,13 @@ from serd_core.mdp.problem import Problem
 def clone_behaviour(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
-    """(S, A) empirical policy with `pseudo_count` added to every available action."""
+    """Clone the demonstrated policy: (S, A) smoothed shares of the actions taken in each state.
+
+    pseudo_count: c above 0, added to the count of every available action; states without decisions
+    get a uniform policy. SerdError where actions are hidden.
+
+        policy = sc.clone_behaviour(problem, decisions, pseudo_count=0.5)
+    """
     require_positive("pseudo_count", pseudo_count)
     require_shown(decisions, "cloning")
     counts = observe_in(problem, decisions).state_action

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import AscentResult
 from serd_core.errors import SerdError
 from serd_core.policies.policy_model import PolicyModel
@@ -166,3 +166,8 @@ def fit_result(
         undetermined=undetermined,
         hidden_log_likelihood=final.hidden_log_likelihood,
     )
+
+
+def require_fit(fit: object, name: str = "fit") -> None:
+    """SerdError unless an argument is a `FitResult`."""
+    require_kind(name, fit, (FitResult,), "fit_mdce_serd(problem, decisions)")

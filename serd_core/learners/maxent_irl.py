@@ -44,10 +44,20 @@ def fit_maxent_irl(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights under which the demonstrated trajectories are most likely.
+    """Learn the reward weights under which the demonstrated trajectories are most likely (3.21).
 
-    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The objective is
-    the mean over episodes.
+    The probability of a trajectory, among those of its length from its start, is in proportion to
+    exp(reward) times that of its moves. The objective is the mean log-likelihood per episode.
+
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
+    be given.
+    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    estimates them from the decisions (`estimate_dynamics`).
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
+    returning True stops the fit there.
+    Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
+
+        fit = sc.fit_maxent_irl(problem, decisions, rng=np.random.default_rng(0))
     """
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     model = TrajectoryModel(problem, search.transitions)

@@ -54,10 +54,21 @@ def fit_mdce_irl_by_likelihood(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights of highest likelihood; with `prior=PriorByEvidence()` of highest posterior.
+    """Learn the reward weights of a soft expert whose dynamics are known, by likelihood.
 
-    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. They may hold
-    zeros, except where a decision was observed that they would rule out.
+    The policy is that of maximum discounted causal entropy (3.28); with `prior=PriorByEvidence()`
+    the weights are those of highest posterior, which are finite even if all decisions agree.
+
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
+    be given.
+    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    estimates them from the decisions. They may hold zeros where no decision contradicts these.
+    prior: of the weights; `UniformPrior()` for the most likely ones.
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
+    returning True stops the fit there.
+    Returns a `FitResult`; raises SerdError where an argument is wrong or a decision is impossible.
+
+        fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
     """
     return fit_mdce_serd(
         problem,
@@ -83,13 +94,23 @@ def fit_mdce_irl_by_entropy(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights whose policy matches the discounted features of the demonstrations.
+    """Learn reward weights whose soft policy has the discounted features of the demonstrations.
 
-    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate.
-    Episodes that end in an absorbing state with one action count as staying there forever; others
-    were cut off, and go on by the policy from their last state.
-    slack: lets feature averages differ by slack times the weights. Without it the weights of few
+    Maximises the dual of the causal entropy under matched features (section 3.2.3). Episodes that
+    end in an absorbing state with one action count as staying there forever; others were cut off,
+    and go on by the policy from their last state.
+
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
+    be given.
+    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    estimates them from the decisions (`estimate_dynamics`).
+    slack: lets feature averages differ by slack times the weights; without it the weights of few
     demonstrations may grow without bound, as no policy has their features.
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
+    returning True stops the fit there.
+    Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
+
+        fit = sc.fit_mdce_irl_by_entropy(problem, decisions, rng=rng, slack=0.001)
     """
     require_weight("slack", slack)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)

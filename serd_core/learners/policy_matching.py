@@ -50,10 +50,20 @@ def fit_policy_matching(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights whose Boltzmann policy matches the observed choices.
+    """Learn reward weights whose Boltzmann policy matches the observed choices (3.8 to 3.14).
 
-    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The loss is not
-    convex: start more than once.
+    The squared difference of policy and choices is not convex in the weights: start more than once.
+
+    inverse_temperature: 1 / theta_P of the policy, above 0; weights are in its units.
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
+    be given.
+    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    estimates them from the decisions (`estimate_dynamics`).
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
+    returning True stops the fit there.
+    Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
+
+        fit = sc.fit_policy_matching(problem, decisions, rng=np.random.default_rng(0))
     """
     require_positive("inverse_temperature", inverse_temperature)
     policy_model = PolicyMatchingPolicy(1.0 / inverse_temperature)

@@ -28,7 +28,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from serd_core.arrays import (
     FloatArray,
@@ -38,7 +37,15 @@ from serd_core.arrays import (
     shown,
     weighted_counts,
 )
-from serd_core.ascent.ascent import Climb, FunctionObjective, Point, StepCallback, require_limits
+from serd_core.ascent.ascent import (
+    Ascent,
+    Climb,
+    FunctionObjective,
+    Point,
+    StepCallback,
+    vanishing,
+)
+from serd_core.ascent.lbfgs import minimise
 from serd_core.ascent.open_directions import described
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.observations import observe
@@ -72,20 +79,27 @@ def fit_relative_entropy_irl(
     max_steps: int = 5_000,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights from demonstrations and samples of the real dynamics; maximises g.
+    """Learn reward weights from demonstrations and samples of the real dynamics (section 3.2.4).
+
+    Model-free: maximises g (3.43) with importance weights of the samples.
 
     samples: episodes made by `sampling_policy` (S, A), at least as long as demonstrations that were
-    cut off; baseline_policy: (S, A), uniform if None.
+    cut off; `baseline_policy`: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
     dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the
     fit has not converged.
+    gradient_tolerance, max_steps: of L-BFGS; on_step: called after each step, True stops it.
+    Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
+
+        fit = sc.fit_relative_entropy_irl(
+            problem, decisions, samples=samples, sampling_policy=policy, rng=rng)
     """
     if not (is_number(largest_weight) and largest_weight > 0):
         raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")
-    require_limits(gradient_tolerance, max_steps)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")
     scale = search.scale
@@ -102,24 +116,12 @@ def fit_relative_entropy_irl(
         thresholds=scale * _thresholds(problem, decisions, thresholds, confidence),
         scale=scale,
     )
-    climb = Climb(FunctionObjective(dual.evaluate), on_step)
     start = search.start.reward / scale
-    found = scipy.optimize.minimize(
-        climb.negated,
-        np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(0.0, largest_weight)] * (2 * len(start)),
-        callback=lambda intermediate_result: _after_step(climb, dual, intermediate_result.x),
-        options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
+    ascent = _BoundedAscent(
+        dual, reward_names(problem), largest_weight, gradient_tolerance, max_steps
     )
-    end, reason = dual.at(found.x), found.message
-    stuck = np.max(found.x.reshape(2, -1), axis=0) >= largest_weight
-    if stuck.any():
-        bound = np.where(stuck, end.vector / scale, 0.0)
-        way = described(bound, reward_names(problem))
-        reason = f"weights reached largest_weight along {way}; take more samples"
-    ended = climb.result(end, gradient_tolerance, f"not converged: {reason}")
+    halves = np.clip(np.concatenate([start, -start]), 0.0, largest_weight)
+    ended = ascent.maximise(FunctionObjective(dual.evaluate), halves, on_step)
     return search.result(ended, FunctionObjective(dual.evaluate_weights), THRESHOLDS)
 
 
@@ -216,10 +218,38 @@ def _thresholds(
     return checked
 
 
-def _after_step(climb: Climb, dual: SampledDual, halves: FloatArray) -> None:
-    climb.accept(dual.at(halves))
-    if climb.stopped:
-        raise StopIteration
+@dataclass(frozen=True, eq=False)
+class _BoundedAscent(Ascent):
+    """L-BFGS over halves from 0 to `largest_weight`; its points are the weights of the halves."""
+
+    dual: SampledDual
+    names: list[str]
+    largest_weight: float
+    gradient_tolerance: float
+    max_steps: int
+
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Run SciPy's L-BFGS-B once."""
+        halves = climb.here.vector
+        climb.here = self.dual.at(halves)
+        climb.judge(*vanishing(climb.here, self.gradient_tolerance))
+        yield
+
+        def accept(climb: Climb, vector: FloatArray) -> None:
+            nonlocal halves
+            halves, point = vector.copy(), self.dual.at(vector)
+            climb.accept(point, *vanishing(point, self.gradient_tolerance))
+
+        bounds = [(0.0, self.largest_weight)] * len(halves)
+        limits = {"gtol": self.gradient_tolerance, "maxiter": self.max_steps}
+        climb.stalled = f"not converged: {minimise(climb, halves, accept, bounds, **limits)}"
+        stuck = np.max(halves.reshape(2, -1), axis=0) >= self.largest_weight
+        if stuck.any():
+            bound = np.where(stuck, climb.here.vector / self.dual.scale, 0.0)
+            way = described(bound, self.names)
+            climb.stalled = (
+                f"not converged: weights reached largest_weight along {way}; take more samples"
+            )
 
 
 def sample_from_estimates(

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_kind
+from serd_core.arrays import FloatArray, require_kind, require_positive
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import LBFGS
@@ -89,13 +89,10 @@ def fit_serd(
     dynamics: FloatArray | None = None,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Algorithm 1.
+    """Learn reward weights and dynamics by Algorithm 1, with every part given by object.
 
-    initial_weights: (F,); None for a sample of U[-10, 10] from `rng`, and for 0 with a prior by
-    evidence, which has its own ascent.
-    dynamics: (M, K) probabilities to start from, or the parameters of a SparseModel; None for the
-    M-estimate with a uniform prior.
-    on_step: called after each step, with J per decision; returning True stops the fit.
+    The arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model;
+    belief, prior, ascent and both solvers are in `settings`.
     """
     observations = observe_in(problem, decisions)
     if isinstance(settings.prior, PriorByEvidence):
@@ -150,12 +147,31 @@ def fit_mdce_serd(
     ascent: Ascent | None = None,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Learn reward weights and dynamics at once from the decisions of a soft expert.
+    """Learn reward weights and dynamics at once from the decisions of a soft expert (Algorithm 1).
 
-    prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; the
-    search then starts without chance at weights of 0 unless `initial_weights` are given. A point
-    estimate without a prior is `prior=UniformPrior()`, which is also what a given `ascent` without
-    a prior climbs. Other arguments as in `fit_serd`, which also takes the solvers by object.
+    The expert follows the maximum discounted causal entropy policy (3.28) of the rewards and of the
+    dynamics that they believe in (section 4.4.1); weights are in units of one over their feature.
+    Decisions whose action is `HIDDEN` count by their states.
+
+    problem: with F features and M outcome models of K outcomes (`TabularProblem`).
+    initial_weights: (F,) to start from; None starts at 0 with a prior by evidence, and else draws
+    from U[-10, 10] by `rng`, which must then be given.
+    dynamics: (M, K) probabilities to start from, or the parameters of a SparseModel; None for the
+    M-estimate of the decisions. With `FixedBelief()` they are known and stay as they are.
+    belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
+    know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`, `BeliefAroundTruth()`.
+    prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; a sum
+    of others such as `GaussianPrior(0, Block.REWARD, 2.0)`; `UniformPrior()` for the most likely
+    parameters, which is also the default where an `ascent` is given.
+    ascent: `Lbfgs()` or `TrustRegion()`; a prior by evidence has its own.
+    on_step: called with a `Step` after each step, with J per decision; returning True stops the
+    fit.
+
+    Returns a `FitResult`: `reward_weights` (F,), `outcome_probabilities` (M, K), `converged`, and
+    why not. Raises SerdError where an argument is wrong, or an observed move is impossible.
+
+        fit = sc.fit_mdce_serd(problem, decisions)
+        print(dict(zip(fit.feature_names, fit.reward_weights)), fit.message)
     """
     if prior is None:
         prior = BY_EVIDENCE if ascent is None else UNIFORM
@@ -186,10 +202,22 @@ def fit_pm_serd(
 ) -> FitResult:
     """Learn rewards, dynamics and temperature of an expert who knows the optimal Q-values.
 
-    Arguments as in `fit_serd`; initial_temperature: theta_P to start from. The objective has kinks
-    where the greedy policy changes, and most maxima lie on one: `KinkedAscent` finds and certifies
-    them, smooth ascents stop there and report that they did not converge.
+    The expert follows the Boltzmann policy pi(a | s) ~ exp(Q*(s, a) / theta_P) (section 4.4.2).
+    Scaling all rewards and theta_P by one factor changes nothing, so a fit converges only with a
+    prior that holds one of them, as in the example.
+
+    problem, decisions, dynamics, belief, on_step: as in `fit_mdce_serd`.
+    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
+    initial_temperature: theta_P to start from; prior: `UniformPrior()` for none.
+    ascent: `KinkedAscent()`, as J has kinks where the greedy policy changes, and most maxima lie on
+    one; smooth ascents stop there and report that they did not converge.
+
+    Returns a `FitResult`, whose `temperature` is theta_P. Raises SerdError as `fit_mdce_serd` does.
+
+    prior = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
+        fit = sc.fit_pm_serd(problem, decisions, rng=np.random.default_rng(0), prior=prior)
     """
+    require_positive("initial_temperature", initial_temperature)
     return fit_serd(
         problem,
         decisions,

@@ -62,10 +62,15 @@ def fit_several_goals(
     initial_weights: FloatArray | None = None,
     on_step: StepCallback | None = None,
 ) -> SharedRewards:
-    """Most likely weights of a soft expert for (problem, decisions) of each goal.
+    """Learn the reward weights that a soft expert has in common over several goals.
 
-    dynamics: (M, K) that all goals share; None where the transitions are known. initial_weights:
-    None for 0.
+    goals: (problem, decisions) of each, with the same feature names.
+    dynamics: (M, K) that all goals share; None where the transitions are known.
+    initial_weights: (F,) to start from, None for 0; on_step: called after each step of the ascent.
+
+    Returns `SharedRewards`: weights, their information and standard errors, convergence.
+
+        shared = sc.fit_several_goals([(to_lift, drives_to_lift), (to_door, drives_to_door)])
     """
     names = _shared_names(goals)
     start = np.zeros(len(names))

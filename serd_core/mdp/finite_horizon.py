@@ -20,13 +20,13 @@ from serd_core.arrays import (
     int_array,
     require_count,
 )
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel, fixed_transitions
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem, TabularProblem
+from serd_core.mdp.problem import Problem, TabularProblem, require_problem
 from serd_core.memory import require_memory
 
 
@@ -37,14 +37,18 @@ def finite_horizon(
     features: FloatArray | None = None,
     terminal_features: FloatArray | None = None,
 ) -> TabularProblem:
-    """The problem over T = n_periods decisions, with (T + 1) S states.
+    """Unroll a problem over T = n_periods decisions, into (T + 1) S states.
 
     features: (T, S, A, F) where they depend on the period. terminal_features: (S, F), counted once,
     on arrival in period T; by default 0, and in states that are final anyway what they go on
     paying. Outcome models and parameters stay those of the problem, which all periods share;
     pseudo-counts of a DirichletPrior are of all periods together, other priors of transitions count
     each period.
+
+        unrolled = sc.finite_horizon(problem, 20)
+        fit = sc.fit_mdce_serd(unrolled, sc.decisions_in_periods(decisions, n_states, 20))
     """
+    require_problem(problem)
     require_count("n_periods", n_periods, 1, "10")
     mdp, given = problem.mdp, problem.features
     n_states, n_features = mdp.n_states, given.shape[2]
@@ -72,11 +76,13 @@ def finite_horizon(
 def decisions_in_periods(
     decisions: Decisions, n_states: int, n_periods: int, period: IntArray | None = None
 ) -> Decisions:
-    """The decisions in the states of `finite_horizon`; n_states: S of the problem itself.
+    """Move decisions into the states of `finite_horizon`.
 
-    period: (N,) of each decision; by default the first of an episode is in period 0, the next in 1,
-    in the order of their times.
+    n_states: S of the problem itself; period: (N,) of each decision; by default the first of an
+    episode is in period 0, the next in 1, in the order of their times.
     """
+    require_decisions(decisions)
+    require_count("n_periods", n_periods, 1, "10")
     if period is None:
         period = _places(decisions)
     else:

@@ -28,10 +28,10 @@ from serd_core.memory import bytes_of_transitions, require_memory
 
 @dataclass(frozen=True, eq=False)
 class Mdp:
-    """A discounted MDP whose transition model still has parameters.
+    """A discounted Markov decision process whose transitions may still have parameters to learn.
 
-    transitions: P(s' | s, a) up to its parameters.
-    discount: gamma in [0, 1).
+    transitions: P(s' | s, a), such as `OutcomeModels`; discount: gamma in [0, 1) per decision.
+    Raises SerdError where a state has no action or a pair no successor.
     """
 
     transitions: TransitionModel

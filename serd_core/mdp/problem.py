@@ -39,10 +39,13 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TabularProblem:
-    """An MDP with (S, A, F) features and their names.
+    """What a learner is given besides decisions: an MDP, and features of which rewards are made.
 
+    features: (S, A, F); feature_names: (F,), all different. R(s, a) = weights . features[s, a].
     Features of unavailable actions may be anything, NaN too; they are kept as 0. Features that
     repeat along the actions (`numpy.broadcast_to`) are kept once per state.
+
+        problem = sc.TabularProblem(sc.Mdp(models, 0.95), features, ("goal", "wall"))
     """
 
     mdp: Mdp

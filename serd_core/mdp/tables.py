@@ -61,18 +61,21 @@ def from_transitions(
     terminal: Iterable[int] = (),
     learned: bool = False,
 ) -> TabularProblem:
-    """A learning problem with known transitions, or with ones to be learned.
+    """Make a learning problem from a table of transitions, known or to be learned.
 
-    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices.
-    features: (S, F) of states or (S, A, F) of pairs.
-    terminal: states in which an episode ends, or an (S,) mask of them.
+    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices. Pairs (s, a) without
+    entries are not available.
+    features: (S, F) of states or (S, A, F) of pairs; feature_names: (F,), None numbers them.
+    discount: gamma in [0, 1) per decision.
+    terminal: states in which an episode ends, or an (S,) mask of them; their features count once.
     learned: whether the probabilities are unknown. The table then lists which transitions can
     happen, by any positive numbers, and each pair has a distribution of its own over them.
+
+        problem = sc.from_transitions(table, features, discount=0.95, terminal=[24])
     """
     table = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
-    names = None if feature_names is None else unique_names(feature_names)
-    return _listed(table, features, discount, names, ends, learned=learned)
+    return _listed(table, features, discount, feature_names, ends, learned=learned)
 
 
 def from_gymnasium(
@@ -83,14 +86,16 @@ def from_gymnasium(
     feature_names: Sequence[str] | None = None,
     model_of: Any = None,
 ) -> TabularProblem:
-    """A learning problem from an environment with a table `P`, as Gymnasium's toy texts have it.
+    """Make a learning problem from an environment with a table `P`, as Gymnasium's toy texts have.
 
     `P[s][a]` lists (probability, next state, reward, terminated); states that end an episode become
     terminal. The reward of the environment is not used by learners; without `features` it is the
     one feature, so a weight of 1 is the environment's own reward.
-    features: (S, F) or (S, A, F).
+    features: (S, F) or (S, A, F); discount: gamma in [0, 1) per decision.
     model_of: None for dynamics that are known; else outcome models are learned, and the k-th entry
     of each list is their outcome k: one number, or (S, A) of the model of each pair.
+
+        problem = sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.99)
     """
     rows = _gymnasium_rows(environment)
     n_states, n_actions = len(rows), max(len(actions) for actions in rows)
@@ -98,22 +103,20 @@ def from_gymnasium(
         {s for row in rows for a in row for _, s, _, done in a if done}, n_states
     )
     flat = [
-        (state, action, following, probability, reward)
+        (state, action, *outcome)
         for state, actions in enumerate(rows)
         for action, outcomes in enumerate(actions)
-        for probability, following, reward, _ in outcomes
+        for outcome in outcomes
     ]
-    state, action, following, probability, reward = (
-        np.array(each) for each in zip(*flat, strict=True)
-    )
-    names = None if feature_names is None else unique_names(feature_names)
+    state, action, probability, following, reward, _ = map(np.array, zip(*flat, strict=True))
     if model_of is None:
         require_index("next_state", following, n_states, "a state")
         table = TransitionTable((n_states, n_actions), state, action, following, probability)
         if features is None:
             values = float_array("rewards", reward, (len(state),))[:, None]
-            features, names = table.expected(values, ends), names or ("reward",)
-        return _listed(table, features, discount, names, ends)
+            features, names = table.expected(values, ends), feature_names or ("reward",)
+            return _listed(table, features, discount, names, ends)
+        return _listed(table, features, discount, feature_names, ends)
     if features is None:
         raise SerdError(
             "features must be given where outcome models are learned, as an expected reward depends"
@@ -128,11 +131,11 @@ def from_gymnasium(
         which = np.broadcast_to(which, available.shape)
     which = int_array("model_of", which, available.shape)
     models = OutcomeModels(successors, which, available, n_models=int(which.max()) + 1)
-    return _problem(Mdp(models, discount), features, names, ends)
+    return _problem(Mdp(models, discount), features, feature_names, ends)
 
 
 def _problem(
-    mdp: Mdp, features: Any, names: tuple[str, ...] | None, ends: IntArray
+    mdp: Mdp, features: Any, names: Sequence[str] | None, ends: IntArray
 ) -> TabularProblem:
     """The problem with (S, F) or (S, A, F) features, which count once in terminal states."""
     pairs = mdp.available.shape
@@ -147,16 +150,15 @@ def _problem(
     if len(ends):
         values = values.copy()
         values[ends] *= 1.0 - mdp.discount
-    if names is None:
-        names = tuple(f"feature {i}" for i in range(values.shape[2]))
-    return TabularProblem(mdp, values, names)
+    numbered = tuple(f"feature {i}" for i in range(values.shape[2]))
+    return TabularProblem(mdp, values, numbered if names is None else unique_names(names))
 
 
 def _listed(
     table: TransitionTable,
     features: Any,
     discount: float,
-    names: tuple[str, ...] | None,
+    names: Sequence[str] | None,
     ends: IntArray,
     *,
     learned: bool = False,
@@ -186,8 +188,8 @@ def _table_of(transitions: Any) -> TransitionTable:
             f" {shown(transitions)}; pass one of these"
         )
     given = [transitions] if scipy.sparse.issparse(transitions) else list(transitions)
-    if given and all(scipy.sparse.issparse(each) for each in given):
-        return _of_matrices([scipy.sparse.coo_array(each) for each in given])
+    if given and all(map(scipy.sparse.issparse, given)):
+        return _of_matrices(list(map(scipy.sparse.coo_array, given)))
     dense = float_array("transitions", transitions, (None, None, None))
     if dense.shape[0] != dense.shape[2]:
         raise SerdError(
@@ -207,13 +209,12 @@ def _of_matrices(matrices: list[scipy.sparse.coo_array]) -> TransitionTable:
                 f"transitions[{action}] must have shape ({n_states}, {n_states}), got"
                 f" {matrix.shape}; pass one square matrix per action"
             )
-    actions = [np.full(len(each.row), a, dtype=np.int64) for a, each in enumerate(matrices)]
     return TransitionTable(
         (n_states, len(matrices)),
-        np.concatenate([each.row for each in matrices]).astype(np.int64),
-        np.concatenate(actions),
-        np.concatenate([each.col for each in matrices]).astype(np.int64),
-        np.concatenate([each.data for each in matrices]).astype(np.float64),
+        np.concatenate([matrix.row for matrix in matrices]).astype(np.int64),
+        np.repeat(np.arange(len(matrices)), [len(matrix.row) for matrix in matrices]),
+        np.concatenate([matrix.col for matrix in matrices]).astype(np.int64),
+        np.concatenate([matrix.data for matrix in matrices]).astype(np.float64),
     )
 
 

@@ -23,10 +23,10 @@ from scipy.spatial.distance import cdist
 from serd_core.arrays import FloatArray, IntArray, require_count
 from serd_core.ascent.trust_region import NewtonAscent, quadratic_step
 from serd_core.bayes.strengths import PriorByEvidence
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of, units_of
 from serd_core.posterior.coordinates import coordinates
 from serd_core.posterior.parameters import Block
@@ -88,7 +88,7 @@ def fit_expert_types(
     experts: IntArray | None = None,
     seed: int = 0,
 ) -> ExpertTypes:
-    """A mixture of a given number of types.
+    """Fit a mixture of a given number of types of experts, who differ in their reward weights.
 
     experts: (N,) number of the expert who took each decision, whose episodes share their type; None
     where each episode has a type of its own. seed: of the starts of EM.
@@ -112,9 +112,12 @@ def choose_expert_types(
     experts: IntArray | None = None,
     seed: int = 0,
 ) -> ExpertTypes:
-    """The mixture of highest BIC, of 1, 2, ... types until one more lowers it.
+    """Choose the number of types of experts: the mixture of highest BIC, until one more lowers it.
 
-    minimum_episodes: expected, that each type must have. Others as in `fit_expert_types`.
+    most_types: where the search ends; minimum_episodes: expected, that each type must have;
+    experts, seed: as in `fit_expert_types`.
+
+        mixture = sc.choose_expert_types(problem, decisions)
     """
     require_count("most_types", most_types, 1, "2")
     start = _one_type(problem, decisions, experts)
@@ -132,6 +135,8 @@ def _one_type(
     problem: Problem, decisions: Decisions, experts: IntArray | None
 ) -> MixtureLogPosterior:
     """The log posterior of one type, `like` being its fit, with the priors of all mixtures."""
+    require_problem(problem)
+    require_decisions(decisions)
     units = units_of(problem.mdp, decisions, experts)
     fit = fit_mdce_serd(problem, decisions, prior=PriorByEvidence())
     terms = terms_of(fit.assumed.whole_prior)

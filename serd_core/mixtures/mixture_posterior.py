@@ -235,7 +235,7 @@ class MixtureLogPosterior(Objective):
 def mixture_of(
     problem: Problem, units: Units, priors: tuple[Prior, Prior], one: Coordinates, n_types: int
 ) -> MixtureLogPosterior:
-    """That of a number of types; one: coordinates of one type."""
+    """The log posterior of a number of types; one: coordinates of one type."""
     n_features, shares = len(one.like.reward), n_types - 1
     rewards = shares + np.arange(n_types * n_features).reshape(n_types, n_features)
     dynamics = shares + rewards.size + np.arange(one.table.shape[1] - n_features)

@@ -96,8 +96,8 @@ class PolicyMatchingPolicy(PolicyModel):
         return np.array([self.start_temperature], dtype=float)
 
     def temperature(self, policy_parameters: FloatArray) -> float:
-        """theta_P."""
-        return float(policy_parameters[0])
+        """theta_P, whose powers are infinite where Python's would raise OverflowError."""
+        return np.float64(policy_parameters[0])
 
     def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A, 1) (E_pi[Q] - Q) / theta_P^2 (4.63, second case)."""

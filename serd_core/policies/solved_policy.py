@@ -24,7 +24,7 @@ _EQUAL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Policy:
-    """A solved policy.
+    """A policy with the values it was solved from.
 
     value: (S,); q: (S, A), -inf where unavailable; probabilities: (S, A); greedy: (S,) best action.
     residual, error_bound, converged: certificate of the Bellman solve (`BellmanSolution`).
@@ -45,7 +45,15 @@ def soft_policy(
     outcome_probabilities: FloatArray | None = None,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
-    """Maximum discounted causal entropy policy (3.28 to 3.30)."""
+    """Solve for the maximum discounted causal entropy policy of known rewards (3.28 to 3.30).
+
+    reward_weights: (F,); outcome_probabilities: (M, K) of OutcomeModels, (E,) entries of a
+    SparseModel, None for transitions without parameters; solver: of the Bellman equation.
+
+    Returns a `Policy` with value (S,), q (S, A) and probabilities (S, A).
+
+        policy = sc.soft_policy(problem, fit.reward_weights, fit.outcome_probabilities)
+    """
     solution = _solved(problem, reward_weights, outcome_probabilities, SOFT, solver)
     return _policy(solution, solution.policy)
 
@@ -56,9 +64,10 @@ def optimal_policy(
     outcome_probabilities: FloatArray | None = None,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
-    """Greedy optimal policy (2.24 to 2.26), even over actions that are equally good.
+    """Solve for the optimal policy of known rewards (2.24 to 2.26), even over equally good actions.
 
-    Values of a state are equal within 1e-9 of the best one; `greedy` is the first of the best.
+    Arguments and result as in `soft_policy`. `greedy` is the first of the best actions; values of a
+    state within 1e-9 of the best one are equal.
     """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
     best = solution.q.max(axis=1, keepdims=True)
@@ -73,7 +82,10 @@ def boltzmann_policy(
     temperature: float,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
-    """Boltzmann distribution over optimal Q-values (4.62)."""
+    """Solve for the Boltzmann policy pi(a | s) ~ exp(Q*(s, a) / temperature) (4.62).
+
+    temperature: theta_P above 0, in the units of the rewards. Others as in `soft_policy`.
+    """
     require_positive("temperature", temperature)
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
     return _policy(solution, boltzmann(solution.q, temperature))

@@ -19,7 +19,7 @@ from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import CouplingPrior
 from serd_core.priors.gaussian import GaussianAroundTruth
-from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.priors.prior import Prior, UniformPrior, require_weight
 
 
 class Belief:
@@ -89,9 +89,12 @@ class FreeBelief(Belief):
 
 @dataclass(frozen=True)
 class CoupledBelief(FreeBelief):
-    """Two blocks kept similar by a prior of the given weight on their divergence."""
+    """The expert may be wrong: a prior of the given weight keeps the belief near the truth."""
 
     weight: float
+
+    def __post_init__(self) -> None:
+        require_weight("weight", self.weight)
 
     @property
     def prior(self) -> Prior:
@@ -101,7 +104,7 @@ class CoupledBelief(FreeBelief):
 
 @dataclass(frozen=True)
 class BeliefAroundTruth(FreeBelief):
-    """Two blocks, the belief's log odds drawn from a normal distribution around the truth's.
+    """The expert is nearly right: log odds of the belief are normal around those of the truth.
 
     deviation: standard deviation of that distribution; None where it is chosen by evidence.
     """
@@ -110,7 +113,7 @@ class BeliefAroundTruth(FreeBelief):
 
     @property
     def prior(self) -> Prior:
-        """That normal distribution."""
+        """The normal distribution of the belief around the truth."""
         if self.deviation is None:
             raise SerdError(
                 "deviation of BeliefAroundTruth must be a number where the prior is given, got"

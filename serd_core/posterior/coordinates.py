@@ -75,7 +75,7 @@ class Coordinates:
 
 
 def coordinates(problem: Problem, belief: Belief, like: Parameters) -> Coordinates:
-    """Those of a problem's free numbers under a belief."""
+    """The coordinates of a problem's free numbers under a belief."""
     jacobian = belief.jacobian(like)
     gauge = free_gauge(problem, like, jacobian)
     scale = np.ones(jacobian.shape[1])

@@ -13,7 +13,7 @@ from serd_core.arrays import FloatArray
 
 
 class Block(Enum):
-    """Names of the parameter blocks."""
+    """Names of the parameter blocks, for which priors are given: rewards, truth, belief, policy."""
 
     REWARD = "reward"
     BELIEF = "belief"

@@ -30,7 +30,10 @@ from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, term
 
 @dataclass(frozen=True)
 class DirichletPrior(Prior):
-    """`pseudo_count` added to every outcome of every model of a block, or to every transition."""
+    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block.
+
+    Of a SparseModel it is added to every transition.
+    """
 
     pseudo_count: float
     block: Block = Block.TRUTH

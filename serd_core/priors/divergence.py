@@ -105,7 +105,7 @@ def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatAr
 
 @dataclass(frozen=True, eq=False)
 class KldPrior(DynamicsPrior):
-    """Kullback-Leibler divergence from a reference Q to the block's P, weighted by lambda.
+    """A prior that keeps dynamics near a reference Q, by the divergence of a block's P from it.
 
     reference: local probabilities of Q; None for the learner's initial dynamics.
     """
@@ -140,7 +140,7 @@ class KldPrior(DynamicsPrior):
 
 @dataclass(frozen=True, eq=False)
 class EntropyPrior(DynamicsPrior):
-    """Entropy of the block's transition distributions, weighted by lambda."""
+    """A prior that favours uncertain dynamics, by the entropy of a block's transitions."""
 
     weight: float
     block: Block = Block.TRUTH

@@ -34,9 +34,11 @@ _LARGEST = 1e50
 
 @dataclass(frozen=True)
 class GaussianPrior(Prior):
-    """Independent normal distributions with one mean.
+    """A prior on any block: independent normal distributions with one mean.
 
     standard_deviation: one for the block, or a tuple of one per number.
+
+    prior = sc.GaussianPrior(0.0, sc.Block.REWARD, 2.0)
     """
 
     standard_deviation: float | tuple[float, ...]
@@ -122,7 +124,7 @@ class GaussianAroundTruth(Prior):
         return table
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """That of normal distributions of all energies without gauge."""
+        """Log density of normal distributions of all energies without gauge."""
         del parameters
         models = require_outcome_models(model, "GaussianAroundTruth")
         width = self.standard_deviation / models.beta

@@ -20,7 +20,7 @@ from serd_core.priors.prior import LogPrior, Prior, require_weight
 
 @dataclass(frozen=True)
 class NormPrior(Prior):
-    """-weight times the smoothed p-norm of a block; p = 1 for sparsity, 2 for small parameters."""
+    """A prior for sparse (p = 1) or small (p = 2) parameters: -weight times the smoothed p-norm."""
 
     weight: float
     block: Block

@@ -97,7 +97,7 @@ class SumOfPriors(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of all terms."""
+        """The blocks of all terms."""
         return tuple(block for term in self.terms for block in term.blocks)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
@@ -120,7 +120,7 @@ def terms_of(prior: Prior) -> tuple[Prior, ...]:
 
 @dataclass(frozen=True)
 class UniformPrior(SumOfPriors):
-    """No preference: log P(theta) = 0, a sum of no terms."""
+    """No prior: log P(theta) = 0, so that a fit finds the most likely parameters."""
 
     terms: tuple[Prior, ...] = field(default=(), init=False, repr=False)
 

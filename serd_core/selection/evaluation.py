@@ -21,24 +21,25 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    number_array,
     require_index,
     weighted_counts,
 )
-from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import explaining_transitions, observe
+from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
+from serd_core.demonstrations.observations import explaining_transitions, observe_in
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.mdp import checked_policy
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.semi_markov.models import SemiMarkovModels
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
-    """Mean log pi(a | s) over the decisions; -inf where the policy rules one out."""
+    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
     require_shown(decisions, "the likelihood of a policy alone")
-    counts = observe(problem.mdp, decisions).state_action
+    counts = observe_in(problem, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
     if np.any(chosen[seen] <= 0):
@@ -47,10 +48,14 @@ def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatA
 
 
 def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
-    """(S, A) policy of a fit's rewards and belief, in the fitted problem or a transfer one.
+    """Compute the (S, A) policy of a fit, in the fitted problem or one to which it is transferred.
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
+
+        policy = sc.fitted_policy(other_problem, fit)
     """
+    require_problem(problem)
+    require_fit(fit)
     model = problem.mdp.transitions
     believed = fit.believed_outcome_probabilities if model.n_parameters else None
     if isinstance(model, SemiMarkovModels):
@@ -63,11 +68,12 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
 
 def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
-    """Mean log-likelihood of decisions under the policy of a fit.
+    """Compute the mean log-likelihood of other decisions under the policy of a fit.
 
     That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
     """
     policy = fitted_policy(problem, fit)
+    require_decisions(decisions)
     if not decisions.hidden.any():
         return policy_log_likelihood(problem, decisions, policy)
     shown, hidden = decisions.select(~decisions.hidden), decisions.select(decisions.hidden)
@@ -83,15 +89,17 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
 def move_log_likelihood(
     problem: Problem, decisions: Decisions, policy: FloatArray, outcome_probabilities: FloatArray
 ) -> FloatArray:
-    """(N,) log-likelihood of each decision under an (S, A) policy and outcome probabilities.
+    """Compute the (N,) log-likelihood of each decision under a policy and dynamics.
 
-    log pi(a | s) P(s' | s, a), and where the action is hidden the log of its sum over actions;
-    -inf for what they rule out.
+    policy: (S, A); outcome_probabilities: (M, K). log pi(a | s) P(s' | s, a), and where the action
+    is hidden the log of its sum over actions; -inf for what they rule out.
     """
+    require_problem(problem)
+    require_decisions(decisions)
     mdp = problem.mdp
     require_index("state", decisions.state, mdp.n_states, "a state")
     chosen = checked_policy("policy", policy, mdp)
-    table = np.asarray(outcome_probabilities, np.float64)
+    table = np.asarray(number_array("outcome_probabilities", outcome_probabilities), np.float64)
     entries = transitions_of(mdp.transitions, table).entries
     found = explaining_transitions(mdp, decisions)
     by_group = mdp.transitions.groups.probabilities(entries)
@@ -104,14 +112,17 @@ def move_log_likelihood(
 def dynamics_divergence(
     problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
 ) -> float:
-    """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares).
+    """Measure the error of estimated transitions: mean KLD from the true ones under visits.
 
-    Pairs that are never visited do not count, were their divergence infinite.
+    truth, estimate: (M, K), or (E,) entries; visits: (S, A) counts or shares. Pairs that are never
+    visited do not count, were their divergence infinite.
     """
+    require_problem(problem)
     model = problem.mdp.transitions
+    tables = number_array("truth", truth), number_array("estimate", estimate)
     true, other = (
         model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
-        for table in (truth, estimate)
+        for table in tables
     )
     by_row = weighted_counts(model.groups.row, rel_entr(true, other), model.available.size)
     divergence = by_row.reshape(model.available.shape)
@@ -123,9 +134,9 @@ def dynamics_divergence(
 
 
 def adjusted_rand_index(first: IntArray, second: IntArray) -> float:
-    """1 for equal partitions, 0 on average for random ones (Hubert and Arabie 1985).
+    """Measure how two partitions agree: 1 if equal, 0 on average for random ones.
 
-    first, second: (n,) labels; which numbers they are does not matter.
+    first, second: (n,) labels; which numbers they are does not matter (Hubert and Arabie 1985).
     """
     one = int_array("first", first, (None,))
     other = int_array("second", second, (len(one),))
@@ -166,7 +177,7 @@ class WeightSelection:
 
     @property
     def fit(self) -> FitResult:
-        """Its fit."""
+        """The fit of the chosen weight."""
         return self.fits[self.best]
 
     @property

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import scipy  # loads stats at its first use
 
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.priors.prior import UniformPrior
 
 #: Loss of log-likelihood, relative to its size, that incomplete convergence explains.
@@ -18,7 +18,7 @@ LOSS = 1e-6
 
 @dataclass(frozen=True)
 class HypothesisTest:
-    """A statistic, its degrees of freedom and p-value."""
+    """The result of a test: its statistic, degrees of freedom and p-value."""
 
     statistic: float
     degrees_of_freedom: int
@@ -28,10 +28,15 @@ class HypothesisTest:
 def likelihood_ratio_test(
     restricted: FitResult, full: FitResult, n_restrictions: int | None = None
 ) -> HypothesisTest:
-    """Of a fit against one that is free in more numbers.
+    """Test a fit against one that is free in more numbers, by twice the gain in log-likelihood.
 
-    n_restrictions: None for the number of features that the restricted fit has less.
+    n_restrictions: degrees of freedom; None for the number of features that the restricted fit has
+    less. SerdError where a fit did not converge or is no fit by likelihood.
+
+        print(sc.likelihood_ratio_test(fit_without_walls, fit).p_value)
     """
+    require_fit(restricted, "restricted")
+    require_fit(full, "full")
     _require_likelihood(restricted, full)
     if restricted.n_decisions != full.n_decisions:
         raise SerdError(

@@ -18,7 +18,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
 from serd_core.posterior.coordinates import gauge_free_basis
-from serd_core.uncertainty.information import Information
+from serd_core.uncertainty.information import Information, require_information
 
 #: Eigenvalues below this share of the largest count as zero.
 NULL_SHARE = 1e-9
@@ -103,7 +103,9 @@ class NullDirection:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """eigenvalues: of the correlation form without the gauge, ascending; null: directions."""
+    """What decisions determine; eigenvalues: of the correlation form without the gauge, ascending;
+    null: directions that they do not determine.
+    """
 
     eigenvalues: FloatArray
     null: tuple[NullDirection, ...]
@@ -117,7 +119,14 @@ class Identifiability:
 def identifiability(
     information: Information, *, matrix: FloatArray | None = None, null_share: float = NULL_SHARE
 ) -> Identifiability:
-    """Diagnose a matrix over the free numbers; by default the outer product (likelihood only)."""
+    """Find the combinations of numbers that the decisions of a fit do not determine.
+
+    matrix: (n, n) information; None for the outer product, which has no prior in it.
+    null_share: eigenvalues below this share of the largest count as none.
+
+        print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
+    """
+    require_information(information)
     chosen = information.outer_product if matrix is None else matrix
     found = spectrum(information, chosen, null_share)
     null = tuple(

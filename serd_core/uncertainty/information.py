@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import Assumptions, FitResult
-from serd_core.mdp.problem import Problem
+from serd_core.learners.fit_result import Assumptions, FitResult, require_fit
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
@@ -89,10 +89,16 @@ def fit_information(
     belief: Belief | None = None,
     prior: Prior | None = None,
 ) -> Information:
-    """Information at a fit, under what the fit assumed; None for the fit's own of each.
+    """Compute the information matrices of a fit, from which standard errors follow.
 
-    Raises SerdError where the fit is one of another problem or policy model.
+    policy_model, belief, prior: what the fit assumed; None for what it records. SerdError where the
+    fit is one of another problem or policy model.
+
+        information = sc.fit_information(problem, decisions, fit)
+        errors = sc.standard_errors(problem, information)
     """
+    require_problem(problem)
+    require_fit(fit)
     assumed = _assumptions(fit, policy_model, belief, prior)
     _require_fitting(problem, fit, assumed)
     observations = observe(problem.mdp, decisions)
@@ -130,6 +136,12 @@ def fit_information(
     )
 
 
+def require_information(information: object) -> None:
+    """SerdError unless an argument is an `Information`."""
+    example = "fit_information(problem, decisions, fit)"
+    require_kind("information", information, (Information,), example)
+
+
 def _scores_of_timed(
     posterior: Posterior,
     parameters: Parameters,
@@ -162,6 +174,13 @@ def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
 def _assumptions(
     fit: FitResult, policy_model: PolicyModel | None, belief: Belief | None, prior: Prior | None
 ) -> Assumptions:
+    for name, given, kind, example in (
+        ("policy_model", policy_model, PolicyModel, "MdcePolicy()"),
+        ("belief", belief, Belief, "FreeBelief()"),
+        ("prior", prior, Prior, "UniformPrior()"),
+    ):
+        if given is not None:
+            require_kind(name, given, (kind,), example)
     own = fit.assumptions
     if own is not None:
         return replace(

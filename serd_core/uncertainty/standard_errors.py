@@ -38,19 +38,20 @@ from serd_core.arrays import (
     float_array,
     int_array,
     number_array,
+    require_count,
     require_each,
     require_generator,
     require_share,
 )
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.demonstrations.observations import taken_transitions
 from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.parameters import Block
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_core.uncertainty.identifiability import NULL_SHARE, Spectrum, spectrum
-from serd_core.uncertainty.information import Information
+from serd_core.uncertainty.information import Information, require_information
 
 #: Part of a null direction below which a parameter counts as not moved by it.
 TOUCHED = 1e-6
@@ -93,11 +94,18 @@ def standard_errors(
     meat: FloatArray | None = None,
     require_optimum: bool = True,
 ) -> StandardErrors:
-    """From one of `information.observed`, the default, and `information.outer_product`.
+    """Compute standard errors of rewards and dynamics of a fit, jointly.
 
+    matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
     meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it.
+    null_share: eigenvalues below this share of the largest count as undetermined.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
+
+        errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
+        print(errors.reward, errors.reward_interval(fit.reward_weights))
     """
+    require_problem(problem)
+    require_information(information)
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix, null_share)
     if found.indefinite:
@@ -139,7 +147,11 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
 def confidence_interval(
     estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
+    """Compute the normal (Wald) interval of estimates; approximate, as it relies on many decisions.
+
+    estimate, errors: (n,) numbers and their standard errors; coverage: share of such intervals that
+    hold the truth. Returns the lower and the upper ends.
+    """
     middle, table = number_array("estimate", estimate), number_array("errors", errors)
     if table.ndim and table.shape != middle.shape:
         raise SerdError(
@@ -158,11 +170,15 @@ def clustered_outer_product(
     decisions: Decisions,
     clusters: IntArray | None = None,
 ) -> FloatArray:
-    """(n, n) sum over clusters of the outer product of the sum of their scores.
+    """Sum scores over clusters, for standard errors of decisions that depend on each other.
 
-    clusters: (N,) of each decision; None for episodes. With the factor C / (C - 1) of C clusters
-    (Cameron and Miller, Journal of Human Resources 50, 2015).
+    clusters: (N,) of each decision; None for episodes. Returns the (n, n) sum over clusters of the
+    outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
+    Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
     """
+    require_problem(problem)
+    require_information(information)
+    require_decisions(decisions)
     given = decisions.episode if clusters is None else clusters
     labels = int_array("clusters", given, (len(decisions),))
     names, cluster = np.unique(labels, return_inverse=True)
@@ -195,7 +211,7 @@ def _spread(found: Spectrum, meat: FloatArray | None) -> FloatArray:
     if meat is None:
         return np.diag(1.0 / found.values[known])
     inner = found.directions[known] / found.values[known][:, None]
-    return np.asarray(inner @ float_array("meat", meat) @ inner.T)
+    return np.asarray(inner @ float_array("meat", meat, (found.directions.shape[1],) * 2) @ inner.T)
 
 
 def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray:
@@ -221,7 +237,7 @@ def covariance_of(information: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """estimates: (n, ...) of the resampled decisions."""
+    """The (n, ...) estimates of resampled decisions, with their spread."""
 
     estimates: FloatArray
 
@@ -245,15 +261,20 @@ def bootstrap(
     rng: np.random.Generator,
     n: int = 200,
 ) -> Bootstrap:
-    """Estimates from n samples of as many episodes as there are, drawn with replacement.
+    """Estimate anew from n samples of as many episodes as there are, drawn with replacement.
 
-    SerdError where one is NaN.
+    estimate: decisions -> numbers of one shape. SerdError where one is NaN.
+
+        drawn = sc.bootstrap(decisions, lambda d: sc.estimate_dynamics(problem, d), rng=rng)
+        print(drawn.standard_errors, drawn.interval(0.95))
     """
     require_generator(rng)
+    require_decisions(decisions)
+    require_count("n", n, 2, "200")
     episodes = decisions.episodes
-    if n < 2 or len(episodes) < 2:
+    if len(episodes) < 2:
         raise SerdError(
-            f"bootstrap must have at least 2 samples and 2 episodes, got {n} and {len(episodes)}"
+            f"decisions must hold at least 2 episodes, got {len(episodes)}; record more of them"
         )
     order = np.argsort(decisions.episode, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)

@@ -26,7 +26,7 @@ _BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters 
 
 @dataclass(frozen=True)
 class Krylov(LinearSolver):
-    """Restarted BiCGSTAB.
+    """Solves linear systems of many states by restarted BiCGSTAB, without a whole factor.
 
     relative_residual: |b - A x| / |b| to reach, unless `solve` allows more.
     max_iterations: of each run; max_runs: bound of the restarts.

@@ -1,8 +1,10 @@
 """Linear systems (I - gamma P_pi) x = b, and with the transposed matrix."""
 
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
@@ -33,11 +35,9 @@ class LinearSolver(ABC):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
 
-    def for_systems(
-        self, *, relative_residual: float = 0.0, right_sides: int = 1
-    ) -> "LinearSolver":
-        """The solver for systems of so many right-hand sides, solved to no less than a residual."""
-        del relative_residual, right_sides
+    def for_systems(self, *, right_sides: int) -> "LinearSolver":
+        """The solver for systems of so many right-hand sides."""
+        del right_sides
         return self
 
 
@@ -64,13 +64,8 @@ class WithFallback(LinearSystem):
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
         """Solve by the first system, and by the other where that does not converge."""
+        asked: Any = {"transposed": transposed, "relative_residual": relative_residual}
         if "_other" not in vars(self):
-            try:
-                return self.first.solve(
-                    right_side, transposed=transposed, relative_residual=relative_residual
-                )
-            except SerdError:
-                pass
-        return self._other.solve(
-            right_side, transposed=transposed, relative_residual=relative_residual
-        )
+            with suppress(SerdError):
+                return self.first.solve(right_side, **asked)
+        return self._other.solve(right_side, **asked)

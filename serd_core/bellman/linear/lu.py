@@ -26,7 +26,7 @@ from serd_core.errors import SerdError
 
 @dataclass(frozen=True)
 class SparseLu(LinearSolver):
-    """SuperLU on the symmetrically reordered matrix."""
+    """Solves linear systems of sparse graphs by SuperLU, on the symmetrically reordered matrix."""
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Factorise the matrix with the given numbers."""
@@ -60,7 +60,7 @@ class LuFactor(LinearSystem):
 
 @dataclass(frozen=True)
 class BandedLu(LinearSolver):
-    """LAPACK on the reordered band."""
+    """Solves linear systems of narrow graphs, such as hallways, by LAPACK on the reordered band."""
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Factorise the matrix with the given numbers; SerdError where it is singular."""

@@ -17,11 +17,6 @@ import scipy  # loads sparse at its first use
 
 from serd_core.arrays import FloatArray, IntArray, matrix_index_type
 
-#: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
-_MOST_FILL = 80
-#: Neighbours per root of the number of states, from which a state is a hub.
-_MANY_NEIGHBOURS = 10.0
-
 
 @dataclass(frozen=True, eq=False)
 class PolicyPattern:
@@ -91,25 +86,12 @@ class PolicyPattern:
 
     @cached_property
     def depth(self) -> int:
-        """Steps from one end of the graph, either way, to all that it reaches; 0 for one state.
-
-        States with many more neighbours than others are left out: they hide that a graph is long.
-        """
-        both = (self._structure + self._structure.T).tocsr()
-        usual = np.diff(both.indptr) <= _MANY_NEIGHBOURS * np.sqrt(self.n_states)
-        both = both[usual][:, usual]
-        start, order, parent = 0, np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int32)
-        for _ in range(2):
-            order, parent = scipy.sparse.csgraph.breadth_first_order(both, start, directed=False)
-            start = int(order[-1])
-        rank = np.empty(both.shape[0], dtype=np.int64)
-        rank[order] = np.arange(len(order))
-        rank_of_parent = rank[parent[order[1:]]]  # never falls
-        end, levels = 1, 0
-        while end < len(order):
-            end = 1 + int(np.searchsorted(rank_of_parent, end))
-            levels += 1
-        return levels
+        """Steps from one end of the graph, either way, to all that it reaches; 0 for one state."""
+        order, _ = scipy.sparse.csgraph.breadth_first_order(self._structure, 0, directed=False)
+        steps = scipy.sparse.csgraph.dijkstra(
+            self._structure, directed=False, indices=order[-1], unweighted=True
+        )
+        return int(steps[np.isfinite(steps)].max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,45 +138,6 @@ class Elimination:
         shape = (len(self.order),) * 2
         ones = np.ones(len(self.row_index))
         return scipy.sparse.csc_array((ones, self.row_index, self.column_start), shape=shape)
-
-    @cached_property
-    def fill(self) -> Fill | None:
-        """Size of the factor; None where it has more than `_MOST_FILL` times the entries.
-
-        Row i of L has an entry in each column on the ways from the columns of row i of the matrix
-        up the elimination tree (Davis 2006, Direct Methods for Sparse Linear Systems, section 4.4).
-        """
-        whole = self._structure + self._structure.T
-        lower = scipy.sparse.tril(whole, -1).tocsr()
-        starts, columns = lower.indptr.tolist(), lower.indices.tolist()
-        n_states = len(self.order)
-        parent, marked, count = [-1] * n_states, [-1] * n_states, [1] * n_states
-        most = _MOST_FILL * len(self.row_index)
-        for row in range(n_states):
-            marked[row] = row
-            for column in columns[starts[row] : starts[row + 1]]:
-                while marked[column] != row:
-                    marked[column] = row
-                    count[column] += 1
-                    most -= 1
-                    if parent[column] == -1:
-                        parent[column] = row
-                    column = parent[column]
-            if most < 0:
-                return None
-        counts: FloatArray = np.array(count, dtype=np.float64)
-        return Fill(entries=float(counts.sum()), products=float(counts @ counts))
-
-
-@dataclass(frozen=True)
-class Fill:
-    """Entries of the factor L of the symmetric pattern, and sum of their squares by column.
-
-    U is as large, and a factorisation takes two operations per product.
-    """
-
-    entries: float
-    products: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,7 @@ def models(random_problem, seed):
 
 
 @NEEDS_NUMBA
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=8)
 @given(seed=st.integers(0, 10_000))
 def test_compiled_sums_are_those_of_scipy(random_problem, seed):
     rng = np.random.default_rng(seed)
@@ -105,7 +105,7 @@ def test_compiled_sums_are_those_of_scipy(random_problem, seed):
 
 
 @NEEDS_NUMBA
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=8)
 @given(
     seed=st.integers(0, 10_000),
     discount=st.sampled_from([0.95, 0.999, 0.9995]),

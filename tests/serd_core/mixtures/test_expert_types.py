@@ -16,7 +16,7 @@ from serd_core.selection.evaluation import adjusted_rand_index
 @pytest.fixture(scope="module")
 def known(make_mixed):
     """Two types of experts who give four episodes each."""
-    return make_mixed([(3.0, 3.0), (-3.0, 3.0)], experts=6, episodes=4, side=4)
+    return make_mixed([(3.0, 3.0), (-3.0, 3.0)], experts=6, episodes=4, side=3)
 
 
 @pytest.fixture(scope="module")

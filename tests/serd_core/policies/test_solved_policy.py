@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
+from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 
 
@@ -19,6 +20,13 @@ def test_a_cold_expert_is_greedy_and_a_hot_one_is_indifferent(gridworld):
     cold = boltzmann_policy(*arguments, 1e-6).probabilities
     np.testing.assert_allclose(cold.max(axis=1), 1.0, atol=1e-6)
     np.testing.assert_allclose(boltzmann_policy(*arguments, 1e9).probabilities, 0.2, atol=1e-6)
+
+
+def test_a_temperature_whose_square_is_no_number_leaves_no_scores():
+    q = np.array([[1.0, 2.0]])
+    with np.errstate(over="ignore"):
+        scores = PolicyMatchingPolicy().parameter_scores(np.array([1e200]), q)
+    np.testing.assert_array_equal(scores, np.zeros((1, 2, 1)))
 
 
 def test_probabilities_that_are_none_are_refused_with_the_row(gridworld):

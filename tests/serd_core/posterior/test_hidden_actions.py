@@ -62,7 +62,7 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
 
 @pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)
 @pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=3)
 @given(seed=st.integers(0, 10_000), share_hidden=st.sampled_from([0.0, 0.5, 1.0]))
 def test_gradient_and_hessian_are_the_finite_differences(
     random_problem, policy_model, belief, seed, share_hidden

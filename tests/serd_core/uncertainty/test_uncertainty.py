@@ -98,16 +98,15 @@ def test_hessian_and_outer_product_agree_for_many_decisions_of_a_true_model(make
 
 def test_errors_say_how_much_estimates_scatter(make_gridworld):
     """Monte Carlo: the spread of repeated estimates is the standard error."""
-    case = make_gridworld(side=4, n_episodes=1)
+    case = make_gridworld(side=3, n_episodes=1)
     policy = soft_policy(case.problem, case.weights, case.probabilities).probabilities
     table = np.clip(case.probabilities, 1e-6, None)
     table /= table.sum(axis=1, keepdims=True)
     found, errors = [], []
     for seed in range(60):
         decisions = sampled(case.problem, policy, case.probabilities, 60, 20, seed)
-        fit, information = fitted(
-            replace(case, decisions=decisions), case.weights, dynamics=table, belief=FixedBelief()
-        )
+        known = {"dynamics": table, "belief": FixedBelief(), "prior": UniformPrior()}
+        fit, information = fitted(replace(case, decisions=decisions), case.weights, **known)
         found.append(fit.reward_weights)
         errors.append(standard_errors(case.problem, information, information.observed).reward)
     np.testing.assert_allclose(np.std(found, axis=0), np.mean(errors, axis=0), rtol=0.25)

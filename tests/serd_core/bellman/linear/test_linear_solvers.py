@@ -99,12 +99,10 @@ GRAPHS = [
     ("grid", 10_000, 10.0, Krylov()),
     ("grid", 10_000, 1e4, SparseLu()),
     ("random graph", 400, 1e4, SparseLu()),
-    ("random graph", 2_500, 10.0, Krylov()),
     ("random graph", 2_500, 1e4, Krylov()),
     ("cube", 10_000, 1e4, Krylov()),
     ("tree", 2_500, 1e4, SparseLu()),
-    ("star", 2_500, 1e4, SparseLu()),
-    ("hub", 2_500, 1e4, SparseLu()),
+    ("star", 2_500, 1e4, Krylov()),
     ("ring", 10_000, 10.0, BandedLu()),
 ]
 
@@ -116,28 +114,6 @@ def pattern_of(graph, n_states):
 @pytest.mark.parametrize(("graph", "n_states", "horizon", "chosen"), GRAPHS)
 def test_the_choice_follows_graph_and_horizon(graph, n_states, horizon, chosen):
     assert Automatic().choose(pattern_of(graph, n_states), horizon) == chosen
-
-
-@pytest.mark.parametrize(
-    ("graph", "n_states", "horizon", "chosen"),
-    [
-        ("grid", 2_500, 100.0, BandedLu()),
-        ("grid", 10_000, 200.0, Krylov()),
-        ("tree", 10_000, 200.0, SparseLu()),
-        ("star", 10_000, 100.0, SparseLu()),
-        # BiCGSTAB fails there, at any number of digits.
-        ("small world", 10_000, 1e4, SparseLu()),
-    ],
-)
-def test_the_choice_for_few_digits_is_that_of_newtons_steps(graph, n_states, horizon, chosen):
-    for_steps = Automatic().for_systems(relative_residual=3e-2)
-    assert for_steps.choose(pattern_of(graph, n_states), horizon) == chosen
-
-
-def test_fewer_digits_favour_bicgstab():
-    pattern = pattern_of("grid", 10_000)
-    assert Automatic().choose(pattern, 290.0) == SparseLu()
-    assert Automatic().for_systems(relative_residual=3e-2).choose(pattern, 290.0) == Krylov()
 
 
 def test_many_right_hand_sides_favour_a_factor_which_is_computed_once():
@@ -154,22 +130,8 @@ def test_beyond_the_largest_factor_the_horizon_alone_counts():
     assert automatic.choose(pattern, 1e4) == Krylov(fill=10.0)
 
 
-@pytest.mark.parametrize("graph", ["grid", "cube", "tree"])
-def test_the_counted_fill_is_that_of_the_factor(graph):
-    """Where every step leads back, the factors of matrix and pattern are the same."""
-    pattern = pattern_of(graph, 400)
-    data = np.full(len(pattern.column), -0.1)
-    data[pattern.diagonal] = 1.0
-    factor = SparseLu().prepare(pattern, data).factor
-    assert 2 * pattern.elimination.fill.entries == factor.nnz
-
-
-def test_fill_is_not_counted_to_the_end_where_it_is_far_too_large():
-    assert pattern_of("random graph", 5_000).elimination.fill is None
-
-
 @pytest.mark.parametrize(
-    ("graph", "depth"), [("ring", 150), ("chain", 300), ("grid", 46), ("hub", 598)]
+    ("graph", "depth"), [("ring", 150), ("chain", 300), ("grid", 46), ("hub", 2)]
 )
 def test_the_depth_is_the_length_of_the_graph(graph, depth):
     assert pattern_of(graph, 600).depth == depth

@@ -1,0 +1,236 @@
+"""The border: a wrong argument of a public function is a sentence with its name, rule and fix."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import serd_core as sc
+
+#: What no argument of these names takes: another kind, no number, no finite one, another shape.
+KINDS = ["x", 0.5, object()]
+NO_ARRAYS = ["x", [["a"]], [np.nan, 0.0], np.ones((7, 7, 7, 7)), object()]
+NO_NUMBERS = ["1", [1.0, 2.0], object()]
+NO_COUNTS = ["1", 1.5, -1, None]
+WRONG = {
+    "problem": KINDS,
+    "decisions": KINDS,
+    "samples": KINDS,
+    "mdp": [],
+    "belief": [*KINDS, sc.FreeBelief],
+    "prior": KINDS,
+    "ascent": KINDS,
+    "solver": [*KINDS, sc.Newton, None],
+    "linear_solver": [*KINDS, sc.SparseLu],
+    "rng": KINDS,
+    **dict.fromkeys(("fit", "information", "found", "restricted", "full", "policy_model"), KINDS),
+    **dict.fromkeys(
+        (
+            "initial_weights",
+            "reward_weights",
+            "dynamics",
+            "policy",
+            "sampling_policy",
+            "baseline_policy",
+            "thresholds",
+            "outcome_probabilities",
+            "start_distribution",
+            "features",
+            "terminal_features",
+            "episode",
+            "time_s",
+            "state",
+            "action",
+            "next_state",
+            "successors",
+            "model_of",
+            "available",
+            "truth",
+            "visits",
+            "probability",
+            "errors",
+            "clusters",
+            "matrix",
+            "meat",
+            "first",
+            "second",
+            "experts",
+            "period",
+        ),
+        NO_ARRAYS,
+    ),
+    **dict.fromkeys(
+        (
+            "pseudo_count",
+            "temperature",
+            "initial_temperature",
+            "inverse_temperature",
+            "confidence",
+            "largest_weight",
+            "slack",
+            "discount",
+            "coverage",
+            "weight",
+            "p",
+            "smoothing",
+            "accuracy",
+            "gradient_tolerance",
+            "short",
+        ),
+        NO_NUMBERS,
+    ),
+    **dict.fromkeys(
+        ("n_episodes", "n_steps", "n_periods", "n_types", "most_types", "n_models", "n", "n_folds"),
+        NO_COUNTS,
+    ),
+}
+
+
+#: Words in which sentences name tables that several arguments give.
+NAMED = dict.fromkeys(("dynamics", "outcome_probabilities", "truth"), "outcome probabilities") | {
+    "state": "probability"
+}
+
+
+@pytest.fixture(scope="module")
+def valid(gridworld):
+    """A valid value of each argument, by name; some by function."""
+    problem, decisions = gridworld.problem, gridworld.decisions
+    fit = sc.fit_mdce_serd(problem, decisions)
+    models, table = problem.mdp.transitions, gridworld.probabilities
+    uniform = np.full(problem.mdp.available.shape, 1.0 / problem.mdp.n_actions)
+    return {
+        "problem": problem,
+        "mdp": problem.mdp,
+        "transitions": models,
+        "decisions": decisions,
+        "samples": decisions,
+        "reward_weights": gridworld.weights,
+        "initial_weights": np.zeros(2),
+        "outcome_probabilities": table,
+        "dynamics": table,
+        "truth": table,
+        "estimate": lambda some: some.action.mean(),
+        "visits": uniform,
+        "temperature": 1.0,
+        "policy": uniform,
+        "sampling_policy": uniform,
+        "start_distribution": np.full(25, 1 / 25),
+        "rng": np.random.default_rng(0),
+        "features": problem.features,
+        "feature_names": problem.feature_names,
+        "successors": models.successors,
+        "model_of": models.model_of,
+        "available": models.available,
+        "n_models": models.n_models,
+        "discount": 0.9,
+        "weight": 1.0,
+        "block": sc.Block.REWARD,
+        "n_episodes": 2,
+        "n_steps": 2,
+        "n_periods": 2,
+        "n_types": 2,
+        "errors": np.ones(2),
+        "standard_deviation": 1.0,
+        "fit": fit,
+        "restricted": fit,
+        "full": fit,
+        "information": sc.fit_information(problem, decisions, fit),
+        "found": sc.laplace(problem, decisions, fit),
+        "n_pairs": (25, 5),
+        "probability": np.ones(len(decisions)),
+        "n_states": 25,
+        "first": [0, 1],
+        "second": [0, 1],
+        **decisions.columns(),
+    }
+
+
+CALLS = [
+    sc.fit_mdce_serd,
+    sc.fit_pm_serd,
+    sc.fit_maxent_irl,
+    sc.fit_mdce_irl_by_likelihood,
+    sc.fit_mdce_irl_by_entropy,
+    sc.fit_policy_matching,
+    sc.fit_relative_entropy_irl,
+    sc.fit_expert_types,
+    sc.choose_expert_types,
+    sc.clone_behaviour,
+    sc.estimate_dynamics,
+    sc.counted_transitions,
+    sc.soft_policy,
+    sc.optimal_policy,
+    sc.boltzmann_policy,
+    sc.sample_decisions,
+    sc.finite_horizon,
+    sc.policy_log_likelihood,
+    sc.move_log_likelihood,
+    sc.bootstrap,
+    sc.decisions_in_periods,
+    sc.fit_information,
+    sc.standard_errors,
+    sc.clustered_outer_product,
+    sc.identifiability,
+    sc.likelihood_ratio_test,
+    sc.confidence_interval,
+    sc.laplace,
+    sc.outcome_information,
+    sc.expected_information_gain,
+    sc.fitted_policy,
+    sc.validation_log_likelihood,
+    sc.dynamics_divergence,
+    sc.adjusted_rand_index,
+    sc.fixed_transitions,
+    sc.learned_transitions,
+    sc.compare_beliefs,
+    sc.EntropyPrior,
+    sc.KldPrior,
+    sc.GaussianPrior,
+    sc.Decisions,
+    sc.OutcomeModels,
+    sc.TabularProblem,
+    sc.Mdp,
+    sc.DirichletPrior,
+    sc.NormPrior,
+    sc.CoupledBelief,
+    sc.Newton,
+    sc.ValueIteration,
+    sc.Lbfgs,
+    sc.TrustRegion,
+    sc.NewtonAscent,
+    sc.KinkedAscent,
+]
+
+
+def arguments(call):
+    """(required, all) names of its arguments."""
+    parameters = inspect.signature(call).parameters
+    return [n for n, p in parameters.items() if p.default is p.empty], list(parameters)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [(call, name) for call in CALLS for name in arguments(call)[1] if name in WRONG],
+    ids=lambda part: part if isinstance(part, str) else part.__name__,
+)
+def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, name):
+    required, _ = arguments(call)
+    given = {each: valid[each] for each in required if each != name}
+    if "initial_weights" in inspect.signature(call).parameters:
+        given["initial_weights"] = valid["initial_weights"]
+    if call in (sc.confidence_interval, sc.dynamics_divergence):
+        given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
+    if call is sc.DirichletPrior:
+        given["pseudo_count"] = 1.0
+    if name == "rng":
+        given.pop("initial_weights", None)
+        given["prior" if call is sc.fit_mdce_serd else "rng"] = sc.UniformPrior()
+    for wrong in WRONG[name]:
+        with pytest.raises(sc.SerdError) as caught:
+            call(**given | {name: wrong})
+        sentence = str(caught.value)
+        assert "\n" not in sentence
+        assert name in sentence or NAMED.get(name, name) in sentence
+        assert " must " in sentence
+        assert "; " in sentence
