@@ -22,7 +22,6 @@ import scipy.sparse
 from serd_core.arrays import BoolArray, FloatArray, IntArray, chosen_indices, require_count
 from serd_core.arrival.absorption import probability_of_ever_arriving
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import require_problem
 
@@ -43,11 +42,11 @@ class GoalProblem(Protocol):
 class ArrivalTimes:
     """Predicted arrival.
 
-    periods: (n_periods + 1,) 0, 1, ... decisions, or steps of time; cdf: probability of having
-    arrived by each. arrival_probability: probability of ever arriving.
+    decisions: (n_decisions + 1,) 0, 1, ...; cdf: probability of having arrived after each.
+    arrival_probability: probability of ever arriving.
     """
 
-    periods: IntArray
+    decisions: IntArray
     cdf: FloatArray
     arrival_probability: float
 
@@ -57,7 +56,7 @@ def arrival_time_distribution(
     policy: FloatArray,
     outcome_probabilities: FloatArray | None,
     start_distribution: FloatArray,
-    n_periods: int,
+    n_decisions: int,
 ) -> ArrivalTimes:
     """Distribution of the number of decisions until a goal state is reached.
 
@@ -67,18 +66,18 @@ def arrival_time_distribution(
     goal = goal_mask(problem)
     chain = policy_chain(problem.mdp, policy, outcome_probabilities)
     share = checked_distribution("start_distribution", start_distribution, problem.mdp.n_states)
-    require_count("n_periods", n_periods, 0, "the time-out's")
-    cdf = np.empty(n_periods + 1)
+    require_count("n_decisions", n_decisions, 0, "the time-out's")
+    cdf = np.empty(n_decisions + 1)
     moving, arrived = np.where(goal, 0.0, share), float(share[goal].sum())
     cdf[0] = arrived
     onward = chain.T.tocsr()
-    for period in range(1, n_periods + 1):
+    for decision in range(1, n_decisions + 1):
         moving = onward @ moving
         arrived += float(moving[goal].sum())
         moving[goal] = 0.0
-        cdf[period] = arrived
+        cdf[decision] = arrived
     return ArrivalTimes(
-        periods=np.arange(n_periods + 1),
+        decisions=np.arange(n_decisions + 1),
         cdf=np.minimum(cdf, 1.0),
         arrival_probability=float(np.dot(share, probability_of_ever_arriving(chain, goal))),
     )
@@ -137,37 +136,6 @@ class ArrivalByState:
         """(S,) mean of min(steps until arrival, horizon): sum over n < horizon of 1 - F_n."""
         return np.asarray((1.0 - self.cdf[:-1]).sum(axis=0))
 
-    def from_state(self, state: int) -> ArrivalTimes:
-        """The law of the remaining steps of a robot that is in `state` now."""
-        if not 0 <= state < self.cdf.shape[1]:
-            last = self.cdf.shape[1] - 1
-            raise SerdError(f"state must be a state from 0 to {last}, got {state}; use the grid's")
-        return ArrivalTimes(
-            periods=np.arange(len(self.cdf)),
-            cdf=self.cdf[:, state],
-            arrival_probability=float(self.arrival_probability[state]),
-        )
-
     def within(self, n_steps: int) -> FloatArray:
         """(S,) probability of arriving within so many steps; the horizon where it is beyond."""
         return np.asarray(self.cdf[min(max(n_steps, 0), self.n_steps)])
-
-
-def arrival_by_state(
-    problem: GoalProblem,
-    policy: FloatArray,
-    outcome_probabilities: FloatArray | None,
-    n_periods: int,
-) -> ArrivalByState:
-    """Run the chain of an (S, A) policy backwards from its goals for `n_periods` decisions.
-
-    outcome_probabilities: None for transitions without parameters.
-    """
-    require_count("n_periods", n_periods, 0, "the time-out's")
-    goal = goal_mask(problem)
-    chain = policy_chain(problem.mdp, policy, outcome_probabilities)
-    cdf = np.empty((n_periods + 1, len(goal)))
-    cdf[0] = goal
-    for period in range(1, n_periods + 1):
-        cdf[period] = np.where(goal, 1.0, chain @ cdf[period - 1])
-    return ArrivalByState(np.minimum(cdf, 1.0), probability_of_ever_arriving(chain, goal))

@@ -80,7 +80,17 @@ WRONG = {
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        ("n_episodes", "n_steps", "n_periods", "n_types", "most_types", "n_models", "n", "n_folds"),
+        (
+            "n_episodes",
+            "n_steps",
+            "n_periods",
+            "n_decisions",
+            "n_types",
+            "most_types",
+            "n_models",
+            "n",
+            "n_folds",
+        ),
         NO_COUNTS,
     ),
 }
@@ -129,6 +139,7 @@ def valid(gridworld):
         "n_episodes": 2,
         "n_steps": 2,
         "n_periods": 2,
+        "n_decisions": 2,
         "n_types": 2,
         "errors": np.ones(2),
         "standard_deviation": 1.0,

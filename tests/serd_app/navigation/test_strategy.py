@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from serd_bag.errors import FileError
-from serd_core.arrival.chain import arrival_by_state
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_core.semi_markov.simulation import sample_timed_decisions
@@ -18,6 +17,7 @@ from serd_sim.drivers.strategy import (
 )
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
+from support.arrival_twin import arrival_by_state
 from tests.conftest import MEAN_S, OUTCOMES, model_row
 
 HALLWAY = load_scenario("hallway")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_core.arrival.chain import arrival_by_state
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
@@ -18,6 +17,7 @@ from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.scenario.grid import navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
+from support.arrival_twin import arrival_by_state
 from support.episodes import episode_result
 
 

@@ -13,8 +13,8 @@ from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import write_report
 from serd_core.arrival.arriving_policy import arriving_policy
-from serd_core.arrival.chain import arrival_by_state
 from serd_core.policies.solved_policy import optimal_policy
+from support.arrival_twin import arrival_by_state
 from support.episodes import episode_result
 
 

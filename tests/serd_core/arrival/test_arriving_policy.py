@@ -13,11 +13,12 @@ from serd_core.arrival.arriving_policy import (
     arriving_policy,
     least_time_policy,
 )
-from serd_core.arrival.chain import arrival_by_state, policy_chain
+from serd_core.arrival.chain import policy_chain
 from serd_core.arrival.trap_states import trap_states
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from support.arrival_twin import arrival_by_state
 
 N_STEPS = 200
 #: Of a move (stay, forward, right, back, left), and of waiting.
@@ -48,11 +49,11 @@ def outcomes_of(move, waiting=STANDS):
     return np.array([move, move, move, waiting])
 
 
-def driven_by(problem, learned, outcomes, n_periods=N_STEPS):
+def driven_by(problem, learned, outcomes, n_steps=N_STEPS):
     def arrival_of(policy):
-        return arrival_by_state(problem, policy.probabilities, outcomes, n_periods)
+        return arrival_by_state(problem, policy.probabilities, outcomes, n_steps)
 
-    return arriving_policy(problem, learned, outcomes, one_second(problem), arrival_of, n_periods)
+    return arriving_policy(problem, learned, outcomes, one_second(problem), arrival_of, n_steps)
 
 
 def loves_walls(problem, outcomes):
@@ -159,7 +160,7 @@ def test_a_soft_policy_that_arrives_by_chance_is_left_as_it_is():
 
 def test_where_the_goal_cannot_be_reached_in_time_both_kinds_of_policy_are_trapped():
     problem, outcomes = problem_of(np.ones((1, 8)), [7]), outcomes_of(SURE)
-    found = driven_by(problem, loves_walls(problem, outcomes), outcomes, n_periods=3)
+    found = driven_by(problem, loves_walls(problem, outcomes), outcomes, n_steps=3)
     assert found.traps.states.tolist() == [0, 1, 2, 3]
     assert found.by_time[:4].all()
 
@@ -174,11 +175,11 @@ def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_tim
     outcomes /= outcomes.sum(axis=1, keepdims=True)
     weights = rng.normal(0.0, 3.0, len(problem.feature_names))
     learned = optimal_policy(problem, weights, outcomes)
-    found = driven_by(problem, learned, outcomes, n_periods=30)
+    found = driven_by(problem, learned, outcomes, n_steps=30)
     fastest = least_time(problem, outcomes)
     chosen = np.where(found.by_time, fastest.greedy, learned.greedy)
     assert np.array_equal(found.policy.greedy, chosen)
-    arrives = partial(arrival_by_state, problem, outcome_probabilities=outcomes, n_periods=30)
+    arrives = partial(arrival_by_state, problem, outcome_probabilities=outcomes, n_steps=30)
     driven = arrives(found.policy.probabilities).within(30)
     assert np.array_equal(found.arrival.within(30), driven)
     looping = trap_states(problem.grid.neighbours, found.policy.greedy, problem.goal_states)

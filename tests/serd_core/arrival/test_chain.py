@@ -55,9 +55,9 @@ def test_wrong_arguments_are_refused_by_name():
         arrival_time_distribution(problem, np.tile(np.eye(5)[1], (6, 1)), outcomes(1), start, 3)
     with pytest.raises(SerdError, match=r"policy\[0\] must sum to 1, got 0.5"):
         arrival_time_distribution(problem, good * 0.5, outcomes(1), start, 3)
-    with pytest.raises(SerdError, match="n_periods must be a whole number of at least 0, got -1"):
+    with pytest.raises(SerdError, match="n_decisions must be a whole number of at least 0, got -1"):
         arrival_time_distribution(problem, good, outcomes(1), start, -1)
-    with pytest.raises(SerdError, match=r"n_periods must be a whole number .* got 30\.5"):
+    with pytest.raises(SerdError, match=r"n_decisions must be a whole number .* got 30\.5"):
         arrival_time_distribution(problem, good, outcomes(1), start, 30.5)
 
 

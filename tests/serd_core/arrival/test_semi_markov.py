@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import gamma, nbinom
 
 from serd_core import memory
-from serd_core.arrival.chain import arrival_by_state
 from serd_core.arrival.semi_markov import (
     DwellTimes,
     RenewalChain,
@@ -13,6 +12,7 @@ from serd_core.arrival.semi_markov import (
     semi_markov_arrival,
 )
 from serd_core.errors import SerdError
+from support.arrival_twin import arrival_by_state
 from support.small_problems import room
 
 

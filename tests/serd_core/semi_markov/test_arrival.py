@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import gamma
 
 import serd_core as sc
-from serd_core.arrival.chain import arrival_by_state
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.semi_markov.arrival import dwell_steps, timed_arrival
+from support.arrival_twin import arrival_by_state
 from support.semi_markov import timed_ring
 from support.small_problems import room
 
