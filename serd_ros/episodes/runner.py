@@ -1,6 +1,7 @@
 """Runs the episodes of a driver: resets the world, decides once per epoch, writes the results."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -31,6 +32,20 @@ _CLOCK_ROUNDING_S = 1e-6
 #: two control periods where these are longer.
 _FRESH_S = 0.5
 _LOOK_PERIOD_S = 1.0
+
+
+@dataclass
+class _Drive:
+    """A running episode. started_wall_s: when its first observation came, with `progress`."""
+
+    episode: EpisodeStart
+    progress: EpisodeProgress | None = None
+    started_wall_s: float = 0.0
+    #: The action of the running epoch, and the tick that was followed last.
+    action: Action = Action.WAIT
+    followed_tick: int = -1
+    ending: tuple[Ending, Observation] | None = None
+    reason: str = ""
 
 
 class EpisodeRunner:
@@ -67,17 +82,11 @@ class EpisodeRunner:
         self._steer, self._start_of, self._give_up = steer, start, give_up
         self._on_end, self._on_new_session = on_end, on_new_session
         self._epochs = epochs_in(scenario, grid_of(scenario))
-        self._running: EpisodeStart | None = None
-        self._progress: EpisodeProgress | None = None
+        self._drive: _Drive | None = None
         #: With the wall time at which it came.
         self._waiting: tuple[Observation, float] | None = None
-        #: The action of the running epoch, and the tick that was followed last.
-        self._action, self._followed_tick = Action.WAIT, -1
-        self._ending: tuple[Ending, Observation] | None = None
-        self._reason = ""
         #: Stamps and counts of the world, from those at the begin of the episode on.
         self._world_reports = list[tuple[int, dict[str, str]]]()
-        self._started_wall_s = 0.0
         if scenario.patience_remark:
             self._node.get_logger().warning(scenario.patience_remark)
         endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE)
@@ -104,8 +113,8 @@ class EpisodeRunner:
     def set_scenario(self, scenario: Scenario) -> None:
         """End episodes in the goal area of this scenario from now on, the running one too."""
         self.scenario = scenario
-        if self._progress is not None:
-            self._progress.goal_area_m = scenario.goal_area_m
+        if self._drive is not None and self._drive.progress is not None:
+            self._drive.progress.goal_area_m = scenario.goal_area_m
 
     @property
     def ready(self) -> bool:
@@ -115,7 +124,7 @@ class EpisodeRunner:
     @property
     def driving(self) -> bool:
         """Whether an episode is running."""
-        return self._running is not None
+        return self._drive is not None
 
     @property
     def n_finished(self) -> int:
@@ -124,7 +133,7 @@ class EpisodeRunner:
 
     def next_episode(self) -> None:
         """Have the world reset, or begin what `start` returns."""
-        self._clear()
+        self._drive = None
         if self._start_of is None:
             self._starter.reset_world()
         elif (episode := self._start_of()) is not None:
@@ -132,9 +141,9 @@ class EpisodeRunner:
 
     def discard(self) -> None:
         """Discard the running episode."""
-        if self.observation is not None and self._progress is not None:
-            self._mark(END, self.observation, "discarded")
-        self._clear()
+        drive, self._drive = self._drive, None
+        if self.observation is not None and drive is not None and drive.progress is not None:
+            self._mark(END, self.observation, "discarded", drive.reason)
 
     @property
     def _resets_world(self) -> bool:
@@ -147,8 +156,7 @@ class EpisodeRunner:
         if jump is Jump.BACKWARD:
             self._on_new_session()
             self._node.get_logger().warning("the clock fell back: the drive begins anew")
-            self._clear()
-            self._waiting = None
+            self._drive = self._waiting = None
             self._world_reports.clear()
             self._starter.wait()
 
@@ -172,13 +180,9 @@ class EpisodeRunner:
         self._node.get_logger().info(f"waiting for {missing}")
         write_progress(Progress(text=f"waiting for {missing}"))
 
-    def _clear(self) -> None:
-        self._running, self._progress, self._ending = None, None, None
-        self._reason, self._followed_tick = "", -1
-
     def _begin_episode(self, episode: EpisodeStart) -> None:
         """Drive from the episode's first observation on, which may be here already."""
-        self._running = episode
+        self._drive = _Drive(episode)
         del self._world_reports[:-1]
         self.driver.begin(episode.episode)
         if self._waiting is not None:
@@ -191,51 +195,47 @@ class EpisodeRunner:
 
     def _on_observation(self, observation: Observation) -> None:
         """Follow the episode; an observation may come before the reply that begins it."""
-        self.observation = observation
-        if self._running is None:
+        self.observation, drive = observation, self._drive
+        if drive is None:
             self._waiting = observation, self._node.wall_s()
             return
         self._waiting = None
-        if observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S:
+        if observation.time_s < drive.episode.start_s - _CLOCK_ROUNDING_S:
             return
-        if self._progress is None:
-            self._start(observation)
-        assert self._progress is not None
-        if self._ending is None:
-            ending = self._progress.see(observation)
-            self._ending = None if ending is None else (ending, observation)
-        self._follow_epochs(observation)
+        if drive.progress is None:
+            drive.progress = EpisodeProgress(self.scenario, observation, self._config.timeout_s)
+            drive.started_wall_s = self._node.wall_s()
+            self._epochs.begin()
+            self._mark(START, observation)
+        if drive.ending is None:
+            ending = drive.progress.see(observation)
+            drive.ending = None if ending is None else (ending, observation)
+        self._follow_epochs(drive, observation)
         self._finish_when_reported()
 
-    def _start(self, observation: Observation) -> None:
-        self._progress = EpisodeProgress(self.scenario, observation, self._config.timeout_s)
-        self._epochs.begin()
-        self._started_wall_s = self._node.wall_s()
-        self._mark(START, observation)
-
-    def _follow_epochs(self, observation: Observation) -> None:
+    def _follow_epochs(self, drive: _Drive, observation: Observation) -> None:
         """Decide where an epoch begins.
 
         A tick that comes again is one that a receiver has missed, and gets the same answer.
         """
         begins = self._epochs.begins(observation)
-        is_again = observation.tick == self._followed_tick
+        is_again = observation.tick == drive.followed_tick
         if begins and not is_again:
-            self._action = self._decided(observation)
-            self._epochs.take(observation.time_s, self._action)
-        self._followed_tick = observation.tick
+            drive.action = self._decided(drive, observation)
+            self._epochs.take(observation.time_s, drive.action)
+        drive.followed_tick = observation.tick
         if begins or is_again:
-            self._steer(observation, self._action)
+            self._steer(observation, drive.action)
 
-    def _decided(self, observation: Observation) -> Action:
+    def _decided(self, drive: _Drive, observation: Observation) -> Action:
         """What the driver decides; to wait where it gives up, and until the end is reported."""
-        if self._ending is not None:
+        if drive.ending is not None:
             return Action.WAIT
         action = self.driver.decide(observation, self._epochs.state)
-        self._reason = self._give_up()
-        if not self._reason:
+        drive.reason = self._give_up()
+        if not drive.reason:
             return action
-        self._ending = "aborted", observation
+        drive.ending = "aborted", observation
         return Action.WAIT
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -246,21 +246,31 @@ class EpisodeRunner:
 
     def _finish_when_reported(self) -> None:
         """End the episode when the world's count of contacts at its last tick has arrived."""
-        if self._ending is None or self._running is None:
+        drive = self._drive
+        if drive is None or drive.ending is None or drive.progress is None:
             return
-        ending, observation = self._ending
+        ending, observation = drive.ending
         report = self._world_report(observation)
         if report is None:
             return
-        self._mark(END, observation, ending)
-        self._results.append(self._result(ending, report))
+        self._mark(END, observation, ending, drive.reason)
+        result = observed_result(
+            drive.episode,
+            drive.progress,
+            report,
+            driver=self.driver.name,
+            outcome=ending,
+            reason=drive.reason,
+            wall_s=self._node.wall_s() - drive.started_wall_s,
+        )
+        self._results.append(result)
         self._save_results()
-        self._log_result(self._results[-1])
-        self._on_end(self._results[-1])
+        self._log_result(result)
+        self._on_end(result)
         if len(self._results) < self._config.episodes:
             self.next_episode()
         else:
-            self._running = None
+            self._drive = None
             self._node.finish(0)
 
     def _world_report(self, observation: Observation) -> dict[str, str] | None:
@@ -277,19 +287,6 @@ class EpisodeRunner:
         until_then = [report for at_ns, report in self._world_reports if at_ns <= time_ns]
         return until_then[-1] if until_then else self._world_reports[0][1]
 
-    def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
-        assert self._running is not None
-        assert self._progress is not None
-        return observed_result(
-            self._running,
-            self._progress,
-            report,
-            driver=self.driver.name,
-            outcome=ending,
-            reason=self._reason,
-            wall_s=self._node.wall_s() - self._started_wall_s,
-        )
-
     def _save_results(self) -> None:
         """Write the table of all episodes so far, in which contacts are counted."""
         if self._config.output and self._resets_world:
@@ -304,7 +301,8 @@ class EpisodeRunner:
         )
         write_progress(Progress(text=text, done=self.n_finished))
 
-    def _mark(self, event: str, observation: Observation, outcome: str = "") -> None:
-        self._starter.mark(
-            event, observation.time_s, self.driver.name, outcome=outcome, reason=self._reason
-        )
+    def _mark(
+        self, event: str, observation: Observation, outcome: str = "", reason: str = ""
+    ) -> None:
+        driver = self.driver.name
+        self._starter.mark(event, observation.time_s, driver, outcome=outcome, reason=reason)

@@ -1,0 +1,72 @@
+"""What a scope makes ends with it, and no callback of it runs afterwards."""
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Int32
+from std_srvs.srv import Trigger
+
+from serd_files.errors import USER_ERRORS
+from serd_ros.endpoints import qos
+from support.nodes_in_process import deliver, node_in_process
+
+KINDS = ("publishers", "subscriptions", "services", "clients", "timers")
+
+
+def endpoints_of(node):
+    return {kind: set(getattr(node, kind)) for kind in KINDS}
+
+
+@pytest.fixture
+def running():
+    with node_in_process("teleop_mux", frame_prefix="robot1/") as found:
+        yield found
+
+
+def fill(endpoints, taken):
+    """An endpoint of each kind; returns their callbacks as rclpy has them."""
+    node = endpoints.node
+    before = endpoints_of(node)
+    endpoints.publisher(Int32, "sent", qos.STATE)
+    endpoints.subscribe(Int32, "number", taken.append, qos.STATE)
+    endpoints.subscribe_raw(Int32, "bytes", taken.append, qos.STATE)
+    endpoints.every(60.0, lambda: taken.append("timer"))
+    endpoints.serve(Trigger, "ask", lambda _: taken.append("asked") or "answer")
+    endpoints.client(Trigger, "asked")
+    return {kind: found - before[kind] for kind, found in endpoints_of(node).items()}
+
+
+@pytest.mark.parametrize("depth", [0, 1])
+def test_all_that_a_scope_made_ends_with_it_and_with_the_scope_around_it(running, depth):
+    node, taken = running.node, []
+    before = endpoints_of(node)
+    outer = node.endpoints.scope()
+    made = fill(outer.scope() if depth else outer, taken)
+    assert [len(made[kind]) for kind in KINDS] == [1, 2, 1, 1, 1]
+    node.endpoints.destroy(outer)
+    assert endpoints_of(node) == before
+    for subscription in made["subscriptions"]:
+        deliver(subscription, Int32())
+    for timer in made["timers"]:
+        timer.callback()
+    (service,) = made["services"]
+    service.callback(Trigger.Request(), Trigger.Response())
+    assert not taken
+
+
+def test_a_service_answers_with_the_sentence_of_an_error(running):
+    def refuse(_):
+        raise USER_ERRORS[0]("no; do another thing")
+
+    running.node.endpoints.serve(Trigger, "ask", refuse)
+    response = running.call("ask", Trigger.Request())
+    assert (response.success, response.message) == (False, "no; do another thing")
+
+
+def test_frames_come_without_the_prefix_of_the_robot(running):
+    taken = []
+    running.node.endpoints.subscribe(PoseStamped, "pose", taken.append, qos.STATE)
+    for frame in ("robot1/odom", "map"):
+        message = PoseStamped()
+        message.header.frame_id = frame
+        running.receive("pose", message)
+    assert [each.header.frame_id for each in taken] == ["odom", "map"]
