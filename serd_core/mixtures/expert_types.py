@@ -1,8 +1,5 @@
 """Types of experts found in demonstrations: a mixture of MDCE SERD models with shared dynamics.
 
-    types = fit_expert_types(problem, decisions, 2)
-    types = choose_expert_types(problem, decisions)
-
 Expectation maximisation (Babes et al., ICML 2011) computes responsibilities, then fits types to
 units that count by these: one Newton step, shortened until it rises (Lange, Journal of the Royal
 Statistical Society B 57, 1995), so no step lowers the log posterior. The best end is finished by
