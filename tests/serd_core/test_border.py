@@ -16,7 +16,10 @@ WRONG = {
     "problem": KINDS,
     "decisions": KINDS,
     "samples": KINDS,
-    "mdp": [],
+    "mdp": KINDS,
+    "transitions": KINDS,
+    "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
+    "feature_names": ["x", [1, 2], ["goal", "goal"]],
     "belief": [*KINDS, sc.FreeBelief],
     "prior": KINDS,
     "ascent": KINDS,
@@ -182,6 +185,7 @@ CALLS = [
     sc.dynamics_divergence,
     sc.adjusted_rand_index,
     sc.fixed_transitions,
+    sc.from_transitions,
     sc.learned_transitions,
     sc.compare_beliefs,
     sc.EntropyPrior,
@@ -221,6 +225,8 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
         given["initial_weights"] = valid["initial_weights"]
     if call in (sc.confidence_interval, sc.dynamics_divergence):
         given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
+    if call is sc.from_transitions:
+        given |= {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 2))}
     if call is sc.DirichletPrior:
         given["pseudo_count"] = 1.0
     if name == "rng":
