@@ -90,8 +90,8 @@ def fit_expert_types(
     experts: (N,) number of the expert who took each decision, whose episodes share their type; None
     where each episode has a type of its own. seed: of the starts of EM.
     """
-    start = _one_type(problem, decisions, experts)
     require_count("n_types", n_types, 1, "2")
+    start = _one_type(problem, decisions, experts)
     if n_types > (n_units := len(start.units.labels)):
         raise SerdError(
             f"n_types must be at most {n_units}, the number of experts or episodes, got {n_types};"
