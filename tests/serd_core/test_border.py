@@ -16,6 +16,7 @@ def words(text):
 KINDS = ["x", 0.5, object()]
 NO_ARRAYS = ["x", [["a"]], [np.nan, 0.0], np.ones((7, 7, 7, 7)), object()]
 NO_NUMBERS = ["1", [1.0, 2.0], np.nan, object()]
+NOT_POSITIVE = [*NO_NUMBERS, 0.0, -1.0]
 NO_COUNTS = ["1", 1.5, -1, None]
 WRONG = {
     "problem": KINDS,
@@ -46,7 +47,7 @@ WRONG = {
     ),
     **dict.fromkeys(
         words("pseudo_count temperature initial_temperature inverse_temperature largest_weight"),
-        [*NO_NUMBERS, 0.0, -1.0],
+        NOT_POSITIVE,
     ),
     **dict.fromkeys(
         words("""
