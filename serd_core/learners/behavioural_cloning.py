@@ -3,8 +3,6 @@
     pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
 
 In states never visited the policy is uniform.
-
-    policy = clone_behaviour(problem, decisions, pseudo_count=0.5)
 """
 
 import numpy as np

@@ -9,8 +9,6 @@ log-likelihood per episode is concave and its gradient is phi~ minus expected co
 
 Unlike the causal model this one lets the agent choose as if it could pick outcomes, too.
 (3.19) as printed has the sign of theta that would give exp(-theta . phi).
-
-    fit = fit_maxent_irl(problem, decisions, rng=rng)
 """
 
 from dataclasses import dataclass

@@ -15,9 +15,6 @@ mean has its maximum at the expert's weights. The dual is concave where no episo
 
 Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
 *discounted*, as in the constraint; matching them undiscounted converges to a wrong reward.
-
-    fit = fit_mdce_irl_by_likelihood(problem, decisions, rng=rng)
-    fit = fit_mdce_irl_by_entropy(problem, decisions, rng=rng, dynamics=known)
 """
 
 import numpy as np

@@ -6,8 +6,6 @@ The policy is Boltzmann over optimal Q-values with inverse temperature beta (3.1
 
 with mu_E and pi_E the empirical frequencies, or on the likelihood sum n(s,a) log pi_theta(a|s).
 Both gradients run through dQ*/dtheta, here by one adjoint solve.
-
-    fit = fit_policy_matching(problem, decisions, inverse_temperature=0.5, rng=rng)
 """
 
 import numpy as np

@@ -17,11 +17,6 @@ epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_
 (1 - gamma) for episodes of T decisions (T infinite where they are absorbed); where lengths differ,
 R_i reaches from the least count of any of them to the greatest. They are wide: with few
 demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
-
-    samples, policy = sample_from_estimates(problem, decisions, n_episodes=500, n_steps=40, rng=rng)
-    fit = fit_relative_entropy_irl(
-        problem, decisions, samples=samples, sampling_policy=policy, rng=rng
-    )
 """
 
 from collections.abc import Iterator

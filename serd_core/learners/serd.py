@@ -13,10 +13,6 @@ all rewards and theta_P by one factor changes nothing, so demonstrations determi
 A prior that holds theta_P near a value fixes the scale and does not change the likelihood; without
 one a fit does not converge. One that only shrinks rewards and temperature has no maximum, as both
 then go to zero together.
-
-    fit = fit_mdce_serd(problem, decisions)
-    fit = fit_mdce_serd(problem, decisions, rng=rng, prior=KldPrior(weight=1.0))
-    fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
 """
 
 from dataclasses import dataclass, field, replace

@@ -17,6 +17,7 @@ from serd_core.arrays import (
     float_array,
     is_number,
     require_each,
+    require_kind,
     shown,
 )
 from serd_core.bellman.engine import Engine, engine_for, is_large
@@ -38,6 +39,7 @@ class Mdp:
     discount: float
 
     def __post_init__(self) -> None:
+        require_kind("transitions", self.transitions, (TransitionModel,), "OutcomeModels(...)")
         if not (is_number(self.discount) and 0.0 <= self.discount < 1.0):
             raise SerdError(
                 f"discount must be in [0, 1), got {shown(self.discount)}; use for example 0.99"

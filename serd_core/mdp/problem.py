@@ -14,6 +14,7 @@ from serd_core.arrays import (
     float_array,
     number_array,
     once_per_state,
+    require_kind,
     shown,
     sum_per_row,
 )
@@ -53,6 +54,7 @@ class TabularProblem:
     feature_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        require_kind("mdp", self.mdp, (Mdp,), "Mdp(models, 0.95)")
         object.__setattr__(self, "feature_names", unique_names(self.feature_names))
         if not self.feature_names:
             raise SerdError(
@@ -100,7 +102,9 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
         if not isinstance(name, str):
             raise SerdError(f"feature_names must be texts, got {shown(name)}; use '{name}'")
         if name in names[:position]:
-            raise SerdError(f"feature_names must differ from each other, got {name!r} twice")
+            raise SerdError(
+                f"feature_names must differ from each other, got {name!r} twice; rename one"
+            )
     return tuple(names)
 
 

@@ -1,8 +1,5 @@
 """Types of experts found in demonstrations: a mixture of MDCE SERD models with shared dynamics.
 
-    types = fit_expert_types(problem, decisions, 2)
-    types = choose_expert_types(problem, decisions)
-
 Expectation maximisation (Babes et al., ICML 2011) computes responsibilities, then fits types to
 units that count by these: one Newton step, shortened until it rises (Lange, Journal of the Royal
 Statistical Society B 57, 1995), so no step lowers the log posterior. The best end is finished by
@@ -93,8 +90,8 @@ def fit_expert_types(
     experts: (N,) number of the expert who took each decision, whose episodes share their type; None
     where each episode has a type of its own. seed: of the starts of EM.
     """
-    start = _one_type(problem, decisions, experts)
     require_count("n_types", n_types, 1, "2")
+    start = _one_type(problem, decisions, experts)
     if n_types > (n_units := len(start.units.labels)):
         raise SerdError(
             f"n_types must be at most {n_units}, the number of experts or episodes, got {n_types};"

@@ -1,10 +1,4 @@
-"""Policies of known rewards and dynamics: solve the Bellman equation, then choose.
-
-policy = soft_policy(problem, reward_weights, outcome_probabilities)
-
-outcome_probabilities: (M, K) of OutcomeModels, (E,) entries of a SparseModel; None for transitions
-without parameters.
-"""
+"""Policies of known rewards and dynamics: solve the Bellman equation, then choose."""
 
 from dataclasses import dataclass
 

@@ -6,11 +6,7 @@ a null direction moves has an infinite standard error: the data do not determine
 
 Where the model is wrong, or decisions of one episode depend on each other, the covariance is the
 sandwich A^-1 B A^-1 of the observed information A and the outer product B of the scores, summed by
-decision (White, Econometrica 50, 1982) or by cluster (Liang and Zeger, Biometrika 73, 1986):
-
-    errors = standard_errors(problem, information, meat=information.outer_product)
-    meat = clustered_outer_product(problem, information, decisions)
-    errors = standard_errors(problem, information, meat=meat)
+decision (White, Econometrica 50, 1982) or by cluster (Liang and Zeger, Biometrika 73, 1986).
 
 All this holds at an optimum where J is smooth: there the gradient g is 0. Elsewhere, as on the way
 to it or at a kink, the Newton step M^-1 g leads away from the point, by sqrt(g . M^-1 g) standard
@@ -20,9 +16,6 @@ The bootstrap gives errors and intervals of whatever is estimated from decisions
 with replacement, as decisions within one depend on each other (Efron and Tibshirani, An
 Introduction to the Bootstrap, 1993). An estimate that learns the dynamics anew from each sample has
 their uncertainty in its errors.
-
-    found = bootstrap(decisions, lambda d: fit_mdce_serd(problem, d).reward_weights, rng=rng)
-    found.standard_errors, found.interval(0.95)
 """
 
 from collections.abc import Callable
@@ -97,7 +90,8 @@ def standard_errors(
     """Compute standard errors of rewards and dynamics of a fit, jointly.
 
     matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
-    meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it.
+    meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it:
+    `information.outer_product`, or that of `clustered_outer_product`.
     null_share: eigenvalues below this share of the largest count as undetermined.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
 

@@ -7,90 +7,57 @@ import pytest
 
 import serd_core as sc
 
+
+def words(text):
+    return text.split()
+
+
 #: What no argument of these names takes: another kind, no number, no finite one, another shape.
 KINDS = ["x", 0.5, object()]
 NO_ARRAYS = ["x", [["a"]], [np.nan, 0.0], np.ones((7, 7, 7, 7)), object()]
-NO_NUMBERS = ["1", [1.0, 2.0], object()]
+NO_NUMBERS = ["1", [1.0, 2.0], np.nan, object()]
+NOT_POSITIVE = [*NO_NUMBERS, 0.0, -1.0]
 NO_COUNTS = ["1", 1.5, -1, None]
 WRONG = {
     "problem": KINDS,
     "decisions": KINDS,
     "samples": KINDS,
-    "mdp": [],
+    "mdp": KINDS,
+    "transitions": KINDS,
+    "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
+    "feature_names": ["x", [1, 2], ["goal", "goal"]],
     "belief": [*KINDS, sc.FreeBelief],
     "prior": KINDS,
     "ascent": KINDS,
     "solver": [*KINDS, sc.Newton, None],
     "linear_solver": [*KINDS, sc.SparseLu],
     "rng": KINDS,
-    **dict.fromkeys(("fit", "information", "found", "restricted", "full", "policy_model"), KINDS),
     **dict.fromkeys(
-        (
-            "initial_weights",
-            "reward_weights",
-            "dynamics",
-            "policy",
-            "sampling_policy",
-            "baseline_policy",
-            "thresholds",
-            "outcome_probabilities",
-            "start_distribution",
-            "features",
-            "terminal_features",
-            "episode",
-            "time_s",
-            "state",
-            "action",
-            "next_state",
-            "successors",
-            "model_of",
-            "available",
-            "truth",
-            "visits",
-            "probability",
-            "errors",
-            "clusters",
-            "matrix",
-            "meat",
-            "first",
-            "second",
-            "experts",
-            "period",
-        ),
+        words("fit information found restricted full policy_model"),
+        KINDS,
+    ),
+    **dict.fromkeys(
+        words("""
+        initial_weights reward_weights dynamics policy sampling_policy baseline_policy
+        thresholds outcome_probabilities start_distribution features terminal_features episode
+        time_s state action next_state successors model_of available truth visits probability
+        errors clusters matrix meat first second experts period
+"""),
         NO_ARRAYS,
     ),
     **dict.fromkeys(
-        (
-            "pseudo_count",
-            "temperature",
-            "initial_temperature",
-            "inverse_temperature",
-            "confidence",
-            "largest_weight",
-            "slack",
-            "discount",
-            "coverage",
-            "weight",
-            "p",
-            "smoothing",
-            "accuracy",
-            "gradient_tolerance",
-            "short",
-        ),
+        words("pseudo_count temperature initial_temperature inverse_temperature largest_weight"),
+        NOT_POSITIVE,
+    ),
+    **dict.fromkeys(
+        words("""
+        confidence slack discount coverage weight p smoothing accuracy gradient_tolerance
+        short
+"""),
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        (
-            "n_episodes",
-            "n_steps",
-            "n_periods",
-            "n_decisions",
-            "n_types",
-            "most_types",
-            "n_models",
-            "n",
-            "n_folds",
-        ),
+        words("n_episodes n_steps n_periods n_decisions n_types most_types n_models n n_folds"),
         NO_COUNTS,
     ),
 }
@@ -158,59 +125,20 @@ def valid(gridworld):
 
 
 CALLS = [
-    sc.fit_mdce_serd,
-    sc.fit_pm_serd,
-    sc.fit_maxent_irl,
-    sc.fit_mdce_irl_by_likelihood,
-    sc.fit_mdce_irl_by_entropy,
-    sc.fit_policy_matching,
-    sc.fit_relative_entropy_irl,
-    sc.fit_expert_types,
-    sc.choose_expert_types,
-    sc.clone_behaviour,
-    sc.estimate_dynamics,
-    sc.counted_transitions,
-    sc.soft_policy,
-    sc.optimal_policy,
-    sc.boltzmann_policy,
-    sc.sample_decisions,
-    sc.finite_horizon,
-    sc.policy_log_likelihood,
-    sc.move_log_likelihood,
-    sc.bootstrap,
-    sc.decisions_in_periods,
-    sc.fit_information,
-    sc.standard_errors,
-    sc.clustered_outer_product,
-    sc.identifiability,
-    sc.likelihood_ratio_test,
-    sc.confidence_interval,
-    sc.laplace,
-    sc.outcome_information,
-    sc.expected_information_gain,
-    sc.fitted_policy,
-    sc.validation_log_likelihood,
-    sc.dynamics_divergence,
-    sc.adjusted_rand_index,
-    sc.fixed_transitions,
-    sc.learned_transitions,
-    sc.compare_beliefs,
-    sc.EntropyPrior,
-    sc.KldPrior,
-    sc.GaussianPrior,
-    sc.Decisions,
-    sc.OutcomeModels,
-    sc.TabularProblem,
-    sc.Mdp,
-    sc.DirichletPrior,
-    sc.NormPrior,
-    sc.CoupledBelief,
-    sc.Newton,
-    sc.ValueIteration,
-    sc.Lbfgs,
-    sc.TrustRegion,
-    sc.NewtonAscent,
-    sc.KinkedAscent,
+    getattr(sc, name)
+    for name in words("""
+    fit_mdce_serd fit_pm_serd fit_maxent_irl fit_mdce_irl_by_likelihood fit_mdce_irl_by_entropy
+    fit_policy_matching fit_relative_entropy_irl fit_expert_types choose_expert_types
+    clone_behaviour estimate_dynamics counted_transitions soft_policy optimal_policy
+    boltzmann_policy sample_decisions finite_horizon policy_log_likelihood move_log_likelihood
+    bootstrap decisions_in_periods fit_information standard_errors clustered_outer_product
+    identifiability likelihood_ratio_test confidence_interval laplace outcome_information
+    expected_information_gain fitted_policy validation_log_likelihood dynamics_divergence
+    adjusted_rand_index fixed_transitions from_transitions learned_transitions compare_beliefs
+    EntropyPrior KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
+    DirichletPrior NormPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
+    KinkedAscent
+""")
 ]
 
 
@@ -232,6 +160,8 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
         given["initial_weights"] = valid["initial_weights"]
     if call in (sc.confidence_interval, sc.dynamics_divergence):
         given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
+    if call is sc.from_transitions:
+        given |= {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 2))}
     if call is sc.DirichletPrior:
         given["pseudo_count"] = 1.0
     if name == "rng":

@@ -63,18 +63,6 @@ def test_a_discount_in_single_precision_gives_the_same_values(gridworld):
     np.testing.assert_array_equal(*values)
 
 
-def test_one_text_is_no_sequence_of_names():
-    stays = np.ones((1, 1, 1))
-    message = r"feature_names must be a sequence of names, got 'goal'; use \['goal'\]"
-    with pytest.raises(sc.SerdError, match=message):
-        sc.from_transitions(stays, np.ones((1, 4)), discount=0.9, feature_names="goal")
-    mdp = sc.from_transitions(stays, np.ones((1, 1)), discount=0.9).mdp
-    with pytest.raises(sc.SerdError, match=message):
-        sc.TabularProblem(mdp, np.ones((1, 1, 4)), "goal")
-    with pytest.raises(sc.SerdError, match="feature_names must be texts, got 1; use '1'"):
-        sc.from_transitions(stays, np.ones((1, 2)), discount=0.9, feature_names=["goal", 1])
-
-
 @pytest.mark.parametrize("shape", [(10**12 + 1, 1), (1, 10**12 + 1)], ids=["states", "actions"])
 def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(shape):
     places = [0], [0], [0]

@@ -21,6 +21,8 @@ from serd_core.bellman.linear.policy_pattern import PolicyPattern
 PER_ROOT_HORIZON, PER_DEPTH = 6.0, 6.0
 #: Depth, in units of log2 of the states, of graphs without small separators: factors fill up.
 NEAR = 1.5
+#: Right-hand sides up to which BiCGSTAB may cost less than a factor, which serves all of them.
+FEW_SIDES = 10
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Automatic(LinearSolver):
         if n_states <= self.small_states:
             return SparseLu()
         iterations = min(PER_ROOT_HORIZON * math.sqrt(horizon), PER_DEPTH * pattern.depth)
-        few = self.right_sides * iterations <= n_states / self.states_per_iteration
+        few = self.right_sides <= FEW_SIDES and iterations <= n_states / self.states_per_iteration
         near = pattern.depth <= NEAR * math.log2(n_states)
         return Krylov() if few or near else SparseLu()
 

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_pm_serd
 from serd_core.policies.solved_policy import boltzmann_policy
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from support.small_problems import fit_of, sampled
+from support.small_problems import sampled
 
 #: Does not affect the ratio of rewards and temperature, which is all that policies depend on.
 SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)
@@ -51,10 +50,3 @@ def test_fits_that_end_on_a_kink_are_certified(make_gridworld, n_episodes):
     assert fit.converged, fit.message
     smooth = fit_pm_serd(case.problem, decisions, ascent=TrustRegion(), **given)
     assert fit.objective >= smooth.objective
-
-
-def test_a_temperature_that_is_not_positive_is_refused(gridworld):
-    with pytest.raises(SerdError, match="start_temperature must be finite and above 0, got 0"):
-        fit_of(gridworld, [1.0, 1.0], fit=fit_pm_serd, initial_temperature=0.0)
-    with pytest.raises(SerdError, match="temperature must be finite and above 0, got -1"):
-        boltzmann_policy(gridworld.problem, np.ones(2), gridworld.probabilities, -1.0)

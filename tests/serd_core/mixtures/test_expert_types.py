@@ -109,11 +109,6 @@ def test_the_adjusted_rand_index_is_that_of_a_case_by_hand():
 def test_bad_arguments_are_named(known):
     with pytest.raises(SerdError, match=r"n_types must be at most 48, the number of .*, got 49"):
         fit_expert_types(known.problem, known.decisions, 49)
-    for n_types in (0, 1.5):
-        with pytest.raises(SerdError, match="n_types must be a whole number of at least 1, got"):
-            fit_expert_types(known.problem, known.decisions, n_types)
-    with pytest.raises(SerdError, match="most_types must be a whole number of at least 1, got 0"):
-        choose_expert_types(known.problem, known.decisions, most_types=0)
     wrong = np.arange(len(known.decisions))
     with pytest.raises(
         SerdError, match="experts must be one per episode, got 0 and 1 in episode 0"
