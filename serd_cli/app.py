@@ -3,7 +3,7 @@
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from importlib import import_module
 from threading import Timer
 from typing import Annotated, Any
 
@@ -14,54 +14,63 @@ from typer.main import get_command as click_command
 
 from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError, UsageError
+from serd_cli.options import add_command
 from serd_cli.output.terminal import progress_console
-from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
 from serd_files.errors import USER_ERRORS, missing_extra
 from serd_files.moved_names import where
+from serd_ros.process.executable import starting
+
+#: Commands and groups with what they do, in the order of the help. The module of each, which has
+#: its name, has its function or `group`, and as docstring the rest of its help.
+COMMANDS = {
+    "demo": "Demonstrate, record, learn, navigate and report, through ROS 2.",
+    "teleop": "Drive by hand in real time, and save or discard what is recorded.",
+    "watch": "Watch a running stack on a web page that drives nothing.",
+    "bag": "Inspect, check, repair, convert, map and play recordings.",
+    "demos": "Turn recordings into the table of decisions to learn from.",
+    "learn": "Learn rewards and dynamics from a table of decisions.",
+    "navigate": "Drive by a learned model; compare predicted and measured arrival.",
+    "report": "Write the page of a learned model, and score trajectories by it.",
+    "scenario": "List, draw and film scenarios, and write your own.",
+    "batch": "Run every combination of scenarios, policies, planners and seeds.",
+    "launch": "Start a stack of nodes.",
+    "run": "Run one node, as `ros2 run` does.",
+    "doctor": "Check what is installed and works; name the command to mend it.",
+}
+#: All that follows the executable is passed on.
+_SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
 
 
-class LazyCommands(FlagGroup):
+class LazyCommands(TyperGroup):
     """The group of all subcommands; the module of each is imported when it is called."""
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
-        """Names in the order of the help."""
-        return list(MODULES)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
-        """The subcommand, made from its signature; None where there is none."""
-        if cmd_name not in MODULES:
-            return None
-        if cmd_name not in self.commands:
-            group = click_command(app_of(cmd_name, known_signatures()))
-            assert isinstance(group, TyperGroup)
-            self.commands[cmd_name] = group.commands[cmd_name]
-        return self.commands[cmd_name]
+    def __init__(self, **options: Any) -> None:
+        stubs = {name: TyperCommand(name, help=about) for name, about in COMMANDS.items()}
+        super().__init__(**(options | {"commands": stubs}))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The subcommand of args; names near a wrong one are those of all subcommands."""
-        if args[0] not in MODULES:
-            return self._overview().resolve_command(ctx, args)
-        return super().resolve_command(ctx, args)
+        """The subcommand of args with its name, and what follows it."""
+        name, stub, rest = super().resolve_command(ctx, args)
+        if name is None:
+            return name, stub, rest
+        with starting():
+            return name, command_named(name), rest
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """The help, from one line per subcommand."""
-        self._overview().format_help(ctx, formatter)
 
-    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """Completions, from one line per subcommand."""
-        return self._overview().shell_complete(ctx, incomplete)
-
-    def _overview(self) -> TyperGroup:
-        """This group with one line per subcommand in place of the subcommands."""
-        known = known_signatures()
-        return TyperGroup(
-            name=self.name,
-            help=self.help,
-            params=self.params,
-            commands={name: TyperCommand(name, help=known[name]["help"]) for name in MODULES},
-            rich_markup_mode=self.rich_markup_mode,
-        )
+def command_named(name: str) -> Any:
+    """The command or group of a module of `serd_cli.commands`, which is imported."""
+    module = import_module(f"serd_cli.commands.{name}")
+    app: typer.Typer | None = getattr(module, "group", None)
+    if app is None:
+        app = typer.Typer(add_completion=False)
+        about = f"{COMMANDS[name]}\n\n{module.__doc__}"
+        add_command(app, name, getattr(module, name), about, _SETTINGS.get(name))
+    else:
+        app.info.help = COMMANDS[name]
+    command: Any = click_command(app)
+    command.name, command.short_help = name, COMMANDS[name]
+    return command
 
 
 def make_app() -> typer.Typer:
@@ -123,11 +132,12 @@ def run(app: typer.Typer) -> int:
     return exit_code
 
 
-def _require_present(words: Sequence[str]) -> None:
+def _require_present(words: list[str]) -> None:
     """UsageError for a command or option of an earlier version."""
     if words and (went := where("command", words[0])):
         raise UsageError(f"there is no command {words[0]!r}; {went}")
-    for word in words:
+    # What follows an executable is its own.
+    for word in words[:2] if words[:1] == ["run"] else words:
         option = word.partition("=")[0]
         if went := where("option", option):
             raise UsageError(f"there is no option {option}; {went}")

@@ -6,20 +6,49 @@ from itertools import count
 from os.path import lexists
 from pathlib import Path
 from types import GenericAlias
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args, get_origin
 
 import typer
-from pydantic import BaseModel, ValidationError
+from typer.core import TyperCommand
 
 from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
-from serd_files.files import shared_file
-from serd_files.settings import settings_of
-from serd_files.yaml_config import sentence_of
 from serd_sim.episodes.execution import BACKENDS, Execution
+from serd_sim.scenario.names import scenario_file, suite_names
 
-Model = TypeVar("Model", bound=BaseModel)
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+Model = TypeVar("Model", bound="BaseModel")
 Command = TypeVar("Command", bound=Callable[..., None])
+
+
+def present(given: Any) -> Any:
+    """The paths that a command reads, each of which must exist; before its imports, which take
+    longer."""
+    for path in _listed(given):
+        require_readable(path)
+    return given
+
+
+def _listed(given: Any) -> list[Any]:
+    """All values of an option, of which there may be none."""
+    if isinstance(given, list | tuple):
+        return [*given]
+    return [] if given is None else [given]
+
+
+def require_readable(path: Path) -> None:
+    """FileError where there is nothing at the path."""
+    with disk_errors("read", path):
+        path.stat()
+
+
+def known_scenarios(given: Any) -> None:
+    """Names of scenarios or suites, or files that must exist; SimError for any other."""
+    named = [each for each in _listed(given) if each and each not in suite_names()]
+    present([scenario_file(each) for each in named])
+
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
 #: Where many tasks run by default.
@@ -31,11 +60,73 @@ Address = Annotated[
 ]
 
 
-def option(model: type[BaseModel], name: str, *flags: str, **changes: Any) -> Any:
+def _command_class(function: Callable[..., None]) -> type[TyperCommand]:
+    """The class of a command that refuses what it cannot read before its imports, which take long.
+
+    These are empty paths, which would be the current folder, arguments that are paths to nothing,
+    and scenarios that are not known.
+    """
+    hints = inspect.signature(function, eval_str=True).parameters
+    paths = {name for name, each in hints.items() if _is_of_path(each.annotation)}
+
+    class EarlyCommand(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> Any:
+            texts, _, _ = self.make_parser(ctx).parse_args(list(args))
+            for each in self.params:
+                text = texts.get(each.name)
+                if each.name in paths and "" in _listed(text):
+                    is_option = each.param_type_name == "option"
+                    name = each.opts[0] if is_option else each.metavar or each.opts[0].upper()
+                    raise UsageError(
+                        f"{name} must name a file or folder, got an empty text; write . for the"
+                        " current folder"
+                    )
+            rest = super().parse_args(ctx, args)
+            for each in self.params if not ctx.resilient_parsing else ():
+                if each.param_type_name == "argument" and each.name in paths:
+                    present(ctx.params[each.name])
+                elif each.name == "scenario":
+                    known_scenarios(ctx.params[each.name])
+            return rest
+
+    return EarlyCommand
+
+
+def add_command(
+    group: typer.Typer,
+    name: str,
+    function: Callable[..., None],
+    about: str | None = None,
+    settings: dict[str, Any] | None = None,
+) -> None:
+    """Add a command to a group; without a word it prints its help where it needs one.
+
+    about: its help, the docstring of the function by default. settings: of its context.
+    """
+    parameters = inspect.signature(function).parameters.values()
+    needed = {each.name for each in parameters if each.default is each.empty} - {"context"}
+    text = about or inspect.getdoc(function) or ""
+    group.command(
+        name,
+        cls=_command_class(function),
+        help=text,
+        short_help=text.partition("\n\n")[0].replace("\n", " "),
+        no_args_is_help=bool(needed),
+        context_settings=settings,
+    )(function)
+
+
+def _is_of_path(kind: Any) -> bool:
+    return kind is Path or any(map(_is_of_path, get_args(kind)))
+
+
+def option(model: "type[BaseModel]", name: str, *flags: str, **changes: Any) -> Any:
     """The setting `name` of a model as a Typer option.
 
     flags: as `--transfer`, by default from the name; changes: a default or a help text of its own.
     """
+    from serd_files.settings import settings_of
+
     found = next(each for each in settings_of(model) if each.name == name)
     limits = found.limits
     # Typer has inclusive limits only; `validated` checks the others.
@@ -51,7 +142,7 @@ def option(model: type[BaseModel], name: str, *flags: str, **changes: Any) -> An
     return typer.Option(default, *flags, **(described | changes))
 
 
-def with_settings(model: type[BaseModel], **flags: str) -> Callable[[Command], Command]:
+def with_settings(model: "type[BaseModel]", **flags: str) -> Callable[[Command], Command]:
     """Decorator of a command with `**options`, which receives the settings of a model by name.
 
     Parameters that the command has itself are left as they are. flags: of settings whose option has
@@ -101,6 +192,10 @@ def _flag(name: str) -> str:
 
 def validated(model: type[Model], /, **values: Any) -> Model:
     """The values of the options as an instance of the model; UsageError names a bad one."""
+    from pydantic import ValidationError
+
+    from serd_files.yaml_config import sentence_of
+
     try:
         return model(**values)
     except ValidationError as error:
@@ -136,6 +231,8 @@ def free_folder(output: Path, name: str) -> Path:
 
 def require_apart(output: Path, written: Iterable[Path], read: Iterable[str | Path]) -> None:
     """UsageError where a file that --output makes the command write is one that it reads."""
+    from serd_files.files import shared_file
+
     if (path := shared_file(written, read)) is not None:
         raise UsageError(
             f"--output must not overwrite what is read, {output} would overwrite {path};"

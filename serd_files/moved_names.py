@@ -35,6 +35,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "compare"): (
         "the report scores trajectories: serd report MODEL --demonstrations FILE (docs/compare.md)"
     ),
+    ("command", "episode"): "serd scenario film drives one episode and draws it",
     ("option", "--density"): _NO_GAIN,
     ("option", "--experts"): _TYPES,
     ("option", "--same-expert"): _TYPES,
@@ -45,8 +46,11 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--lookahead"): f"{_WAYPOINT}; leave it out",
     ("option", "--times"): f"{_DWELL_TIMES}; leave it out",
     ("option", "--keyboard"): _KEYBOARD,
-    ("option", "--no-page"): _KEYBOARD,
-    ("option", "--page"): "serd teleop always has its page; leave the option out",
+    ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
+    ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
+    ("option", "--list"): "serd launch and serd run list what there is where no name follows",
+    ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
+    ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("argument", "watch BAG"): (
         "open a recording in Foxglove, which has a time line, or play it with 'serd bag play'"
         " beside 'serd watch'"

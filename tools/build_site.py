@@ -14,7 +14,7 @@ from typing import Any
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
-from serd_cli.app import make_app
+from serd_cli.app import COMMANDS, command_named, make_app
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
@@ -65,8 +65,11 @@ def _with_links(text: str, document: Path, waiting: list[Path], target: Path) ->
 def commands_page() -> str:
     """Every command with its help, its arguments and its options."""
     group: Any = get_command(make_app())
+    group.commands = {name: command_named(name) for name in COMMANDS}
     with group.context_class(group, info_name="serd") as context:
         page: str = get_docs_for_click(obj=group, ctx=context, name="serd", title="Commands")
+    page = page.replace("* `--help`: Show this message and exit.\n", "")
+    page = page.replace("**Options**:\n\n\n", "")  # of a group
     page = page.replace("\n# yaml-", "\n\\# yaml-")  # a line of a help, no heading
     return re.sub(r"(?<=\n\n)(serd .*)(?=\n\n)", r"```bash\n\1\n```", page)
 

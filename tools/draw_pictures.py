@@ -37,7 +37,7 @@ from serd_app.teleop.page.view import (
     world_state,
 )
 from serd_cli.demo.folder import DemoFolder
-from serd_cli.demo.recorded import read_recording
+from serd_cli.demo.report import read_recording
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.crossings import CellTracker
 from serd_core.demonstrations.decisions import state_counts
@@ -121,13 +121,13 @@ def draw_demo_arrival(path: Path, kept: Path) -> None:
 
 def draw_episode(path: Path, _kept: Path) -> None:
     """A demonstration from above, as a movie."""
-    _serd("episode", "render", "hallway", "--output", path)
+    _serd("scenario", "film", "hallway", "--output", path)
 
 
 def draw_episode_3d(path: Path, _kept: Path) -> None:
     """A moment of it behind the robot, among more people."""
     options = ("--people", "60", "--view", "chase", "--at", "13")
-    _serd("episode", "render", "hallway", *options, "--output", path)
+    _serd("scenario", "film", "hallway", *options, "--output", path)
 
 
 def draw_map_scenario(path: Path, _kept: Path) -> None:

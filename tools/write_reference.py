@@ -1,8 +1,7 @@
-"""Write what is generated from the settings models and the commands.
+"""Write what is generated from the settings models.
 
-These are nodes.yaml, docs/nodes.md, the tables of keys in docs/scenarios.md and docs/sources.md,
-and the signatures of the commands. Run `make reference` after changing a setting, a command or
-the graph.
+These are nodes.yaml, docs/nodes.md, and the tables of keys in docs/scenarios.md and
+docs/sources.md. Run `make reference` after changing a setting or the graph.
 """
 
 import re
@@ -16,8 +15,6 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
-from serd_cli.signatures import FILE as SIGNATURES
-from serd_cli.signatures import signatures, text_of
 from serd_files.settings import Setting, settings_of
 from serd_ros.graph.graph import NodeEndpoints, config_of, load_graph
 from serd_sim.planning.settings import PlannerSettings
@@ -69,7 +66,6 @@ def files() -> dict[Path, str]:
         ROOT / "docs" / "nodes.md": nodes_page(),
         ROOT / "docs" / "scenarios.md": page_of_keys("scenarios.md", SCENARIO_PARTS),
         ROOT / "docs" / "sources.md": page_of_keys("sources.md", MAPPING_PARTS),
-        SIGNATURES: text_of(signatures()),
     }
 
 

@@ -13,7 +13,7 @@ from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tas
 from lab.faults.faults import FAULTS
 from lab.faults.figure import FaultWays, draw_fault_ways
 from serd_app.report.style import save_figure
-from serd_cli.commands.simulation.batch import MOST_SEEDS
+from serd_cli.commands.batch import MOST_SEEDS
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.terminal import console, finite_values, print_json, run_episodes
 from serd_files.table import Row

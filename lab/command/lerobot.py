@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from serd_app.demonstrations.recorded import demonstrations_of_all
-from serd_app.demonstrations.recordings import read_recordings
+from serd_app.demonstrations.recorded import demonstrations_of_all, read_recordings
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.errors import AppError

@@ -1,4 +1,4 @@
-"""Demonstrations of several recordings: decisions on one grid, tracks, counts, and their files.
+"""Recordings of one place, their decisions on one grid, tracks and counts, and the files of these.
 
 The table of decisions is `NAME.csv`; what learning reads as well lies beside it.
 """
@@ -15,9 +15,13 @@ from serd_app.demonstrations.decision_table import concatenate_renumbered, save_
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
+from serd_app.demonstrations.suggestion.candidates import mapping_of_poses
+from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.drives.recording import Recording
+from serd_app.drives.recorded_people import Sighting, sightings_of_all
+from serd_app.drives.recording import Recording, read_recording
 from serd_app.drives.table_drives import is_table
+from serd_app.errors import AppError
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.files import delete_file
 from serd_core.arrays import FloatArray, IntArray
@@ -27,6 +31,67 @@ from serd_files.grid_file import save_grid
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of
 from serd_sim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True, eq=False)
+class Recordings:
+    """all: one of each bag or table; mappings: None for a table or a bag of our recorder."""
+
+    all: tuple[Recording, ...]
+    mappings: tuple[DriveMapping | None, ...]
+    tolerant: bool
+
+    @property
+    def drives(self) -> list[RecordedDrive]:
+        """Those of all recordings."""
+        return [drive for each in self.all for drive in each.drives]
+
+    @property
+    def people(self) -> BagMapping:
+        """The mapping that names topic and frame of people: the first of a bag."""
+        of_bags = (each for each in self.mappings if isinstance(each, BagMapping))
+        return next(of_bags, BagMapping())
+
+    def sightings(self) -> list[list[Sighting]]:
+        """People in each recording."""
+        paths, people = [each.bag for each in self.all], self.people
+        topic, frame = people.people_topic, people.frame
+        return sightings_of_all(paths, topic, frame=frame, tolerant=self.tolerant)
+
+
+def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | None:
+    """The mapping of a file, for bags or for tables; None without a file or without paths."""
+    if file is None or not paths:
+        return None
+    kinds = {TableMapping if is_table(each) else BagMapping for each in paths}
+    if len(kinds) > 1:
+        raise AppError(f"--mapping must be for bags or for tables, got {file} for both")
+    return load_yaml_model(file, kinds.pop())
+
+
+def read_recordings(
+    paths: Sequence[Path],
+    *,
+    mapping: DriveMapping | None,
+    scenario: Scenario | None,
+    tolerant: bool = False,
+    hidden: bool = False,
+) -> Recordings:
+    """Bags or tables; a bag of poses alone needs no mapping. Options: as of `read_recording`."""
+    mappings = tuple(
+        mapping or (None if is_table(each) else mapping_of_poses(each)) for each in paths
+    )
+    recordings = tuple(
+        read_recording(
+            each,
+            mapping=chosen,
+            tolerant=tolerant,
+            hidden=hidden,
+            goal_area_m=scenario.goal_area_m if scenario else (),
+        )
+        for each, chosen in zip(paths, mappings, strict=True)
+    )
+    return Recordings(recordings, mappings, tolerant)
 
 
 class _Bag(StrictModel):

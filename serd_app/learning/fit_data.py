@@ -115,7 +115,6 @@ def fit_data(
     decisions: Decisions,
     settings: RecipeSettings,
     rng: np.random.Generator,
-    *,
     initial_weights: FloatArray | None = None,
     on_progress: ProgressCallback = ignore_progress,
 ) -> FitData:

@@ -3,22 +3,22 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.goal import (
+from serd_app.demonstrations.decision_table import (
     ending_in,
     episodes_reaching,
+    load_decisions,
     until_goal,
     usual_goal_states,
 )
+from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid.flow_field import load_flow
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
+from serd_app.learning.settings import FlowSource
 from serd_app.places.kept_scenario import own_scenario_yaml, scenario_beside
 from serd_app.places.map_scenario import grid_scenario
 from serd_bag.errors import FileError
@@ -31,13 +31,12 @@ from serd_core.grid.navigation import (
     build_navigation_problem,
     with_dwell_times,
 )
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
-
-FlowSource = Literal["auto", "scenario", "recorded", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,41 +96,22 @@ def read_learning_files(
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
     scenario's goal area, or without a scenario where most of the episodes end.
     """
-    files = files_beside(table)
-    decisions = load_decisions(table)
-    require_beside(table, files["grid"], files["record"])
-    grid = load_grid(files["grid"])
-    record = load_yaml_model(files["record"], DemonstrationRecord)
-    place = scenario or scenario_beside(table, record.scenario)
-    known = load_scenario(place) if place else None
-    _require_one_place(files, record, grid, known)
-    _require_states(table, decisions, grid)
-    usual = goal_states_of(known, grid) if known else usual_goal_states(decisions, grid)
-    goals = _goal_states(grid, goals_m) if goals_m else usual
-    chosen, source = _flow(files["flow"], grid, known, flow)
-    all_decisions = decisions
-    if known is None and not goals_m:
-        decisions = ending_in(decisions, goals)
+    recorded = _read_recorded(table, scenario)
+    grid, known, all_decisions = recorded.grid, recorded.scenario, recorded.decisions
+    goals, decisions = recorded.goal_states(goals_m)
     elsewhere = ~np.isin(all_decisions.episode, decisions.episode)
     others = (
         usual_goal_states(all_decisions.select(elsewhere), grid) if elsewhere.any() else goals[:0]
     )
     kept = until_goal(decisions, goals)
-    by_decisions = build_navigation_problem(
-        grid=grid,
-        flow=chosen,
-        goal_states=goals,
-        wall_distance_m=wall_distance_of(known, grid) if known else grid_wall_distance_m(grid),
-        discount=discount,
-    )
-    problem = with_dwell_times(by_decisions, patience_s=record.patience_s, wait_s=record.wait_s)
-    name = known.name if known else ""
+    chosen, source = _flow(files_beside(table)["flow"], grid, known, flow)
+    problem = recorded.problem(chosen, goals, discount)
     return LearningFiles(
         task=LearningTask(
             problem,
-            name,
+            known.name if known else "",
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(known, problem, kept, record),
+            scenario_yaml=_scenario_yaml(known, problem, kept, recorded.record),
         ),
         demonstrations=Demonstrations(kept),
         flow_from=source,
@@ -143,6 +123,56 @@ def read_learning_files(
         reaching=episodes_reaching(decisions, goals),
         scenario=known,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """What lies beside a table of decisions; scenario: None where the grid was fitted."""
+
+    decisions: TimedDecisions
+    grid: Grid
+    record: DemonstrationRecord
+    scenario: Scenario | None
+
+    def goal_states(
+        self, goals_m: tuple[tuple[float, float], ...]
+    ) -> tuple[IntArray, TimedDecisions]:
+        """(G,) those of places, else of the scenario, else where most episodes end, and the
+        decisions of the episodes that end there."""
+        if goals_m:
+            return _goal_states(self.grid, goals_m), self.decisions
+        if self.scenario:
+            return goal_states_of(self.scenario, self.grid), self.decisions
+        goals = usual_goal_states(self.decisions, self.grid)
+        return goals, ending_in(self.decisions, goals)
+
+    def problem(self, flow: IntArray, goals: IntArray, discount: float) -> NavigationProblem:
+        """Its decisions take time; flow: (S,)."""
+        grid, place = self.grid, self.scenario
+        by_decisions = build_navigation_problem(
+            grid=grid,
+            flow=flow,
+            goal_states=goals,
+            wall_distance_m=wall_distance_of(place, grid) if place else grid_wall_distance_m(grid),
+            discount=discount,
+        )
+        return with_dwell_times(
+            by_decisions, patience_s=self.record.patience_s, wait_s=self.record.wait_s
+        )
+
+
+def _read_recorded(table: Path, scenario: str) -> _Recorded:
+    """The files, which must be of one place; scenario: in place of the one the record names."""
+    files = files_beside(table)
+    decisions = load_decisions(table)
+    require_beside(table, files["grid"], files["record"])
+    grid = load_grid(files["grid"])
+    record = load_yaml_model(files["record"], DemonstrationRecord)
+    place = scenario or scenario_beside(table, record.scenario)
+    known = load_scenario(place) if place else None
+    _require_one_place(files, record, grid, known)
+    _require_states(table, decisions, grid)
+    return _Recorded(decisions, grid, record, known)
 
 
 def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:

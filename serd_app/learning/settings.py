@@ -22,6 +22,10 @@ MethodName = Literal[
 ]
 
 
+#: Which way people walk; auto: as the scenario states, else as recorded, else unknown.
+FlowSource = Literal["auto", "scenario", "recorded", "none"]
+
+
 class RecipeSettings(StrictModel):
     """What decides a fit besides the demonstrations; every learner reads its own part."""
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_app.navigation.evaluation.prediction_support import reasons_against_prediction, starts_of
+from serd_app.navigation.evaluation.comparison import reasons_against_prediction, starts_of
 from serd_app.navigation.forecast import HALF, quantile_or_nan_s
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Outcome

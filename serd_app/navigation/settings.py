@@ -1,9 +1,10 @@
-"""Settings of the strategy: the model it uses, the goal, and when it gives up."""
+"""Settings of a strategy and of its drives: model, goal, when it gives up, the world."""
 
 from typing import Literal
 
 from serd_files.settings import setting, setting_of
-from serd_sim.episodes.settings import EpisodeSettings
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 PolicyKind = Literal["optimal", "soft"]
 
@@ -27,3 +28,12 @@ class NavigationSettings(EpisodeSettings):
     minimum_arrival_probability: float = setting(
         0.0, "give up below this probability of arriving before the time-out", ge=0, le=1
     )
+
+
+class DriveSettings(NavigationSettings, WorldSettings):
+    """Settings of a series of episodes in the simulated world."""
+
+    def place(self) -> Scenario:
+        """The scenario with its people, and its own goal."""
+        own = load_scenario(self.scenario)
+        return own if self.people is None else own.with_pedestrian_count(self.people)

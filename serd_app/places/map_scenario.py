@@ -13,11 +13,11 @@ from scipy.sparse.csgraph import shortest_path
 
 from serd_app.errors import AppError
 from serd_app.places.free_area import largest, outline_of_cells, rings_m
+from serd_app.places.settings import PlaceSettings
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS
-from serd_files.settings import setting, setting_of
-from serd_files.yaml_config import StrictModel, yaml_model
+from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.goal import cell_area_m, goal_cell
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.polygon import contains, edges_of, walkable_cells
@@ -25,7 +25,6 @@ from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
 
-_CELL_RADII, _RADII_TO_WALL, _ROUNDING_M = 2.25, 1.1, 1e-4
 #: Cells along a side of the areas of goal and start.
 _AREA_CELLS = 3
 _SHORTEST_TIMEOUT_S = 60.0
@@ -78,36 +77,6 @@ obstacles:{obstacles}
 """
 
 
-class PlaceSettings(StrictModel):
-    """The robot that drives there, and how finely it decides."""
-
-    robot_radius_m: float = setting_of(RobotSettings, "radius_m")
-    max_speed_mps: float = setting_of(RobotSettings, "max_vel_x_mps")
-    cell_size_m: float | None = setting(
-        None,
-        "side of the cells of decisions; by default 2.25 times the radius of the robot. Ways twice"
-        " as wide as a cell are open in any case",
-        unit="m",
-        gt=0,
-    )
-
-    @property
-    def cell_m(self) -> float:
-        """Side of the cells, by default in whole centimetres."""
-        return self.cell_size_m or math.ceil(100.0 * _CELL_RADII * self.robot_radius_m) / 100.0
-
-    @property
-    def clearance_m(self) -> float:
-        """Least distance of the centre of a cell from walls.
-
-        With half a cell, less 0.1 mm for rounding, no wall lies between two cells side by side but
-        for a tip as thin as that, and each way twice as wide as a cell has cells in it. The robot
-        needs its radius and room for its controller.
-        """
-        least_m = max(0.5 * self.cell_m - _ROUNDING_M, _RADII_TO_WALL * self.robot_radius_m)
-        return round(least_m, 4)
-
-
 class _Task(NamedTuple):
     """Areas in which an episode ends and begins; n_steps: moves between them."""
 
@@ -134,6 +103,30 @@ def map_scenario_yaml(
             "the free area must be wider than 1 mm, got one that is not; correct the resolution of"
             " the map, in metres per cell"
         )
+    grid = _grid_of_area(area, settings)
+    rooms = _rooms(grid, area, settings.robot_radius_m)
+    goal = None if goal_m is None else goal_cell(grid, *goal_m)
+    start = None if start_m is None else goal_cell(grid, *start_m, what="start")
+    goal, start, n_steps = _ends(grid, rooms, goal, start)
+    usual = Scenario.model_fields
+    crossing_s = settings.cell_m / settings.max_speed_mps
+    return _text(
+        area,
+        name=name,
+        source=source,
+        cell_size_m=settings.cell_m,
+        clearance_m=settings.clearance_m,
+        times_s=(
+            max(usual["patience_s"].default, math.ceil(_PATIENCE_CELLS * crossing_s)),
+            usual["wait_s"].default,
+        ),
+        task=_Task(*_areas(grid, goal, start), n_steps),
+        robot=(settings.robot_radius_m, settings.max_speed_mps),
+    )
+
+
+def _grid_of_area(area: shapely.Polygon, settings: PlaceSettings) -> Grid:
+    """Walkable cells with enough room around their centres; AppError where there is none."""
     outline, *solids = rings_m(area)
     cell_m, clearance_m = settings.cell_m, settings.clearance_m
     try:
@@ -146,26 +139,7 @@ def map_scenario_yaml(
             f"cell_size_m must leave a walkable cell, but no centre of cells of {cell_m:g} m is"
             f" {clearance_m:g} m or more from all walls; lower it or robot_radius_m"
         )
-    grid = Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
-    rooms = _rooms(grid, area, settings.robot_radius_m)
-    goal = None if goal_m is None else goal_cell(grid, *goal_m)
-    start = None if start_m is None else goal_cell(grid, *start_m, what="start")
-    goal, start, n_steps = _ends(grid, rooms, goal, start)
-    usual = Scenario.model_fields
-    crossing_s = cell_m / settings.max_speed_mps
-    return _text(
-        area,
-        name=name,
-        source=source,
-        cell_size_m=cell_m,
-        clearance_m=clearance_m,
-        times_s=(
-            max(usual["patience_s"].default, math.ceil(_PATIENCE_CELLS * crossing_s)),
-            usual["wait_s"].default,
-        ),
-        task=_Task(*_areas(grid, goal, start), n_steps),
-        robot=(settings.robot_radius_m, settings.max_speed_mps),
-    )
+    return Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
 
 
 def grid_scenario(
@@ -179,24 +153,19 @@ def grid_scenario(
 ) -> tuple[str, Scenario] | None:
     """Text and scenario of a place of which only a grid is known, whose cells it has exactly.
 
-    start_states: from which episodes began; patience_s, wait_s: of their decisions. None where the
-    walkable cells are not connected, there are more than a scenario may have, or no moves lead from
-    where there is room to the goal.
+    start_states: from which episodes began; patience_s, wait_s: of their decisions. None where no
+    scenario can have these cells, or no moves lead from where there is room to the goal.
     """
     if grid.walkable.size > MOST_CELLS:
         return None
-    area = shapely.transform(
-        outline_of_cells(grid.walkable), lambda each: each * grid.cell_size_m + grid.origin_m
-    )
-    cell_m = grid.cell_size_m
-    robot = RobotSettings()
+    outline = outline_of_cells(grid.walkable)
+    area = shapely.transform(outline, lambda each: each * grid.cell_size_m + grid.origin_m)
+    cell_m, robot = grid.cell_size_m, RobotSettings()
     radius_m = min(robot.radius_m, cell_m)
     speed_mps = max(robot.max_vel_x_mps, 2.0 * cell_m / patience_s)
     goals = _largest_group(grid, goal_states)
     rooms = _rooms(grid, area, radius_m)
-    counts = np.bincount(start_states, minlength=grid.n_states) * rooms
-    counts[goals] = 0
-    start = int(np.argmax(counts)) if counts.any() else None
+    start = _usual_start(start_states, rooms, goals)
     try:
         _, start, n_steps = _ends(grid, rooms, int(goals[0]), start)
         text = _text(
@@ -213,6 +182,13 @@ def grid_scenario(
     except USER_ERRORS:
         return None
     return (text, found) if grid_of(found).fingerprint() == grid.fingerprint() else None
+
+
+def _usual_start(start_states: IntArray, rooms: BoolArray, goals: IntArray) -> int | None:
+    """The state with room from which most episodes began, None where there is none."""
+    counts = np.bincount(start_states, minlength=len(rooms)) * rooms
+    counts[goals] = 0
+    return int(np.argmax(counts)) if counts.any() else None
 
 
 def _text(

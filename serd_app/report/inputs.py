@@ -7,8 +7,8 @@ import numpy as np
 
 from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.learning.knowledge import Knowledge
+from serd_app.navigation.evaluation.comparison import RecordedTimes
 from serd_app.navigation.evaluation.familiarity import Familiarity
-from serd_app.navigation.evaluation.prediction_support import RecordedTimes
 from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
@@ -84,7 +84,7 @@ class Forecast:
     trapped: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ReportInputs:
     """A learned model: demonstrations, what was learned from them, and how it then drove.
 
@@ -102,13 +102,13 @@ class ReportInputs:
     scenario: Scenario
     problem: NavigationProblem
     demonstrations: Decisions
-    demonstration_tracks_m: tuple[FloatArray, ...]
+    demonstration_tracks_m: tuple[FloatArray, ...] = ()
     fit: FitResult
     policy: Policy
     episodes: tuple[EpisodeResult, ...]
     predicted: ArrivalLaw
     timeout_s: float
-    snapshot: CrowdSnapshot | None
+    snapshot: CrowdSnapshot | None = None
     run: RunFacts
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
@@ -124,3 +124,14 @@ class ReportInputs:
     def arrival_times_s(self) -> FloatArray:
         """(N,) time of arrival of each episode, inf where it did not arrive."""
         return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])
+
+
+def in_words(name: str) -> str:
+    """A code name for people: `with_flow` becomes `with flow`."""
+    return name.replace("_", " ")
+
+
+def percent(share: float) -> str:
+    """A share of one as a percentage without needless digits."""
+    value = 100 * share
+    return f"{value:.0f} %" if abs(value - round(value)) < 0.05 else f"{value:.1f} %"

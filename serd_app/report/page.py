@@ -7,9 +7,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from serd_app.report.figures.charts import OUTCOME_LABELS
-from serd_app.report.inputs import FileLink, Forecast, ReportInputs
+from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
 from serd_app.report.summary import Summary, headline_of
-from serd_app.report.words import in_words, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action

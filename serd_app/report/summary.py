@@ -1,18 +1,19 @@
 """The numbers of a report: for summary.json, the headline and the terminal."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-from serd_app.navigation.evaluation.comparison import Agreement, agreement
-from serd_app.navigation.evaluation.prediction_support import (
+from serd_app.navigation.evaluation.comparison import (
+    Agreement,
     Starts,
+    agreement,
     reasons_against_prediction,
     reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs
-from serd_app.report.words import percent
+from serd_app.report.inputs import ReportInputs, RunFacts, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
@@ -87,64 +88,81 @@ class Summary:
 
 def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
-    episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
-    times = [row.time_of_arrival_s for row in episodes if row.arrived]
-    models = inputs.problem.model_names
-    counts = known_decisions(inputs).tolist()
+    fit, discretised, compared = inputs.fit, inputs.discretised, inputs.familiarity
+    n_given = inputs.n_demonstrations
+    recorded = inputs.recorded
     return Summary(
-        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
-        n_decisions=fit.n_decisions if inputs.n_demonstrations else len(inputs.demonstrations),
+        n_demonstrations=n_given or len(inputs.demonstrations.episodes),
+        n_decisions=fit.n_decisions if n_given else len(inputs.demonstrations),
         n_compared_decisions=len(inputs.demonstrations),
-        n_episodes=len(episodes),
-        n_arrived=len(times),
-        measured_arrival_probability=len(times) / len(episodes) if episodes else None,
-        measured_arrival_interval_95=None
-        if measured is None
-        else (float(measured.lower[-1]), float(measured.upper[-1])),
-        predicted_arrival_probability=float(inputs.predicted.cdf[-1]),
-        measured_median_s=None if measured is None else time_reaching(measured, 0.5),
-        predicted_median_s=inputs.predicted.quantile_s(0.5),
-        measured_mean_s=float(np.mean(times)) if times else None,
-        agreement=agreement(inputs.predicted, inputs.arrival_times_s) if episodes else None,
-        timeout_s=inputs.timeout_s,
-        robot_on_person_contacts=sum(row.robot_on_person for row in episodes),
-        person_on_robot_contacts=sum(row.person_on_robot for row in episodes),
-        wall_contacts=sum(row.robot_on_wall for row in episodes),
-        fault_share=None if inputs.discretised is None else inputs.discretised.fault_share,
-        faults="" if inputs.discretised is None else inputs.discretised.faults,
-        familiarity=None if inputs.familiarity is None else inputs.familiarity.as_json(),
-        compared="" if inputs.familiarity is None else inputs.familiarity.sentence(),
+        fault_share=None if discretised is None else discretised.fault_share,
+        faults="" if discretised is None else discretised.faults,
+        familiarity=None if compared is None else compared.as_json(),
+        compared="" if compared is None else compared.sentence(),
         n_trap_states=int(trapped_states(inputs).sum())
         if inputs.driven is None
         else len(inputs.driven.traps.states),
         n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
         plan_remarks=inputs.remarks,
-        recorded_times_s=None
-        if inputs.recorded is None
-        else tuple(inputs.recorded.times_s.tolist()),
+        recorded_times_s=None if recorded is None else tuple(recorded.times_s.tolist()),
         no_prediction_because=_reasons_against_prediction(inputs),
-        converged=bool(fit.converged),
-        n_steps=int(fit.n_steps),
-        objective=float(fit.objective),
-        reward_weights=dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
-        decisions_per_model=dict(zip(models, counts, strict=True)),
-        outcome_probabilities=dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
-        initial_outcome_probabilities=dict(
-            zip(models, fit.initial_outcome_probabilities.tolist(), strict=True)
-        ),
-        real_time_factor={
-            phase.name: phase.real_time_factor
-            for phase in run.phases
-            if phase.real_time_factor is not None
-        },
-        wall_s={phase.name: phase.wall_s for phase in run.phases},
-        seeds=dict(run.seeds),
-        versions=dict(run.versions),
-        command=run.command,
-        how=run.how,
-        finished_at=run.finished_at,
+        **_of_arrival(inputs),
+        **_of_fit(inputs),
+        **_of_run(inputs.run),
     )
+
+
+def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
+    """Of the episodes, beside what is predicted."""
+    episodes = inputs.episodes
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
+    times = [row.time_of_arrival_s for row in episodes if row.arrived]
+    return {
+        "n_episodes": len(episodes),
+        "n_arrived": len(times),
+        "measured_arrival_probability": len(times) / len(episodes) if episodes else None,
+        "measured_arrival_interval_95": None
+        if measured is None
+        else (float(measured.lower[-1]), float(measured.upper[-1])),
+        "predicted_arrival_probability": float(inputs.predicted.cdf[-1]),
+        "measured_median_s": None if measured is None else time_reaching(measured, 0.5),
+        "predicted_median_s": inputs.predicted.quantile_s(0.5),
+        "measured_mean_s": float(np.mean(times)) if times else None,
+        "agreement": agreement(inputs.predicted, inputs.arrival_times_s) if episodes else None,
+        "timeout_s": inputs.timeout_s,
+        "robot_on_person_contacts": sum(row.robot_on_person for row in episodes),
+        "person_on_robot_contacts": sum(row.person_on_robot for row in episodes),
+        "wall_contacts": sum(row.robot_on_wall for row in episodes),
+    }
+
+
+def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
+    """Of rewards and outcomes."""
+    fit, models = inputs.fit, inputs.problem.model_names
+    initial = fit.initial_outcome_probabilities.tolist()
+    return {
+        "converged": bool(fit.converged),
+        "n_steps": int(fit.n_steps),
+        "objective": float(fit.objective),
+        "reward_weights": dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        "decisions_per_model": dict(zip(models, known_decisions(inputs).tolist(), strict=True)),
+        "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
+        "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
+    }
+
+
+def _of_run(run: RunFacts) -> dict[str, Any]:
+    """What a reader needs to make the same run again."""
+    factors = {phase.name: phase.real_time_factor for phase in run.phases}
+    return {
+        "real_time_factor": {name: each for name, each in factors.items() if each is not None},
+        "wall_s": {phase.name: phase.wall_s for phase in run.phases},
+        "seeds": dict(run.seeds),
+        "versions": dict(run.versions),
+        "command": run.command,
+        "how": run.how,
+        "finished_at": run.finished_at,
+    }
 
 
 def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:

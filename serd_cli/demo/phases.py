@@ -43,48 +43,48 @@ class Phase:
 def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
     """An expert drives and is recorded, a model is learned, and it drives in another world."""
     return (
-        Phase(
-            "demonstrate",
-            lambda: folder.demonstrated(settings),
-            {
-                "scenario": settings.scenario,
-                "seed": settings.seed,
-                "scripted_expert.episodes": settings.demonstrations,
-                "timeout_s": settings.timeout_s,
-                "scripted_expert.output": str(folder.demonstrations),
-                "demo_recorder.output": str(folder.bag),
-            },
-            settings.demonstrations,
-            folder.demonstrations,
-        ),
-        Phase(
-            "learn",
-            folder.learned,
-            {
-                "scenario": settings.scenario,
-                "seed": settings.seed,
-                "bag": str(folder.bag),
-                "learner.output": str(folder.model),
-                "decisions": str(folder.decisions),
-            },
-            1,
-        ),
-        Phase(
-            "navigate",
-            lambda: folder.navigated(settings),
-            {
-                "scenario": settings.scenario,
-                "seed": settings.navigation_seed,
-                "model": str(folder.model),
-                "policy": settings.policy,
-                "episodes": settings.episodes,
-                "timeout_s": settings.timeout_s,
-                "strategy.output": str(folder.navigation),
-            },
-            settings.episodes,
-            folder.navigation,
-        ),
+        _demonstrate(folder, settings),
+        _learn(folder, settings),
+        _navigate(folder, settings),
     )
+
+
+def _demonstrate(folder: DemoFolder, settings: DemoSettings) -> Phase:
+    parameters = {
+        "scenario": settings.scenario,
+        "seed": settings.seed,
+        "scripted_expert.episodes": settings.demonstrations,
+        "timeout_s": settings.timeout_s,
+        "scripted_expert.output": str(folder.demonstrations),
+        "demo_recorder.output": str(folder.bag),
+    }
+    n_parts, drives = settings.demonstrations, folder.demonstrations
+    return Phase("demonstrate", lambda: folder.demonstrated(settings), parameters, n_parts, drives)
+
+
+def _learn(folder: DemoFolder, settings: DemoSettings) -> Phase:
+    parameters = {
+        "scenario": settings.scenario,
+        "seed": settings.seed,
+        "bag": str(folder.bag),
+        "learner.output": str(folder.model),
+        "decisions": str(folder.decisions),
+    }
+    return Phase("learn", folder.learned, parameters, 1)
+
+
+def _navigate(folder: DemoFolder, settings: DemoSettings) -> Phase:
+    parameters = {
+        "scenario": settings.scenario,
+        "seed": settings.navigation_seed,
+        "model": str(folder.model),
+        "policy": settings.policy,
+        "episodes": settings.episodes,
+        "timeout_s": settings.timeout_s,
+        "strategy.output": str(folder.navigation),
+    }
+    n_parts, drives = settings.episodes, folder.navigation
+    return Phase("navigate", lambda: folder.navigated(settings), parameters, n_parts, drives)
 
 
 class LivePage:
@@ -113,7 +113,7 @@ def run_phases(
     folder: DemoFolder,
     settings: DemoSettings,
     environment: Mapping[str, str],
-    page: LivePage | None,
+    page: LivePage,
 ) -> list[PhaseTiming]:
     """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if not folder.demonstrated(settings):

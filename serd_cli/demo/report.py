@@ -3,30 +3,38 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
+from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.goal import episodes_reaching, until_goal
+from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
 from serd_app.demonstrations.recorded import report_of_table
+from serd_app.drives.recorded_drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.evaluation.comparison import predicted_law
-from serd_app.navigation.evaluation.prediction_support import recorded_times
+from serd_app.navigation.evaluation.comparison import predicted_law, recorded_times
 from serd_app.navigation.forecast import plan_remarks
-from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
+from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import write_report
+from serd_bag.messages.decoded import messages_of
 from serd_cli.demo.folder import DemoFolder, DemoSettings
-from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.output.terminal import console, print_json
 from serd_files.model_file import load_model
+from serd_ros.convert.pose import from_pose
+from serd_ros.convert.sensors import from_people_message
+from serd_ros.convert.stamp import stamp_ns
+from serd_ros.endpoints import topics
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.world.observation import People
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
@@ -108,3 +116,55 @@ def _facts(settings: DemoSettings, scenario: Scenario, phases: Sequence[PhaseTim
         seeds={"demonstrations": settings.seed, "navigation": settings.navigation_seed},
         versions={name: version(name) for name in _PACKAGES},
     )
+
+
+_TRAIL_S = 4.0
+_MOMENT = 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Robot poses (T, 3) at times_s (T,), cut into one piece per episode."""
+
+    times_s: tuple[NDArray[np.float64], ...]
+    poses: tuple[NDArray[np.float64], ...]
+
+
+def read_recording(bag: Path) -> Recording:
+    """All robot poses of a bag; the clock jumps between episodes."""
+    times, poses = [], []
+    for _, message in messages_of(bag, [topics.ROBOT_POSE]):
+        times.append(stamp_ns(message.header.stamp) * 1e-9)
+        poses.append(from_pose(message.pose))
+    time_s, pose = np.array(times), np.array(poses)
+    time_s, first = np.unique(time_s, return_index=True)
+    cuts = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
+    return Recording(tuple(np.split(time_s, cuts)), tuple(np.split(pose[first], cuts)))
+
+
+def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
+    """A moment of the middle episode, with the last seconds of everyone's way."""
+    middle = len(recording.poses) // 2
+    times_s, poses = recording.times_s[middle], recording.poses[middle]
+    at_s = times_s[0] + _MOMENT * (times_s[-1] - times_s[0])
+    people = _people_between(bag, at_s - _TRAIL_S, at_s)
+    kept = [index for index, time_s in enumerate(times_s) if round(time_s * 1e9) in people]
+    seen = [people[round(times_s[index] * 1e9)] for index in kept]
+    return CrowdSnapshot(
+        time_s=float(times_s[kept[-1]]),
+        robot_pose=poses[kept[-1]],
+        people_position_m=seen[-1].position_m,
+        people_velocity_mps=seen[-1].velocity_mps,
+        people_trail_m=np.array([each.position_m for each in seen]),
+        robot_trail_m=poses[kept, :2],
+    )
+
+
+def _people_between(bag: Path, first_s: float, last_s: float) -> dict[int, People]:
+    """People by stamp (ns) in a span of simulated time."""
+    found: dict[int, People] = {}
+    for _, message in messages_of(bag, [topics.PEDESTRIANS]):
+        time_ns = stamp_ns(message.header.stamp)
+        if first_s <= time_ns * 1e-9 <= last_s:
+            _, found[time_ns] = from_people_message(message)
+    return found

@@ -1,31 +1,57 @@
-"""What `serd demos` prints and draws: counts per bag, warnings, flow of people, pictures."""
+"""What `serd demos` prints: counts per bag, warnings, flow of people, files."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField
-from serd_app.demonstrations.recorded import (
-    Place,
-    RecordedDemonstrations,
-    concatenated,
-    files_beside,
-)
+from serd_app.demonstrations.recorded import RecordedDemonstrations
 from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
-from serd_bag.files import delete_file
+from serd_app.journeys.demonstrate import Demonstrated
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import can_draw, table_of
+from serd_cli.output.terminal import console, progress_console, table_of
 from serd_core.arrays import IntArray
-from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
 
 #: Share of decisions off the grid above which a bag may be that of another place.
 _MANY_OUTSIDE = 0.1
+
+
+def print_demonstrated(done: Demonstrated) -> None:
+    """The counts as a table, what was left out and why, and the files."""
+    if done.missing:
+        progress_console.print(done.missing, soft_wrap=True)
+    place = done.place
+    console.print(decisions_table(done.found))
+    for line in remarks(done.found):
+        console.print(line, style="yellow", soft_wrap=True)
+    console.print(
+        f"cells of {place.grid.cell_size_m:g} m; a decision that leads to no other cell ends after"
+        f" {place.patience_s:g} s, one to wait after {place.wait_s:g} s",
+        soft_wrap=True,
+    )
+    console.print(flow_in_words(done.flow, place.flow), soft_wrap=True)
+    for name, path in done.files.items():
+        console.print(f"{name}: {path.resolve()}", soft_wrap=True)
+
+
+def values_of(done: Demonstrated) -> dict[str, Any]:
+    """The same by name, as plain values."""
+    place = done.place
+    return {
+        "bags": [each.values() for each in done.found],
+        "flow": flow_values(done.flow, place.flow),
+        "cell_size_m": place.grid.cell_size_m,
+        "patience_s": place.patience_s,
+        "wait_s": place.wait_s,
+        "files": {name: str(path.resolve()) for name, path in done.files.items()},
+    }
 
 
 def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
@@ -173,29 +199,3 @@ def short_names(paths: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(set(paths)):
             return names
     return [str(path) for path in paths]
-
-
-def save_pictures(
-    output: Path,
-    place: Place,
-    found: Sequence[RecordedDemonstrations],
-    flow: FlowField | None,
-) -> None:
-    """Draw the tracks, and the flow of people where there is one, beside the table."""
-    if not can_draw():
-        return
-    from serd_app.report.figures.maps import draw_flow_map, draw_visitation
-    from serd_app.report.style import save_figure
-
-    files = files_beside(output)
-    visits = state_counts(concatenated(found), place.grid.n_states)
-    tracks = [track for each in found for track in each.tracks_m]
-    figure = draw_visitation(place.scenario, place.grid, visits, tracks)
-    save_figure(files["picture"], figure)
-    if flow is None:
-        delete_file(files["flow picture"])
-        return
-    figure = draw_flow_map(
-        place.grid, flow.flow, flow.order, scenario=place.scenario, scenario_flow=place.flow
-    )
-    save_figure(files["flow picture"], figure)

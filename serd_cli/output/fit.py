@@ -1,40 +1,60 @@
 """What `serd learn` prints: the fit with standard errors, and what the data leave open."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import groupby
 from operator import itemgetter
-from pathlib import Path
 from typing import Any
 
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from serd_app.journeys.learn import Learned
+from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
-from serd_app.report.words import in_words
+from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import console, finite, table_of
+from serd_cli.output.terminal import WorkProgress, console, finite, progress_console, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 
 
-def print_learned(
-    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
-) -> None:
-    """The fit as tables, what it was made of, and what the data leave open."""
-    decisions = files.demonstrations.decisions
-    left_out = f", {files.left_out()} left out" if files.left_out() else ""
-    across = ", so every move is across it" if files.flow_from == "none" else ""
-    place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
-    console.print(
-        f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
-        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
-        f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
-        soft_wrap=True,
+@contextmanager
+def fit_progress() -> Iterator[ProgressCallback]:
+    """What shows the steps of a fit in a line on stderr, from the first one on."""
+    bar = WorkProgress(
+        SpinnerColumn(),
+        TextColumn("learning"),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[step]}"),
     )
+
+    def show(progress: FitProgress) -> None:
+        if not bar.tasks:
+            bar.add_task("", total=None, step="")
+            bar.start()
+        step = progress.step
+        where = f"fit {progress.number} of {progress.total}, step {step.number}"
+        bar.update(bar.tasks[0].id, step=f"{where}: {step.objective:.4f} per decision")
+
+    try:
+        yield show
+    finally:
+        if bar.tasks:
+            bar.stop()
+
+
+def print_learned(learned: Learned) -> None:
+    """The fit as tables, what it was made of, and what the data leave open."""
+    files, outcome, certainty = learned.files, learned.outcome, learned.certainty
+    if learned.missing:
+        progress_console.print(learned.missing, soft_wrap=True)
+    console.print(_learned_from(files), soft_wrap=True)
     console.print(_weights_table(outcome.fit, certainty))
     console.print(_outcomes_table(outcome, certainty))
     if files.elsewhere_m:
@@ -46,21 +66,34 @@ def print_learned(
         console.print("What is known of outcomes and dwell times, from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge, files.task.problem):
             console.print(f"  {line}", soft_wrap=True)
-    if outcome.belief:
-        console.print(outcome.belief, soft_wrap=True)
-    for line in outcome.durations:
-        console.print(line, soft_wrap=True)
+    for line in (outcome.belief, *outcome.durations):
+        if line:
+            console.print(line, soft_wrap=True)
     style = "yellow" if outcome.traps.n_looping_cells else None
     console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)
-    console.print(f"model: {output.resolve()}", soft_wrap=True)
+    console.print(f"model: {learned.model.resolve()}", soft_wrap=True)
+    if learned.page is not None:
+        console.print(f"report: {learned.page}", soft_wrap=True)
 
 
-def learned_values(
-    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
-) -> dict[str, Any]:
+def _learned_from(files: LearningFiles) -> str:
+    decisions = files.demonstrations.decisions
+    left_out = f", {files.left_out()} left out" if files.left_out() else ""
+    across = ", so every move is across it" if files.flow_from == "none" else ""
+    place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
+    return (
+        f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
+        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
+        f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}"
+    )
+
+
+def learned_values(learned: Learned) -> dict[str, Any]:
     """The same by name; None for a standard error that is not finite."""
+    files, outcome, certainty = learned.files, learned.outcome, learned.certainty
     errors, found = certainty.errors, certainty.identifiability
+    page = {} if learned.page is None else {"report": str(learned.page)}
     return {
         **outcome.values(),
         "validation_log_likelihoods": dict(outcome.validation),
@@ -80,7 +113,8 @@ def learned_values(
         "n_elsewhere": files.n_elsewhere,
         "elsewhere_m": files.elsewhere_m,
         "n_reaching_goal": files.n_reaching_goal,
-        "model": str(output.resolve()),
+        "model": str(learned.model.resolve()),
+        **page,
     }
 
 

@@ -20,8 +20,6 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from serd_files.errors import missing_extra
-
 if TYPE_CHECKING:
     from serd_files.table import Row
     from serd_sim.episodes.batch import Progress as EpisodeProgress
@@ -29,16 +27,6 @@ if TYPE_CHECKING:
 # Without markup, for names of files and topics may have brackets; `Text` has the styles.
 console = Console(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True, highlight=False, markup=False, emoji=False)
-
-
-def can_draw() -> bool:
-    """Whether figures can be drawn; where Matplotlib is missing, what installs it on stderr."""
-    try:
-        import matplotlib  # noqa: F401
-    except ModuleNotFoundError as error:
-        progress_console.print(f"no picture is drawn: {missing_extra(error)}", soft_wrap=True)
-        return False
-    return True
 
 
 def print_json(values: Any) -> None:

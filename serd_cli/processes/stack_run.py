@@ -1,4 +1,5 @@
-"""Runs a stack of nodes to its end with a progress bar, in a ROS domain of its own."""
+"""Runs nodes: a stack to its end with a progress bar in a ROS domain of its own, one alone, or a
+replay in place of this process."""
 
 import os
 import socket
@@ -14,13 +15,16 @@ from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from serd_cli.errors import BAD_INPUT, RunError
-from serd_cli.output.terminal import WorkProgress
-from serd_cli.processes.node_commands import stack_processes
+from serd_bag.reader import BagReader
+from serd_bag.topic import selected_topics
+from serd_cli.errors import BAD_INPUT, RunError, UsageError
+from serd_cli.output.terminal import WorkProgress, print_json
+from serd_cli.processes.node_commands import node_command, stack_processes
 from serd_cli.processes.supervisor import Line, Process, run_together
 from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, load_graph
 from serd_ros.process.progress import VARIABLE, Progress, parse_progress
+from serd_ros.settings import BagReplayConfig
 
 PAGE = "watch_page"
 _LONGEST = 62
@@ -80,14 +84,7 @@ def run_stack(
     stack = find_stack(name) if on_address is None else _watched(find_stack(name))
     require_free_domain(stack, environment)
     processes = stack_processes(stack, parameters, environment)
-    bar = WorkProgress(
-        TextColumn("{task.description:<12}"),
-        BarColumn(bar_width=20),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
-        expand=True,
-    )
+    bar = _stack_bar()
     task = bar.add_task(name, total=total, text="starting the nodes")
     with log_of_nodes(logs / f"{name}.log") as log, bar:
 
@@ -105,6 +102,17 @@ def run_stack(
 
         run_together(processes, environment, take)
         bar.update(task, completed=total)
+
+
+def _stack_bar() -> WorkProgress:
+    return WorkProgress(
+        TextColumn("{task.description:<12}"),
+        BarColumn(bar_width=20),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
+        expand=True,
+    )
 
 
 def _watched(stack: Stack) -> Stack:
@@ -139,3 +147,46 @@ def log_of_nodes(path: Path) -> Iterator[Line]:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8", buffering=1) as file:
         yield lambda node, line: print(f"{node:>15} | {line}", file=file)
+
+
+_NODE = "bag_replay"
+
+
+def become_replay(settings: BagReplayConfig, remappings: Mapping[str, str]) -> None:
+    """Run the node in place of this process; RunError where another node publishes the clock."""
+    command, environment = _prepared(settings, remappings)
+    os.execve(command[0], command, environment)
+
+
+def print_replayed(settings: BagReplayConfig, remappings: Mapping[str, str]) -> None:
+    """Run the node to its end, and print as JSON how many messages it played."""
+    command, environment = _prepared(settings, remappings)
+    played = [0]
+    run_alone(_NODE, command, environment, lambda progress: played.append(progress.n_messages or 0))
+    print_json({"bag": settings.bag, "messages": max(played)})
+
+
+def _prepared(
+    settings: BagReplayConfig, remappings: Mapping[str, str]
+) -> tuple[list[str], dict[str, str]]:
+    selected_topics(
+        BagReader(Path(settings.bag)).topics, [name for name in settings.topics if name]
+    )
+    environment = ros_environment(os.environ)
+    parameters = settings.model_dump(exclude_unset=True)
+    command = node_command(_NODE, parameters, remappings, environment)
+    if settings.clock_hz:
+        played_clock = remappings.get("/clock", remappings.get("clock", "/clock"))
+        require_free(environment, f"/{played_clock.lstrip('/')}")
+    return command, environment
+
+
+def parse_remappings(pairs: Sequence[str]) -> dict[str, str]:
+    """FROM:=TO as a dictionary; UsageError for another form."""
+    found = {}
+    for pair in pairs:
+        before, separator, after = pair.partition(":=")
+        if not (before and separator and after):
+            raise UsageError(f"--remap must be written FROM:=TO, got {pair!r}")
+        found[before] = after
+    return found

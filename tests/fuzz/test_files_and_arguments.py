@@ -17,9 +17,9 @@ from serd_app.demonstrations.decision_table import load_decisions, save_decision
 from serd_app.demonstrations.grid.flow_field import FlowField, load_flow, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.journeys.navigate import BegunDrive
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
-from serd_app.navigation.drive import BegunDrive
 from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_app.teleop.joy_mapping import load_joy_mapping

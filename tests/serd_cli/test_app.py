@@ -1,18 +1,18 @@
 """The command itself: help without imports, version, completion, near names, closed pipes."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from serd_cli.signatures import MODULES, known_signatures
+from serd_cli.app import COMMANDS, command_named
 from serd_core import __version__
 
-#: Libraries that no help needs.
+#: Libraries that the overview needs not, and those that no help needs.
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
+HEAVIEST = ("pandas", "matplotlib", "pybullet", "rclpy", "joblib")
 
 
 def serd(*words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
@@ -28,8 +28,18 @@ def serd(*words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
     )
 
 
-def imported(lines, **environment):
-    """The libraries that one process, which runs several commands, has imported after each."""
+def all_commands():
+    """Each command by its words, as `bag info`."""
+    found = {}
+    for name in COMMANDS:
+        command = command_named(name)
+        parts = getattr(command, "commands", {"": command})
+        found |= {f"{name} {part}".strip(): each for part, each in parts.items()}
+    return found
+
+
+def imported(lines, libraries=HEAVY, **environment):
+    """Whether one process, which runs several commands, imports none of the libraries by each."""
     program = (
         "import sys\n"
         "from serd_cli.main import main\n"
@@ -37,7 +47,7 @@ def imported(lines, **environment):
         "    sys.argv[1:] = line.split()\n"
         "    try: main()\n"
         "    except SystemExit: pass\n"
-        f"    print(line, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr)\n"
+        f"    print(line, [name for name in {libraries} if name in sys.modules], file=sys.stderr)\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -49,51 +59,72 @@ def imported(lines, **environment):
     return {line: f"{line} []" in done.stderr.splitlines() for line in lines}
 
 
-def test_help_version_and_errors_of_usage_import_no_library():
-    helps = [f"{words} --help" for words in known_signatures()]
-    wrong = [f"{words} --misspelt" for words in known_signatures() if words != "run"]
-    assert len(helps) > 20
-    lines = ("", "-h", "--version", "bagg", *helps, *wrong)
+def test_the_overview_and_the_version_import_no_library():
+    lines = ("", "-h", "--version", "bagg")
     found = imported(lines)
     assert [line for line in lines if not found[line]] == []
 
 
-def test_inputs_that_are_not_there_are_refused_before_a_library_is_imported():
+def test_helps_and_errors_of_usage_import_no_large_library():
+    commands = all_commands()
+    assert len(commands) > 20
+    lines = [f"{words} --help" for words in commands]
+    lines += [f"{words} --misspelt" for words in commands if words != "run"]
+    found = imported(lines, HEAVIEST)
+    assert [line for line in lines if not found[line]] == []
+
+
+def test_the_overview_fits_a_screen_with_whole_sentences():
+    for words in ([], ["bag"], ["scenario"]):
+        shown = serd(*words, "--help", COLUMNS="80").stdout
+        assert len(shown.splitlines()) <= 40
+        assert "…" not in shown
+        assert all(f"{about} " in shown for about in (COMMANDS.values() if not words else ()))
+
+
+def test_inputs_that_are_not_there_are_refused_before_a_large_library_is_imported():
     lines = (
         "learn nowhere.csv",
-        f"learn {__file__} --times nowhere.csv",
         f"demos {__file__} --mapping nowhere.yaml",
         f"report {__file__} --demonstrations nowhere.csv",
         f"report {__file__} --episodes nowhere.csv",
         f"navigate {__file__} --scenario hallwy",
         "scenario show nowhere.yaml",
-        "episode render hallwy --output picture.png",
+        "scenario film hallwy --output picture.png",
         "batch --scenario hallwy --output runs.csv",
         "demo --scenario hallwy",
     )
-    found = imported(lines)
+    found = imported(lines, HEAVIEST)
     assert [line for line in lines if not found[line]] == []
 
 
-def test_completion_of_options_imports_no_library():
-    environment = {"COMP_WORDS": "serd demos --", "COMP_CWORD": "2"}
-    assert imported(["x"], _SERD_COMPLETE="complete_bash", **environment) == {"x": True}
+def test_a_missing_table_is_refused_before_any_library_is_imported():
+    assert imported(["learn nowhere.csv"]) == {"learn nowhere.csv": True}
 
 
-def test_each_module_of_commands_has_a_signature_of_its_name(root):
-    files = (root / "serd_cli" / "commands").rglob("[!_]*.py")
-    defining = {
-        path.stem
-        for path in files
-        if re.search(rf"^(def {path.stem}\(|group = typer\.Typer\()", path.read_text(), re.M)
-    }
-    assert {words.split()[0] for words in known_signatures()} == defining == set(MODULES)
+def test_each_module_of_commands_defines_the_command_of_its_name(root):
+    files = (root / "serd_cli" / "commands").glob("[!_]*.py")
+    assert {path.stem for path in files} - {"film"} == set(COMMANDS)
 
 
 def test_each_command_prints_its_result_as_json_on_request():
-    for words, signature in known_signatures().items():
-        option = signature.get("parameters", {"as_json": {}}).get("as_json")
-        assert option is not None, words
+    for words, command in all_commands().items():
+        assert "--json" in [opt for each in command.params for opt in each.opts], words
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["learn", ""], "TABLE"),
+        (["learn", "a", "--output", ""], "--output"),
+        (["bag", "info", "a", ""], "BAG"),
+        (["bag", "recover", "a", "--output="], "--output"),
+    ],
+)
+def test_an_empty_path_is_refused(words, name):
+    done = serd(*words)
+    assert done.returncode == 2
+    assert f"{name} must name a file or folder, got an empty text; write . for" in done.stderr
 
 
 @pytest.mark.parametrize(

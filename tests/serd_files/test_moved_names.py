@@ -28,6 +28,12 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
         (["navigate", "model.yaml", "--lookahead", "2"], "waypoints are straight ahead"),
         (["teleop", "--keyboard"], "any publisher of cmd_vel_teleop"),
         (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
+        (["run", "--list"], "list what there is where no name follows"),
+        (["launch", "--list"], "list what there is where no name follows"),
+        (["demo", "--no-page"], "always have their page"),
+        (["episode", "render", "hallway"], "serd scenario film"),
+        (["scenario", "film", "--frames-per-s", "5"], "10 frames per second"),
+        (["scenario", "film", "--pixels-per-m", "5"], "24 pixels per metre"),
     ],
 )
 def test_a_command_says_where_it_went(words, went):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_cli.demo.recorded import read_recording
+from serd_cli.demo.report import read_recording
 from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_sim.drivers.expert import ScriptedExpert

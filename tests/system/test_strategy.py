@@ -11,9 +11,9 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from serd_app.drives.episode_spans import END
+from serd_app.journeys.navigate import drive
 from serd_app.navigation.arrival_log import load_arrivals
-from serd_app.navigation.drive import DriveSettings, drive
-from serd_app.navigation.settings import NavigationSettings
+from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_core.grid.navigation import MODEL_NAMES
 from serd_files.episode_table import load_episodes
 from serd_files.model_file import OutcomeModel

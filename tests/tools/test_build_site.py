@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.signatures import MODULES
+from serd_cli.app import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -26,8 +26,10 @@ def test_documents_are_copied_with_the_files_they_link_to(tool, tmp_path):
 
 def test_each_command_and_each_of_its_options_has_its_line(tool):
     page = tool["commands_page"]()
-    for name in MODULES:
+    for name, about in COMMANDS.items():
+        assert f"* `{name}`: {about}\n" in page
         assert f"## `serd {name}`\n" in page
+    assert "* `suggest`: Write a mapping file for 'serd demos' from the topics of a bag" in page
     assert "### `serd bag suggest`\n" in page
     assert "* `--cell-size-m <float>`: " in page
     assert "\n\n```bash\nserd report model.yaml --demonstrations decisions.csv\n```\n\n" in page

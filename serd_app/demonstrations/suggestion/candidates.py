@@ -6,13 +6,12 @@ They are recognised by type and name; whether they fit one another is tested in 
 import re
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
 import numpy as np
 
-from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.demonstrations.grid.resolution import cell_size_at_m
+from serd_app.demonstrations.grid.fitted_grid import cell_size_at_m, grid_around
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import MappedActions, PoseTrack
 from serd_app.drives.mapped.drive import MappedMessages, mapped_messages
@@ -264,3 +263,22 @@ def _short(topic: Topic) -> str:
 
 def _words(name: str) -> set[str]:
     return set(re.findall(r"[a-z]+", name.lower()))
+
+
+def mapping_of_poses(bag: Path) -> BagMapping | None:
+    """By the likeliest pose of a bag without commands and intents; None for any other bag."""
+    reader = BagReader(bag, tolerant=True)
+    if topics_named(reader.topics, INTENT):
+        return None
+    collected = Candidates(reader)
+    poses = collected.poses()
+    if collected.actions or not poses:
+        return None
+    marks = EPISODE if len(topics_named(reader.topics, EPISODE)) == 1 else ""
+    return poses_alone(poses[0]).model_copy(update={"episode_topic": marks})
+
+
+def poses_alone(pose: PoseCandidate) -> BagMapping:
+    """The mapping of a pose whose actions are hidden."""
+    values = {"action_from": "hidden", "minimum_speed_mps": minimum_speed_mps(pose.track)}
+    return pose.mapping.model_copy(update=values)

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
-from serd_app.demonstrations.grid.fitted_grid import fitted_grid
-from serd_app.demonstrations.grid.resolution import USUAL_PATIENCE_S, USUAL_WAIT_S
+from serd_app.demonstrations.grid.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.candidates import (
     Candidates,
@@ -22,12 +21,11 @@ from serd_app.demonstrations.suggestion.candidates import (
     cell_size_m,
     in_one_namespace,
     minimum_speed_mps,
+    poses_alone,
 )
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
-from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped.actions import MappedActions
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
-from serd_app.drives.recorded_drive import INTENT
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import TF_TYPES
@@ -35,7 +33,7 @@ from serd_app.errors import AppError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic, topics_named
+from serd_bag.topic import Topic
 
 _MOST_DISAGREEMENT = 0.25
 #: Pairs that disagree more than the best one by less than this are taken by their names.
@@ -108,19 +106,6 @@ def suggest_mapping(bag: Path) -> Suggestion:
     return search.by_velocity() or search.by_poses()
 
 
-def mapping_of_poses(bag: Path) -> BagMapping | None:
-    """By the likeliest pose of a bag without commands and intents; None for any other bag."""
-    reader = BagReader(bag, tolerant=True)
-    if topics_named(reader.topics, INTENT):
-        return None
-    collected = Candidates(reader)
-    poses = collected.poses()
-    if collected.actions or not poses:
-        return None
-    marks = EPISODE if len(topics_named(reader.topics, EPISODE)) == 1 else ""
-    return _poses_alone(poses[0]).model_copy(update={"episode_topic": marks})
-
-
 @dataclass(frozen=True, eq=False)
 class _Search:
     """poses: the likeliest first; comments: see `Suggestion`, those on actions are added."""
@@ -143,19 +128,9 @@ class _Search:
         if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
             pairs = of_one  # /tf is in no namespace
         least = min(fit.disagreement for *_, fit in pairs)
-        pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
-        others = tuple(
-            f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
-            for other, topic, each in pairs
-            if (other, topic) != (pose, name)
-        )
-        self.comments["action_from"] = (
-            f"commands on {name} and the motion of {pose.topic.name} disagree in"
-            f" {100 * fit.disagreement:.1f} % of the time,",
-            f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in"
-            f" {100 * fit.usual:.1f} %",
-            *others,
-        )
+        best = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
+        pose, name, fit = best
+        self.comments["action_from"] = _fit_comments(best, pairs)
         if fit.disagreement > _MOST_DISAGREEMENT:
             self.comments["action_from"] += (
                 "so the commands are of no use, and actions are hidden",
@@ -179,7 +154,7 @@ class _Search:
     def by_poses(self) -> Suggestion:
         """By the likeliest pose; AppError where no pose gives a decision."""
         for pose in self.poses:
-            found = self.tested(_poses_alone(pose), self.comments, pose)
+            found = self.tested(poses_alone(pose), self.comments, pose)
             if found.report is not None:
                 return found
         raise AppError(
@@ -217,6 +192,25 @@ def _fitted(
                 yield pose, name, fit_commands(pose.track, at_s, commands_mps, least_mps)
 
 
+def _fit_comments(
+    best: tuple[PoseCandidate, str, CommandFit],
+    pairs: Sequence[tuple[PoseCandidate, str, CommandFit]],
+) -> tuple[str, ...]:
+    """How far commands and motion disagree, for the best pair and for the others."""
+    pose, name, fit = best
+    others = (
+        f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
+        for other, topic, each in pairs
+        if (other, topic) != (pose, name)
+    )
+    return (
+        f"commands on {name} and the motion of {pose.topic.name} disagree in"
+        f" {100 * fit.disagreement:.1f} % of the time,",
+        f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in {100 * fit.usual:.1f} %",
+        *others,
+    )
+
+
 def _velocity_mappings(pose: PoseCandidate, name: str, fit: CommandFit) -> Iterator[BagMapping]:
     """To be tried one after the other."""
     still = fit.still_in_silence is not None and fit.still_in_silence >= _STILL
@@ -244,11 +238,6 @@ def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
         share = f"{100 * fit.still_in_silence:.0f} %"
         found["silence"] = (f"where no command acts, the robot stands in {share} of the time",)
     return found
-
-
-def _poses_alone(pose: PoseCandidate) -> BagMapping:
-    values = {"action_from": "hidden", "minimum_speed_mps": minimum_speed_mps(pose.track)}
-    return pose.mapping.model_copy(update=values)
 
 
 def _comment(line: str) -> str:

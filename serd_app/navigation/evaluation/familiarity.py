@@ -18,9 +18,9 @@ from serd_app.demonstrations.recorded import (
     Place,
     demonstrations_of_all,
     files_beside,
+    read_recordings,
     save_demonstrations,
 )
-from serd_app.demonstrations.recordings import read_recordings
 from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import LearningFiles, read_learning_files

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_app.report import style
+from serd_app.report.inputs import in_words
 from serd_app.report.style import Look, new_figure
-from serd_app.report.words import in_words
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.information import PRIOR_ONLY

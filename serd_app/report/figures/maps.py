@@ -17,8 +17,8 @@ from serd_app.report.figures.map_axes import (
     map_figure,
     outline_traps,
 )
+from serd_app.report.inputs import in_words
 from serd_app.report.style import Look
-from serd_app.report.words import in_words
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions

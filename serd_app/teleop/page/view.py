@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_app.navigation.evaluation.prediction_support import reasons_text
+from serd_app.navigation.evaluation.comparison import reasons_text
 from serd_app.navigation.overlay import ModelOverlay
 from serd_core.grid.grid import Grid
 from serd_sim.crowd.social_force import model_named
@@ -57,17 +57,12 @@ def overlay_message(overlay: ModelOverlay) -> dict[str, Any]:
 
     shades: from 0 to 1 of `low` to `high`, None for a cell without a value; labels: the value.
     """
-    slowest_s = float(np.nanmax(overlay.median_s, initial=0.0))
-    notes = ["×: fewer arrive before the time-out"] if np.isnan(overlay.median_s).any() else []
-    if overlay.no_prediction_because:
-        notes.append(f"no prediction, because {reasons_text(overlay.no_prediction_because)}")
     by_time = ""
     if overlay.n_least_time:
         by_time = (
             f"; in {overlay.n_least_time} cells the way of least expected time, as the learned"
             " policy does not arrive"
         )
-    kind = "Computed" if overlay.no_prediction_because else "Predicted"
     by_model = [
         f"{name.replace('_', ' ')} {100.0 * each:.0f} %"
         for name, each in overlay.forward_by_model.items()
@@ -79,14 +74,7 @@ def overlay_message(overlay: ModelOverlay) -> dict[str, Any]:
             "note": f"dot: waits{by_time}",
             "directions": overlay.directions.tolist(),
         },
-        "arrival": {
-            "title": f"{kind} seconds until half of all drives arrive",
-            "note": "; ".join(notes),
-            "low": "0 s",
-            "high": f"{slowest_s:.0f} s",
-            "shades": _shades(overlay.median_s / max(slowest_s, 1.0)),
-            "labels": _labels(overlay.median_s, "×"),
-        },
+        "arrival": _arrival_layer(overlay),
         "dynamics": {
             "title": "Probability (%) that a move of the policy goes forward",
             "note": f"all moves: {', '.join(by_model)}",
@@ -95,6 +83,22 @@ def overlay_message(overlay: ModelOverlay) -> dict[str, Any]:
             "shades": _shades(overlay.forward),
             "labels": _labels(100.0 * overlay.forward, ""),
         },
+    }
+
+
+def _arrival_layer(overlay: ModelOverlay) -> dict[str, Any]:
+    slowest_s = float(np.nanmax(overlay.median_s, initial=0.0))
+    notes = ["×: fewer arrive before the time-out"] if np.isnan(overlay.median_s).any() else []
+    if overlay.no_prediction_because:
+        notes.append(f"no prediction, because {reasons_text(overlay.no_prediction_because)}")
+    kind = "Computed" if overlay.no_prediction_because else "Predicted"
+    return {
+        "title": f"{kind} seconds until half of all drives arrive",
+        "note": "; ".join(notes),
+        "low": "0 s",
+        "high": f"{slowest_s:.0f} s",
+        "shades": _shades(overlay.median_s / max(slowest_s, 1.0)),
+        "labels": _labels(overlay.median_s, "×"),
     }
 
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from serd_app.demonstrations.goal import (
+from serd_app.demonstrations.decision_table import (
     _neighbouring,
     ending_in,
     episodes_reaching,

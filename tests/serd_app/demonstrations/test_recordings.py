@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serd_app.demonstrations.recordings import read_recordings
+from serd_app.demonstrations.recorded import read_recordings
 from serd_core.demonstrations.decisions import HIDDEN
 from support.foreign_bags import START_S, ForeignBag, Robot, key_presses
 from support.people_messages import CLOUD, PeopleMessages

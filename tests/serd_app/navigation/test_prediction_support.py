@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.evaluation.comparison import compare
-from serd_app.navigation.evaluation.prediction_support import (
+from serd_app.navigation.evaluation.comparison import (
     RecordedTimes,
     Starts,
+    compare,
     outside_band,
     reasons_against_prediction,
     recorded_times,

@@ -9,8 +9,9 @@ from scipy.ndimage import label
 
 from serd_app.errors import AppError
 from serd_app.places.free_area import free_area_m, outline_of_cells
-from serd_app.places.map_scenario import PlaceSettings, grid_scenario, map_scenario_yaml
+from serd_app.places.map_scenario import grid_scenario, map_scenario_yaml
 from serd_app.places.ros_map import read_map
+from serd_app.places.settings import PlaceSettings
 from serd_core.grid.grid import Grid
 from serd_files.yaml_config import yaml_model
 from serd_sim.errors import SimError

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations
+from serd_app.journeys.learn import Learned
 from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.recipe import learn
@@ -31,7 +32,7 @@ def learned():
 
 def printed(files, outcome, certainty) -> str:
     with console.capture() as captured:
-        print_learned(files, outcome, certainty, Path("model.yaml"))
+        print_learned(Learned(files, outcome, certainty, Path("model.yaml")))
     return captured.get()
 
 
@@ -61,7 +62,7 @@ def test_laws_that_the_prior_decides_are_named(learned):
 
 def test_values_by_name_have_probabilities_and_what_is_known_of_laws(learned):
     _, outcome, certainty = learned
-    values = json.loads(json.dumps(learned_values(*learned, Path("model.yaml"))))
+    values = json.loads(json.dumps(learned_values(Learned(*learned, Path("model.yaml")))))
     table = np.array(values["outcome_probabilities"])
     np.testing.assert_allclose(table.sum(axis=1), 1.0)
     assert table.shape == np.shape(values["outcome_standard_errors"])

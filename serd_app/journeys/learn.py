@@ -1,0 +1,83 @@
+"""From a table of decisions to a model file and its page: what `serd learn` does."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from serd_app.errors import AppError
+from serd_app.journeys.report import ReportSources
+from serd_app.journeys.report import report as write_page
+from serd_app.learning.fit_data import ProgressCallback, ignore_progress
+from serd_app.learning.knowledge import Certainty, certainty_of
+from serd_app.learning.learning_files import LearningFiles, read_learning_files
+from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
+from serd_app.learning.recipe import learn
+from serd_app.learning.settings import FlowSource, LearningSettings
+from serd_app.places.kept_scenario import require_replaceable
+from serd_app.report.pictures import save_gain_picture
+from serd_bag.files import require_file_place, require_folder
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A model that was learned from a table and written.
+
+    certainty: standard errors and what the data leave open. model: its file. page: of its report,
+    None where none was wanted. missing: why no picture was drawn, empty where one was or the fit
+    has none.
+    """
+
+    files: LearningFiles
+    outcome: FitOutcome
+    certainty: Certainty
+    model: Path
+    page: Path | None = None
+    missing: str = ""
+
+
+def learn_from_table(
+    table: Path,
+    output: Path,
+    settings: LearningSettings,
+    *,
+    scenario: str = "",
+    flow: FlowSource = "auto",
+    goals_m: tuple[tuple[float, float], ...] = (),
+    report: Path | None = None,
+    on_progress: ProgressCallback = ignore_progress,
+) -> Learned:
+    """Learn, write the model to `output` with the files beside it, and a page to `report`.
+
+    scenario, flow, goals_m: see `read_learning_files`. SerdError or FileError where a file is
+    missing or wrong, or where too few decisions are left.
+    """
+    require_file_place(output)
+    if report is not None:
+        require_folder(report)
+    files = read_learning_files(
+        table, discount=settings.discount, scenario=scenario, flow=flow, goals_m=goals_m
+    )
+    _require_left(files, settings.minimum_decisions)
+    require_replaceable(output, files.task.scenario_yaml)
+    outcome = learn(files.task, files.demonstrations, settings, on_progress)
+    grid = files.task.problem.grid
+    save_outcome(output, outcome, grid)
+    missing = ""
+    if outcome.knowledge is not None:
+        picture = outcome_files(output)["gain_map"]
+        missing = save_gain_picture(picture, grid, outcome.knowledge.gain_nats)
+    page = None
+    if report is not None:
+        page = write_page(ReportSources(output, scenario, [table]), report).page
+    certainty = certainty_of(outcome.problem, files.demonstrations.decisions, outcome.fit)
+    return Learned(files, outcome, certainty, output, page, missing)
+
+
+def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
+    """AppError where the goal leaves too few decisions."""
+    n_left = len(files.demonstrations.decisions)
+    if files.n_after_goal and n_left < minimum_decisions:
+        goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
+        raise AppError(
+            f"at least {minimum_decisions} decisions before the goal are needed to learn, got"
+            f" {n_left} and {files.n_after_goal} after it (goal: {goals}); name another --goal"
+        )

@@ -1,0 +1,170 @@
+"""The page of any learned model, from what lies beside it and what is given: `serd report`."""
+
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from serd_app.demonstrations.recorded import read_mapping, report_of_table
+from serd_app.errors import ReportError
+from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
+from serd_app.navigation.evaluation.comparison import (
+    predicted_law,
+    recorded_times,
+    starts_of,
+)
+from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
+from serd_app.navigation.forecast import plan_remarks
+from serd_app.places.kept_scenario import scenario_of_model
+from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
+from serd_bag.files import require_folder
+from serd_core.arrays import FloatArray
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.model_file import ModelFile, load_model
+from serd_sim.drivers.strategy import Strategy, load_strategy
+from serd_sim.scenario.goal import goal_cell
+from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.epochs import decisions_of
+
+if TYPE_CHECKING:
+    from serd_app.report.summary import Summary
+
+
+_PACKAGES = ("serd", "numpy", "scipy")
+
+
+@dataclass(frozen=True)
+class ReportSources:
+    """What a page is made of.
+
+    scenario: in place of the one that the model keeps or names. demonstrations: table of decisions,
+    or bags or tables of trajectories with the file of a mapping. episodes: `episodes.csv` of `serd
+    navigate`. starts_m: of forecasts, besides the start areas.
+    """
+
+    model: Path
+    scenario: str = ""
+    demonstrations: Sequence[Path] = ()
+    mapping: Path | None = None
+    episodes: Path | None = None
+    starts_m: Sequence[tuple[float, float]] = ()
+    policy: str = "optimal"
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """page: its file; summary: the numbers of it."""
+
+    page: Path
+    summary: "Summary"
+
+
+def report(sources: ReportSources, output: Path) -> Reported:
+    """Write the page with its tables and figures below `output`.
+
+    SerdError or FileError names a missing or wrong file, or one of another grid.
+    """
+    require_folder(output)
+    inputs = inputs_of_model(sources)
+    from serd_app.report.summary import summary_of
+    from serd_app.report.write import write_report
+
+    return Reported(write_report(inputs, output), summary_of(inputs))
+
+
+def inputs_of_model(sources: ReportSources) -> ReportInputs:
+    """All that a page shows of a model."""
+    model, scenario, paths = sources.model, sources.scenario, sources.demonstrations
+    file = load_model(model)
+    place = load_scenario(scenario or scenario_of_model(model, file.scenario))
+    strategy = load_strategy(str(model), place, sources.policy, file=file)
+    problem, files = strategy.problem, outcome_files(model)
+    trace, found = _trace(files["learning"], file), None
+    if paths:
+        own, mapping = scenario if file.scenario else "", read_mapping(sources.mapping, paths)
+        found = familiarity_of(model, paths, mapping=mapping, scenario=own)
+    return ReportInputs(
+        title=f"Learned model: {file.scenario or 'fitted grid'}",
+        scenario=place,
+        problem=problem,
+        fit=fit_of_file(file, problem, trace),
+        policy=strategy.policy,
+        episodes=_episodes(sources.episodes),
+        predicted=predicted_law(strategy, "train"),
+        timeout_s=strategy.timeout_s,
+        run=_facts(file),
+        knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
+        forecasts=(*_forecasts_of_areas(strategy), *forecasts_of(strategy, sources.starts_m)),
+        **_recorded(strategy, paths, found),
+        n_demonstrations=file.fit.n_episodes,
+        driven=strategy.driven,
+        remarks=tuple(plan_remarks(strategy)),
+    )
+
+
+def _recorded(
+    strategy: Strategy, paths: Sequence[Path], found: Familiarity | None
+) -> dict[str, Any]:
+    """What demonstrations give: decisions, how usual they are, what was left out, arrivals."""
+    if found is None:
+        return {"demonstrations": decisions_of({}, "")}
+    until_goal = found.files.demonstrations.decisions
+    return {
+        "demonstrations": found.decisions,
+        "familiarity": found,
+        "discretised": report_of_table(paths[0]),
+        "recorded": recorded_times(strategy, until_goal, found.files.reaching),
+    }
+
+
+def _forecasts_of_areas(strategy: Strategy) -> Iterator[Forecast]:
+    """The arrival from each start area; a fitted grid has one, where demonstrations began."""
+    for name in strategy.scenario.start_areas_m:
+        start = f"area {name}" if strategy.file.scenario else "where demonstrations began"
+        trapped = starts_of(strategy, name).n_trapped > 0
+        yield Forecast(start, predicted_law(strategy, name), trapped)
+
+
+def forecasts_of(
+    strategy: Strategy, starts_m: Sequence[tuple[float, float]]
+) -> tuple[Forecast, ...]:
+    """The arrival from the cells of points."""
+    grid, found = strategy.problem.grid, []
+    for x_m, y_m in starts_m:
+        start, cell = np.zeros(grid.n_states), goal_cell(grid, x_m, y_m, what="start")
+        start[cell] = 1.0
+        trapped = cell in strategy.driven.learned_traps
+        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start), trapped))
+    return tuple(found)
+
+
+def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
+    if path is None:
+        return ()
+    rows = load_episodes(path)
+    if not rows:
+        raise ReportError(f"{path} must have at least one episode, got none; drive some")
+    return rows
+
+
+def _trace(path: Path, file: ModelFile) -> FloatArray:
+    """The steps of the fit, none where the file beside the model is of another fit."""
+    trace = load_trace(path) if path.exists() else np.zeros(0)
+    return trace if len(trace) and np.isclose(trace[-1], file.fit.objective) else np.zeros(0)
+
+
+def _facts(file: ModelFile) -> RunFacts:
+    return RunFacts(
+        command=shlex.join(["serd", *sys.argv[1:]]),
+        how=f"method {file.method}, cells of {file.grid.cell_size_m:g} m, patience of"
+        f" {file.patience_s:g} s",
+        finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
+        versions={name: version(name) for name in _PACKAGES},
+    )

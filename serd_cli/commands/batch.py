@@ -1,0 +1,97 @@
+"""serd batch --scenario hallway --policy expert --policy model.yaml --seeds 20 --output runs.csv
+
+Writes a row per episode. Rerun an interrupted command to resume it; with more seeds or policies
+it adds theirs to the table.
+"""
+
+from functools import partial
+from itertools import product, starmap
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from serd_cli.errors import UsageError
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
+from serd_sim.drivers.catalogue import driver_names
+from serd_sim.episodes.execution import Execution
+from serd_sim.planning.catalogue import planner_names
+from serd_sim.scenario.names import scenario_suite, suite_names
+
+#: All episodes of a table are listed in memory before the first is run.
+MOST_SEEDS = 100_000
+
+Scenarios = Annotated[
+    list[str],
+    typer.Option(
+        help=f"built-in scenario, YAML file, or suite: {', '.join(suite_names())}; repeat"
+    ),
+]
+Policies = Annotated[
+    list[str] | None,
+    typer.Option(help=f"{', '.join(driver_names())} or a learned model's file; repeat"),
+]
+Planners = Annotated[list[str] | None, typer.Option(help=f"{', '.join(planner_names())}; repeat")]
+People = Annotated[
+    list[int] | None, typer.Option(help="number of people, else the scenario's own; repeat")
+]
+StartAreas = Annotated[
+    list[str] | None, typer.Option(help="where the robot starts, default train; repeat")
+]
+Sources = Annotated[
+    list[str] | None,
+    typer.Option(help="given: people as they are; scan: from the lidar alone; repeat"),
+]
+Guard = Annotated[bool, typer.Option(help="whether commands pass the guard, as they do on a robot")]
+
+
+def batch(
+    output: Annotated[Path, typer.Option(help="table of episodes, ending in .csv")],
+    scenario: Scenarios,
+    policy: Policies = None,
+    planner: Planners = None,
+    people: People = None,
+    start_area: StartAreas = None,
+    people_from: Sources = None,
+    guard: Guard = True,
+    seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
+    first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
+    as_json: AsJson = False,
+) -> None:
+    """Parse the options, run the episodes and print their summary."""
+    from serd_cli.output.episodes import print_episodes, summary_values
+    from serd_cli.output.terminal import print_json, run_episodes
+    from serd_sim.episodes.batch import EpisodeTask, run_batch
+    from serd_sim.episodes.batch_summary import summarise
+
+    choices = (
+        [name for each in scenario for name in scenario_suite(each) or [each]],
+        _seeds(first_seed, seeds),
+        [0],
+        [*people] if people else [None],
+        start_area or [EpisodeTask.start_area],
+        planner or [EpisodeTask.planner],
+        policy or ["expert"],
+        people_from or [EpisodeTask.people_from],
+        [int(guard)],
+    )
+    tasks = starmap(EpisodeTask, product(*choices))
+    run = partial(run_batch, tasks, output, execution=Execution(jobs, backend, address))
+    summaries = summarise(run_episodes(output, lambda show: run(on_progress=show)))
+    if as_json:
+        print_json({"conditions": summary_values(summaries), "table": str(output.resolve())})
+    else:
+        print_episodes(summaries, output)
+
+
+def _seeds(first: int, count: int) -> range:
+    if count < 1 or first < 0:
+        raise UsageError(
+            f"--seeds must be at least 1 and --first-seed at least 0, got {count} and {first}"
+        )
+    if count > MOST_SEEDS:
+        raise UsageError(f"--seeds must be at most {MOST_SEEDS}, got {count}; run them in parts")
+    return range(first, first + count)

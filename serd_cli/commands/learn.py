@@ -1,0 +1,106 @@
+"""serd learn decisions.csv --output model.yaml
+
+What 'serd demos' wrote beside the table must still be there.
+model.grid.yaml and model.learning.csv are written beside the model; with
+a prior by evidence also model.posterior.csv and model.durations.csv, and
+the information that a demonstration from each cell is expected to add:
+model.next_demonstration.csv and .png.
+
+Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
+knows the dynamics; prior by evidence, predictions averaged over the
+posterior), mdce_serd_belief_evidence (evidence also decides whether the expert's
+belief is the truth, near it or independent of it). Rewards and outcomes,
+with durations that are counted: mdce_serd (divergence prior, its weight
+by validation), its variants _coupled and _free (the expert's belief
+differs), pm_serd (Boltzmann policy). Rewards under counted dynamics:
+mdce_irl, mdce_irl_entropy, maxent_irl, policy_matching,
+relative_entropy_irl.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from serd_app.learning.settings import FlowSource, LearningSettings
+from serd_cli.errors import FAILED, UsageError
+from serd_cli.options import (
+    AsJson,
+    require_apart,
+    require_suffix,
+    validated,
+    with_settings,
+)
+
+_FLAGS = {
+    "prior_weights": "--prior-weight",
+    "reirl_threshold_shares": "--reirl-threshold-share",
+}
+
+Table = Annotated[
+    Path,
+    typer.Argument(metavar="TABLE", help="table of decisions that 'serd demos' wrote"),
+]
+Model = Annotated[Path, typer.Option(help="model file to write, ending in .yaml")]
+OtherScenario = Annotated[
+    str,
+    typer.Option(help="scenario or YAML file, in place of the one the table names"),
+]
+Flow = Annotated[
+    FlowSource,
+    typer.Option(help="way people walk; auto: the scenario's, else as recorded, else none"),
+]
+Goals = Annotated[
+    list[str] | None,
+    typer.Option(help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"),
+]
+Page = Annotated[Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")]
+
+
+@with_settings(LearningSettings, **_FLAGS)
+def learn(
+    table: Table,
+    output: Model = Path("model.yaml"),
+    scenario: OtherScenario = "",
+    flow: Flow = "auto",
+    goal: Goals = None,
+    report: Page = None,
+    as_json: AsJson = False,
+    **options: Any,
+) -> None:
+    """Parse the options, learn and print what was learned."""
+    _require_table(table)
+    require_suffix(output, ".yaml", ".yml")
+    from serd_app.demonstrations.recorded import files_beside
+    from serd_app.journeys.learn import learn_from_table
+    from serd_app.learning.outcome import outcome_files
+    from serd_cli.output.fit import fit_progress, learned_values, print_learned
+    from serd_cli.output.terminal import print_json
+    from serd_sim.scenario.goal import point_of
+
+    read: list[str | Path] = [*files_beside(table).values(), scenario]
+    require_apart(output, outcome_files(output).values(), read)
+    with fit_progress() as show:
+        learned = learn_from_table(
+            table,
+            output,
+            validated(LearningSettings, **options),
+            scenario=scenario,
+            flow=flow,
+            goals_m=tuple(point_of(each) for each in goal or ()),
+            report=report,
+            on_progress=show,
+        )
+    if as_json:
+        print_json(learned_values(learned))
+    else:
+        print_learned(learned)
+    if not learned.outcome.fit.converged:
+        raise typer.Exit(FAILED)
+
+
+def _require_table(path: Path) -> None:
+    if path.is_dir() or path.suffix in (".mcap", ".db3", ".bag"):
+        raise UsageError(
+            f"TABLE must be a table of decisions, got {path}; of a bag 'serd demos' makes one"
+        )

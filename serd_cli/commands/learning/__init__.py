@@ -1,1 +1,0 @@
-"""Commands from recordings to models and what these predict."""

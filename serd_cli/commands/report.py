@@ -1,0 +1,70 @@
+"""It shows policy, value, flow, outcomes and forecast, and how usual
+demonstrations are for the model (compared.csv has a row for each).
+
+serd report model.yaml --demonstrations decisions.csv
+
+The page needs nothing but itself; its figures and tables lie beside it.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from serd_cli.options import AsJson, option, present
+
+Model = Annotated[Path, typer.Argument(help="file of a learned model")]
+Demonstrations = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="table of decisions, or bag or table of trajectories to score, repeat",
+        callback=present,
+    ),
+]
+Mapping = Annotated[
+    Path | None,
+    typer.Option(help="YAML file as for 'serd demos', not for decisions", callback=present),
+]
+Episodes = Annotated[
+    Path | None,
+    typer.Option(help="episodes.csv that 'serd navigate --output' wrote", callback=present),
+]
+OtherScenario = Annotated[
+    str,
+    typer.Option(help="scenario or YAML file, in place of the one the model keeps"),
+]
+Starts = Annotated[list[str] | None, typer.Option(help="x,y (m) of a forecast's start, repeat")]
+
+
+def report(
+    model: Model,
+    demonstrations: Demonstrations = None,
+    mapping: Mapping = None,
+    episodes: Episodes = None,
+    scenario: OtherScenario = "",
+    start: Starts = None,
+    policy: PolicyKind = option(NavigationSettings, "policy"),
+    output: Annotated[Path, typer.Option(help="folder of the page")] = Path("report"),
+    as_json: AsJson = False,
+) -> None:
+    """Parse the options, write the page and print its summary."""
+    from serd_app.journeys.report import ReportSources
+    from serd_app.journeys.report import report as write
+    from serd_app.report.page import summary_rows
+    from serd_app.report.summary import headline_of
+    from serd_cli.output.terminal import console, print_json
+    from serd_sim.scenario.goal import point_of
+
+    starts_m = tuple(point_of(each, what="start") for each in start or ())
+    sources = ReportSources(
+        model, scenario, demonstrations or (), mapping, episodes, starts_m, policy
+    )
+    done = write(sources, output)
+    if as_json:
+        print_json({**done.summary.as_json(), "report": str(done.page)})
+        return
+    console.print(headline_of(done.summary), soft_wrap=True)
+    for what, value in summary_rows(done.summary):
+        console.print(f"{what}: {value}", soft_wrap=True)
+    console.print(f"report: {done.page}", soft_wrap=True)

@@ -1,1 +1,0 @@
-"""Commands of the world and of episodes in it, without ROS."""

@@ -1,1 +1,0 @@
-"""Commands that start nodes, and the check of what these need."""

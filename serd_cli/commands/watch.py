@@ -1,0 +1,75 @@
+"""serd watch
+
+The page shows what others have started with 'serd launch', or play with
+'serd bag play', in the same ROS domain. It publishes no command, and the
+viewer needs a browser only.
+
+One of several robots is shown with --namespace robot1, and with
+--frame-prefix robot1/ where its stack has a frame_prefix.
+
+With --json the address of the page is printed as JSON. Ctrl-C ends.
+"""
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.text import Text
+
+from serd_app.teleop.page.access import PageAccess, read_token
+from serd_cli.errors import UsageError
+from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
+from serd_cli.output.terminal import print_json, progress_console
+from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.stack_run import run_alone
+from serd_cli.processes.workspace import ros_environment
+from serd_files.moved_names import where
+from serd_ros.graph.graph import full_namespace
+from serd_ros.process.progress import Progress
+from serd_ros.settings import WatchPageConfig
+from serd_sim.scenario.scenario import load_scenario
+
+_NODE = "watch_page"
+
+
+@with_settings(WatchPageConfig)
+def watch(
+    bag: Annotated[Path | None, typer.Argument(hidden=True)] = None,
+    namespace: Annotated[
+        str, typer.Option(help="of the robot that is shown, as robot1; / for topics without one")
+    ] = "",
+    as_json: AsJson = False,
+    **options: Any,
+) -> None:
+    """Parse the options and run the page until it is stopped."""
+    if bag is not None:
+        raise UsageError(f"BAG must be left out, got {bag}; {where('argument', 'watch BAG')}")
+    options["scenario"] = resolved_scenario(options["scenario"])
+    if options["token_file"]:
+        options["token_file"] = str(Path(options["token_file"]).resolve())
+    settings = validated(WatchPageConfig, **options)
+    PageAccess(settings.address, read_token(settings.token_file))
+    load_scenario(settings.scenario)
+    _serve(settings, namespace, as_json=as_json)
+
+
+def _serve(settings: WatchPageConfig, namespace: str, *, as_json: bool) -> None:
+    environment = ros_environment(os.environ)
+    remappings = {"__ns": full} if (full := full_namespace(namespace)) else {}
+    command = node_command(_NODE, settings.model_dump(), remappings, environment)
+
+    def take(progress: Progress) -> None:
+        if not progress.address:
+            return
+        if as_json:
+            print_json({"url": progress.address})
+            sys.stdout.flush()
+        else:
+            address = progress.address, "bold"
+            progress_console.print(Text.assemble("watch at ", address, "   (Ctrl-C ends)"))
+
+    with suppress(KeyboardInterrupt):  # the usual end
+        run_alone(_NODE, command, environment, take)

@@ -1,0 +1,103 @@
+"""What `serd scenario` prints: the list, one scenario, and what was made of a map."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+from serd_app.journeys.from_map import MappedScenario
+from serd_bag.quantities import counted
+from serd_cli.output.terminal import console
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.occupancy import OccupancyRaster
+from serd_sim.scenario.scenario import Scenario
+
+
+def print_list(scenarios: Mapping[str, Scenario]) -> None:
+    """A row per scenario."""
+    table = Table(title="Built-in scenarios", title_justify="left")
+    table.add_column("name", no_wrap=True)
+    table.add_column("people", justify="right")
+    table.add_column("cells", justify="right")
+    table.add_column("description", overflow="fold")
+    for name, each in scenarios.items():
+        numbers = str(each.pedestrians.count), str(grid_of(each).n_states)
+        table.add_row(name, *numbers, each.description)
+    console.print(table)
+
+
+def print_scenario(values: Mapping[str, Any], remark: str) -> None:
+    """A row per value, and the path of the picture below."""
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in values.items():
+        if name != "picture":
+            table.add_row(name.replace("_", " "), _text(value))
+    console.print(table)
+    if remark:
+        console.print(remark, soft_wrap=True)
+    print(f"picture: {values['picture']}")  # in one piece, however long
+
+
+def print_mapped(made: MappedScenario) -> None:
+    """What is free in the map, and the files."""
+    values = mapped_values(made)
+    map_of = "" if made.raster is None else _map_of(made.raster)
+    console.print(f"{map_of}{_sentence(values)}", soft_wrap=True)
+    for name in ("file", "picture"):
+        console.print(f"{name}: {values[name]}", soft_wrap=True)
+
+
+def mapped_values(made: MappedScenario) -> dict[str, Any]:
+    """The scenario and what was found in its map, as plain values."""
+    scenario, raster = made.scenario, made.raster
+    reached_m2 = float(scenario.cells.walkable.sum()) * scenario.cell_size_m**2
+    return scenario_values(str(made.file), scenario) | {
+        **({} if raster is None else {"map_size": list(raster.cells.shape[::-1])}),
+        "free_area_m2": round(float(made.area.area), 2),
+        "cells_area_m2": round(reached_m2, 2),
+        "solids": len(scenario.obstacles),
+        "walls": len(scenario.wall_segments_m),
+        "file": str(made.file.resolve()),
+        "picture": str(made.picture.resolve()),
+    }
+
+
+def _map_of(raster: OccupancyRaster) -> str:
+    rows, columns = raster.cells.shape
+    turned = f", turned by {math.degrees(raster.yaw_rad):.1f} degrees" if raster.yaw_rad else ""
+    return f"map of {columns} x {rows} cells{turned}: "
+
+
+def _sentence(values: dict[str, Any]) -> str:
+    return (
+        f"a free area of {values['free_area_m2']:g} m2"
+        f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
+        f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
+        f" {values['cells_area_m2']:g} m2; a patience of {values['patience_s']:g} s"
+    )
+
+
+def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
+    """The main properties as plain values."""
+    x_min, y_min, x_max, y_max = scenario.bounds_m
+    return {
+        "scenario": name,
+        "description": scenario.description,
+        "size_m": [x_max - x_min, y_max - y_min],
+        "cell_size_m": scenario.cell_size_m,
+        "cells": grid_of(scenario).n_states,
+        "people": scenario.pedestrians.count,
+        "loops": [loop.name for loop in scenario.pedestrians.loops],
+        "flow_convention": scenario.flow_convention,
+        "start_areas": list(scenario.start_areas_m),
+        "patience_s": scenario.patience_s,
+        "wait_s": scenario.wait_s,
+        "episode_timeout_s": scenario.episode_timeout_s,
+    }
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

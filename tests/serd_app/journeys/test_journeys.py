@@ -1,0 +1,85 @@
+"""Journeys return records of what they made, and refuse before they write."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.errors import AppError
+from serd_app.journeys.demonstrate import PlaceChoice
+from serd_app.journeys.from_map import scenario_from_map
+from serd_app.journeys.navigate import navigate
+from serd_app.navigation.settings import DriveSettings
+from serd_app.places.settings import PlaceSettings
+from serd_files.episode_table import EpisodeResult
+from serd_sim.errors import SimError
+from serd_sim.scenario.scenario import load_scenario
+from support.ros_maps import maze, write_map
+
+
+def row(episode: int, time_of_arrival_s: float) -> EpisodeResult:
+    outcome = "arrived" if np.isfinite(time_of_arrival_s) else "timeout"
+    return EpisodeResult(
+        episode=episode,
+        seed=1,
+        driver="strategy",
+        start_area="train",
+        outcome=outcome,
+        time_of_arrival_s=time_of_arrival_s if outcome == "arrived" else np.nan,
+        duration_s=30.0,
+        distance_m=20.0,
+        robot_on_person=0,
+        person_on_robot=0,
+        robot_on_wall=0,
+        minimum_person_distance_m=1.0,
+        wall_s=0.1,
+    )
+
+
+def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of):
+    settings = DriveSettings(model=str(save_model_of()), episodes=3)
+    asked = []
+
+    def drive(given, output):
+        asked.append((given, output))
+        return [row(0, 25.0), row(1, 28.0), row(2, np.inf)]
+
+    done = navigate(settings, None, drive)
+    assert asked == [(settings, None)]
+    assert (done.comparison.n_episodes, done.comparison.n_arrived) == (3, 2)
+    assert done.settings is settings
+    assert done.missing == ""
+
+
+def test_nothing_drives_from_a_start_area_that_is_not_there(save_model_of):
+    settings = DriveSettings(model=str(save_model_of()), start_area="nowhere")
+    with pytest.raises(SimError, match="start area must be one of train, transfer"):
+        navigate(settings, None, lambda *_: pytest.fail("it drove"))
+
+
+@pytest.mark.usefixtures("quick_pictures")
+def test_a_scenario_of_a_map_is_on_disk_as_in_the_record(tmp_path):
+    source = write_map(tmp_path, "maze", maze(cells=6))
+    settings = PlaceSettings(robot_radius_m=0.15, cell_size_m=0.4)
+    file = tmp_path / "new.yaml"
+    made = scenario_from_map(source, file, settings)
+    assert load_scenario(file) == made.scenario
+    assert made.picture.read_bytes().startswith(b"\x89PNG")
+    file.write_text(file.read_text().replace("count: 0", "count: 0  # nights only"))
+    with pytest.raises(AppError, match=r"new\.yaml must not be replaced without --output"):
+        scenario_from_map(source, file, settings)
+    assert scenario_from_map(source, file, settings, replace=True).scenario == made.scenario
+
+
+@pytest.mark.parametrize(
+    ("choice", "sentence"),
+    [
+        ({"scenario": "hallway", "cell_size_m": 1.0}, "either --scenario or --cell-size-m"),
+        ({"scenario": "hallway", "area": Path("a.wkt")}, "either --scenario or --area"),
+        ({"cell_size_m": float("nan")}, "--cell-size-m must be finite and above 0, got nan"),
+        ({"area": Path("a.txt")}, "must end in .wkt, .geojson, .json"),
+    ],
+)
+def test_a_place_is_a_scenario_or_a_grid_that_is_fitted(choice, sentence):
+    with pytest.raises(AppError, match=sentence):
+        PlaceChoice(**choice)

@@ -1,0 +1,111 @@
+"""What `serd teleop` makes of its options, what it shows, and what it counts."""
+
+import socket
+
+import pytest
+
+from serd_app.errors import TeleopError
+from serd_bag.errors import FileError
+from serd_cli.commands.teleop import TeleopSettings
+from serd_cli.errors import UsageError
+from serd_cli.options import free_folder
+from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.teleop_session import (
+    SessionSummary,
+    driver_lines,
+    require_page,
+    summarise_session,
+)
+from serd_ros.graph.graph import find_stack
+from serd_ros.process.progress import VARIABLE, report_address
+
+
+def settings(**changes):
+    values = {
+        "scenario": "hallway",
+        "seed": 3,
+        "start_area": "train",
+        "people": None,
+        "address": "127.0.0.1",
+        "port": 0,
+        "token_file": "",
+        "velocity": False,
+        "driver": "",
+    }
+    return TeleopSettings(**{**values, **changes})
+
+
+def test_options_become_parameters_of_the_nodes(tmp_path, ros_env):
+    stack, bag = find_stack("teleop"), tmp_path / "bag"
+    chosen = settings(velocity=True, driver="anna", people=5, port=9000)
+    commands = {
+        process.name: " ".join(process.command)
+        for process in stack_processes(stack, chosen.parameters(bag), ros_env)
+    }
+    assert "mode:='velocity'" in commands["teleop_page"]
+    assert "driver:='anna'" in commands["teleop_page"]
+    assert "port:=9000" in commands["teleop_page"]
+    assert "people:=5" in commands["hallway_sim"]
+    assert f"output:='{bag}'" in commands["demo_recorder"]
+    assert "-r cmd_vel_raw:=cmd_vel_planner" in commands["local_planner"]
+
+
+def test_a_port_in_use_is_refused_before_anything_starts():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UsageError, match=f"port {port}: .*; choose another with --port"):
+            require_page(settings(port=port))
+
+
+def test_any_address_but_loopback_needs_a_token_file(tmp_path):
+    with pytest.raises(TeleopError, match="unless a token is given"):
+        require_page(settings(address="0.0.0.0"))
+    token = tmp_path / "token"
+    token.write_text("a-long-random-token\n")
+    require_page(settings(address="0.0.0.0", token_file=str(token)))
+
+
+def test_every_run_gets_a_folder_of_its_own(tmp_path):
+    assert free_folder(tmp_path / "out", "session").name == "session-1"
+    assert free_folder(tmp_path / "out", "session").name == "session-2"
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(FileError, match="is a file, not a folder; check the path"):
+        free_folder(file, "session")
+    link = tmp_path / "link"
+    link.symlink_to("nothing")
+    with pytest.raises(FileError, match="a file of this name is in the way"):
+        free_folder(link, "session")
+
+
+def test_the_driver_sees_its_own_lines_and_everything_goes_into_the_log(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setenv(VARIABLE, "1")
+    prefix = "[INFO] [1795249906.32] [teleop_page]: "
+    with driver_lines(tmp_path / "logs" / "nodes.log") as take:
+        report_address("http://127.0.0.1:9/", print)
+        take("teleop_page", capsys.readouterr().err.strip())
+        take("teleop_page", prefix + "episode 1 arrived")
+        take("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
+        take("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
+        take("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
+        take("teleop_page", "  File x.py, line 3")
+    printed = capsys.readouterr().err
+    assert "drive at http://127.0.0.1:9/" in printed
+    assert printed.count("episode 1 arrived") == 1
+    assert "nothing of interest" not in printed
+    assert "E-STOP engaged" in printed
+    assert "Exception" not in printed
+    assert "x.py" not in printed
+    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 6
+
+
+def test_the_summary_counts_kept_and_discarded_episodes(tmp_path):
+    summary = SessionSummary({"arrived": 2, "cut_off": 1, "discarded": 3}, 17)
+    assert str(summary) == (
+        "3 episodes kept (2 arrived, 1 cut off), 3 discarded; 17 decisions by directions"
+    )
+    assert summarise_session(tmp_path / "no bag", "hallway") is None
