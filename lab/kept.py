@@ -50,6 +50,7 @@ KEPT = (
     Kept("hallway", "figure_5_9.csv", "figure_5_9.png"),
     Kept("detour", "summary.csv", "detour.png"),
     Kept("people", "summary.csv", "people.png"),
+    Kept("durations", "summary.csv"),
     Kept("speed", figure="speed.png"),
 )
 
