@@ -137,7 +137,7 @@ def _require_present(words: list[str]) -> None:
     if words and (went := where("command", words[0])):
         raise UsageError(f"there is no command {words[0]!r}; {went}")
     # What follows an executable is its own.
-    for word in words[:2] if words[:1] == ["run"] else words:
+    for word in words[:3] if words[:1] == ["run"] else words:
         option = word.partition("=")[0]
         if went := where("option", option):
             raise UsageError(f"there is no option {option}; {went}")

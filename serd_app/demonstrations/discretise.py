@@ -143,11 +143,12 @@ def decisions_from_drive(
             continue
         course = _course(drive, span, patience_s)
         key = course.digest(place)
-        if key not in known:
-            known[key] = _followed(epochs, course)
-        dropped[NO_COMMAND] += known[key].n_silent
-        dropped[LOST] += known[key].n_lost
-        ended[span.number] = known[key].ended
+        divided_here = known.get(key) or _followed(epochs, course)
+        if span.outcome != CUT_OFF:  # one that goes on is another at the next time
+            known[key] = divided_here
+        dropped[NO_COMMAND] += divided_here.n_silent
+        dropped[LOST] += divided_here.n_lost
+        ended[span.number] = divided_here.ended
     every = decisions_of(ended, drive.source)
     dropped[OFF_GRID] += sum(map(len, ended.values())) - len(every)
     repeated = _repeated(every, set() if seen is None else seen)

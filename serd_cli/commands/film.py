@@ -42,6 +42,7 @@ def film(
     planner: str = option(WorldSettings, "planner"),
     people_from: PeopleFrom = "given",
     seed: int = option(EpisodeSettings, "seed", default=1),
+    episode: Annotated[int, typer.Option(min=0, help="number of the episode")] = 0,
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
     view: View = "top",
@@ -66,7 +67,7 @@ def film(
     validated(MovieSettings, speed=speed)
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
-    task = EpisodeTask(scenario, seed, 0, people, start_area, planner, policy, people_from)
+    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
     done = drive_and_draw(task, output, view=view, speed=speed, at_s=at_s, track=_with_bar)
     if as_json:
         values = {"outcome": done.outcome, "duration_s": done.duration_s}

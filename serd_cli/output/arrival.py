@@ -25,7 +25,8 @@ def print_arrival(done: Navigated, output: Path | None) -> None:
     for line in remarks(done.comparison, done.patience_remark):
         console.print(line, soft_wrap=True)
     if output is not None:
-        console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True)
+        what = "tables" if done.missing else "tables and arrival.png"
+        console.print(f"{what}: {output.resolve()}", soft_wrap=True)
 
 
 def arrival_values(done: Navigated) -> dict[str, Any]:

@@ -18,12 +18,12 @@ from serd_app.drives.sessions import read_drives
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
-from serd_cli.commands.teleop import TeleopSettings
 from serd_cli.errors import UsageError
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
 from serd_cli.processes.stack_run import log_of_nodes, port_fault, require_free_domain
 from serd_cli.processes.supervisor import Line, run_together
+from serd_cli.processes.teleop_settings import TeleopSettings
 from serd_cli.processes.workspace import ros_environment
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import model_yaml

@@ -40,7 +40,7 @@ class Lbfgs(Ascent):
                 gtol=self.gradient_tolerance,
             )
             if len(climb.trace) >= self.max_steps:
-                climb.stalled = OUT_OF_STEPS
+                climb.stalled, climb.by_rounding = OUT_OF_STEPS, False
                 return
             climb.stalled, climb.by_rounding = f"not converged: {reason}", True
             yield

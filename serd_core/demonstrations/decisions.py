@@ -170,7 +170,7 @@ def decisions_from_columns(table: Any, source: str = "") -> Decisions:
 
     Columns: episode, time_s, state, action, next_state (`Decisions`).
 
-    decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
+        decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
     """
     try:
         columns = [np.asarray(table[name]) for name in COLUMNS]

@@ -210,7 +210,7 @@ def fit_pm_serd(
 
     Returns a `FitResult`, whose `temperature` is theta_P. Raises SerdError as `fit_mdce_serd` does.
 
-    prior = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
+        prior = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
         fit = sc.fit_pm_serd(problem, decisions, rng=np.random.default_rng(0), prior=prior)
     """
     require_positive("initial_temperature", initial_temperature)

@@ -12,8 +12,8 @@ from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem, rewards
 
 NEWTON, SOFT = Newton(), SoftBellman()
-#: Relative difference of values of one state that counts as none.
-_EQUAL = 1e-9
+#: Differences of values of one state that count as none, of the best and of the largest of all.
+_EQUAL, _ROUNDING = 1e-9, 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +61,12 @@ def optimal_policy(
     """Solve for the optimal policy of known rewards (2.24 to 2.26), even over equally good actions.
 
     Arguments and result as in `soft_policy`. `greedy` is the first of the best actions; values of a
-    state within 1e-9 of the best one are equal.
+    state are equal within 1e-9 of the best one, and within the rounding of all.
     """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
     best = solution.q.max(axis=1, keepdims=True)
-    equal = solution.q >= best - _EQUAL * np.abs(best)
+    largest = np.abs(best).max()  # a value may be 0 but for rounding
+    equal = solution.q >= best - _EQUAL * np.abs(best) - _ROUNDING * largest
     return _policy(solution, equal / equal.sum(axis=1, keepdims=True))
 
 

@@ -38,7 +38,7 @@ class GaussianPrior(Prior):
 
     standard_deviation: one for the block, or a tuple of one per number.
 
-    prior = sc.GaussianPrior(0.0, sc.Block.REWARD, 2.0)
+        prior = sc.GaussianPrior(2.0, sc.Block.REWARD)
     """
 
     standard_deviation: float | tuple[float, ...]

@@ -178,9 +178,11 @@ class Endpoints:
 
     def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
         @wraps(callback)
-        def renamed(message: Any, *info: object) -> None:
-            self.node.frames.remove_prefix(message)
-            callback(message, *info)
+        def renamed(*arguments: Any) -> None:
+            message = arguments[0]
+            # EventsExecutor passes message and info as one tuple.
+            self.node.frames.remove_prefix(message[0] if isinstance(message, tuple) else message)
+            callback(*arguments)
 
         return renamed
 

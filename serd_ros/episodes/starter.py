@@ -64,8 +64,8 @@ class EpisodeStarter:
 
     def wait(self) -> None:
         """Look until all that an episode needs is there, then call `on_ready`."""
-        self._asked = None
-        self._look.reset()
+        self._waited_for = ""
+        self._look_again()
 
     def reset_world(self) -> None:
         """Request an episode of the world; wait while it refuses, repeat without an answer."""
@@ -129,7 +129,11 @@ class EpisodeStarter:
 
     def _wait_again(self, reason: str) -> None:
         self._report(reason)
-        self.wait()
+        self._look_again()
+
+    def _look_again(self) -> None:
+        self._asked = None
+        self._look.reset()
 
     def _report(self, missing: str) -> None:
         if missing != self._waited_for:

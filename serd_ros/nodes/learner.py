@@ -153,9 +153,11 @@ class Learning(Activity):
         self._task, self._place, self._memory = task, place, memory
         self._again = self._begin_anew = False
         self._begun_s = 0.0
-        self._ended_s: float | None = None
+        # An episode that ended before a deactivation is still to be gathered.
+        n_ended = 0 if memory is None else memory.drive.n_ended
+        self._ended_s = self._node.wall_s() if n_ended else None
         #: Wall time at which something published episodes, or a message came; None before.
-        self._published_s: float | None = None
+        self._published_s = self._ended_s
         self._is_played = self._is_learned = False
         self._refusal = "no episode has ended"
         self._checkpoint_due_s = 0.0

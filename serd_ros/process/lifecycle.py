@@ -15,6 +15,7 @@ from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState, TransitionC
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.convert.diagnostics import ERROR, OK
+from serd_ros.convert.frames import Frames
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.process.serd_node import SerdNode
 
@@ -96,6 +97,7 @@ class Lifecycle(LifecycleNodeMixin):
 
     def _configure_anew(self) -> None:
         self._node.parameters.read_again()
+        self._node.frames = Frames(getattr(self._node.config, "frame_prefix", ""))
         self._activate = self._configure()
 
     def _make_activity(self) -> None:

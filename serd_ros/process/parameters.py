@@ -107,7 +107,10 @@ class Parameters(Generic[Config]):
         except USER_ERRORS as error:
             raise FixedParameterError(str(error)) from None
         self._chosen = given, config
-        return [*parameters, *self._changed(config, own)]
+        # A whole number that was given for a float is declared as a float.
+        others = [each for each in parameters if each.name not in own]
+        taken = [Parameter(name, value=plain(getattr(config, name))) for name in own]
+        return [*others, *taken, *self._changed(config, own)]
 
     def _after_set(self, parameters: Sequence[Parameter]) -> None:
         if self._chosen is None:

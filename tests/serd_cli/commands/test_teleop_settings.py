@@ -6,7 +6,6 @@ import pytest
 
 from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
-from serd_cli.commands.teleop import TeleopSettings
 from serd_cli.errors import UsageError
 from serd_cli.options import free_folder
 from serd_cli.processes.node_commands import stack_processes
@@ -16,6 +15,7 @@ from serd_cli.processes.teleop_session import (
     require_page,
     summarise_session,
 )
+from serd_cli.processes.teleop_settings import TeleopSettings
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, report_address
 
