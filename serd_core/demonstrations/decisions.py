@@ -187,7 +187,9 @@ def decisions_from_episodes(
 ) -> Decisions:
     """Make decisions from (states, actions) of each episode, with one more state than actions.
 
-    decisions = sc.decisions_from_episodes([([0, 1, 2], [3, 3]), ([0, 4], [1])])
+    Time counts in decisions. SerdError where an episode has other numbers of states and actions.
+
+        decisions = sc.decisions_from_episodes([([0, 1, 2], [3, 3]), ([0, 4], [1])])
     """
     rows = []
     for number, episode in enumerate(episodes):

@@ -91,7 +91,7 @@ def fit_relative_entropy_irl(
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_relative_entropy_irl(
-            problem, decisions, samples=samples, sampling_policy=policy, rng=rng)
+            problem, decisions, samples=samples, sampling_policy=policy.probabilities, rng=rng)
     """
     if not (is_number(largest_weight) and largest_weight > 0):
         raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")

@@ -71,7 +71,7 @@ def from_transitions(
     learned: whether the probabilities are unknown. The table then lists which transitions can
     happen, by any positive numbers, and each pair has a distribution of its own over them.
 
-        problem = sc.from_transitions(table, features, discount=0.95, terminal=[24])
+        problem = sc.from_transitions(transitions, features, discount=0.95, terminal=[24])
     """
     table = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])

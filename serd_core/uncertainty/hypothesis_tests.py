@@ -33,6 +33,7 @@ def likelihood_ratio_test(
     n_restrictions: degrees of freedom; None for the number of features that the restricted fit has
     less. SerdError where a fit did not converge or is no fit by likelihood.
 
+        fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.UniformPrior())
         print(sc.likelihood_ratio_test(fit_without_walls, fit).p_value)
     """
     require_fit(restricted, "restricted")
