@@ -58,7 +58,11 @@ _MODELS: dict[str, StrictModel] = {
     "mapping": BagMapping(longest_gap_s=1.0),
     "map": MapFile(image="map.pgm", resolution=0.05, origin=(0.0, 0.0, 0.0)),
     "checkpoint": LearnerCheckpoint(
-        scenario="corridor", grid_fingerprint="0", reward_weights={"goal": 1.0}
+        scenario="corridor",
+        grid_fingerprint="0",
+        patience_s=4.0,
+        wait_s=1.0,
+        reward_weights={"goal": 1.0},
     ),
     "demonstrations": DemonstrationRecord(
         scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0, bags=(_BAG,)

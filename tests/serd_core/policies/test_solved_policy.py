@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
+from serd_core.mdp.tables import from_transitions
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 
@@ -36,3 +37,18 @@ def test_probabilities_that_are_none_are_refused_with_the_row(gridworld):
         soft_policy(gridworld.problem, gridworld.weights, wrong)
     with pytest.raises(SerdError, match=r"reward_weights must have shape \(2\), got \(1,\)"):
         soft_policy(gridworld.problem, np.ones(1), gridworld.probabilities)
+
+
+def test_actions_of_value_0_are_as_good_as_each_other_but_for_rounding():
+    """Left and right of the middle cell lead to rewards that cancel the cost of the way there."""
+    n = 5
+    ways = np.zeros((n, 2, n))
+    for state in range(n):
+        for action, following in enumerate((max(state - 1, 0), min(state + 1, n - 1))):
+            ways[state, action, following] = 1.0
+    problem = from_transitions(ways, np.eye(n)[[0, 1, 2, 1, 0]][:, :3], discount=0.9)
+    # V(middle) = w2 + .9 w1 + .81 w0 / .1, as actions stay at the ends.
+    weights = np.array([1.0, 0.5, -(0.45 + 8.1)])
+    found = optimal_policy(problem, weights)
+    assert abs(found.value[2]) < 1e-12
+    np.testing.assert_array_equal(found.probabilities[2], [0.5, 0.5])

@@ -1,12 +1,13 @@
 """What a scope makes ends with it, and no callback of it runs afterwards."""
 
 import pytest
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.endpoints import with_info
 from support.nodes_in_process import deliver, node_in_process
 
 KINDS = ("publishers", "subscriptions", "services", "clients", "timers")
@@ -70,3 +71,15 @@ def test_frames_come_without_the_prefix_of_the_robot(running):
         message.header.frame_id = frame
         running.receive("pose", message)
     assert [each.header.frame_id for each in taken] == ["odom", "map"]
+
+
+def test_frames_of_messages_with_info_come_without_the_prefix_from_either_executor(running):
+    taken = []
+    take = with_info(lambda message, _: taken.append(message.header.frame_id))
+    running.node.endpoints.subscribe(TwistStamped, "command", take, qos.STATE)
+    (found,) = [each for each in running.node.subscriptions if each.topic_name == "/command"]
+    for arguments in (lambda message: (message, {}), lambda message: ((message, {}),)):
+        message = TwistStamped()
+        message.header.frame_id = "robot1/base_link"
+        found.callback(*arguments(message))
+    assert taken == ["base_link", "base_link"]

@@ -94,6 +94,16 @@ def test_parameters_follow_the_one_on_which_their_defaults_depend():
         assert node.config.input_timeout_s == 0.25
 
 
+def test_a_whole_number_for_a_float_and_another_prefix_are_taken_before_configuration():
+    with node_in_process("people_tracker", managed=True) as running:
+        assert running.set(wall_margin=1).successful
+        assert running.set(frame_prefix="robot1/").successful
+        assert running.node.get_parameter("wall_margin").value == 1.0
+        running.node.lifecycle.trigger_configure()
+        assert running.node.config.wall_margin == 1.0
+        assert running.node.frames.prefix == "robot1/"
+
+
 @pytest.mark.parametrize("step", ["configure", "activate", "deactivate"])
 def test_an_unexpected_exception_in_a_transition_leaves_an_unconfigured_node(step, given):
     with node_in_process("strategy", managed=True, **given["strategy"]) as running:
