@@ -131,7 +131,7 @@ def _seconds(
     if role_of(name) == "frame":
         raise FileError(
             f"{where} has frames in the column {name} and does not state how many there are per"
-            " second; write their rate into a --mapping file, as {fps: 25}"
+            " second; write their rate into a --mapping file, for example {fps: 16}"
         )
     size = np.nanmedian(np.abs(numbers)) if np.isfinite(numbers).any() else 0.0
     unix = next((unit for least, unit in _SINCE_1970 if size > least), None)
