@@ -43,7 +43,8 @@ from serd_core.memory import require_memory
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
-#: Steps after which the law is constant where a later arrival has at most this probability.
+#: Steps, doubled as often as needed, after which the law is constant where a later arrival has at
+#: most this probability.
 SOON, SETTLED = 512, 1e-4
 _SUM_TOLERANCE = 1e-6
 #: Numbers per step and state that are held at once.
@@ -149,7 +150,8 @@ def renewal_chain(
 def semi_markov_arrival(chain: RenewalChain, dwell: DwellTimes, n_steps: int) -> ArrivalByState:
     """Probability of having arrived within 0, 1, ... n_steps steps from each state.
 
-    It is constant after `SOON` steps where at most `SETTLED` arrive later from any state.
+    It is constant after `SOON` steps, or twice as many and so on, where at most `SETTLED` arrive
+    later from any state.
     """
     if n_steps < 0:
         raise SerdError(f"n_steps must not be negative, got {n_steps}; use the time-out's")
@@ -163,8 +165,9 @@ def semi_markov_arrival(chain: RenewalChain, dwell: DwellTimes, n_steps: int) ->
     ever = probability_of_ever_arriving(chain.matrix(chain.probability).tocsr(), goal)
     system, soon = _Equations(chain), min(size, SOON)
     cdf = _arrived(system, dwell, soon)
-    if soon < size and np.any(ever - cdf[-1] > SETTLED):
-        cdf = _arrived(system, dwell, size)
+    while soon < size and np.any(ever - cdf[-1] > SETTLED):
+        soon = min(2 * soon, size)
+        cdf = _arrived(system, dwell, soon)
     cdf[:, goal] = 1.0
     later = np.broadcast_to(cdf[-1], (size - len(cdf), len(goal)))
     return ArrivalByState(np.maximum.accumulate(np.concatenate([cdf, later]), axis=0), ever)

@@ -62,7 +62,8 @@ class AmclPose(Localisation):
         self._odometry: deque[tuple[int, PlanarPose]] = deque(maxlen=_KEPT)
         self._clock = StampClock()
         self._found: tuple[int, PlanarPose] | None = None
-        self._matched: PlanarPose | None = None
+        #: The odometry nearest to its stamp, which may still be under way when it comes.
+        self._matched: tuple[int, PlanarPose] | None = None
         self._is_lost = False
         follow_transforms(endpoints)
         endpoints.subscribe(PoseWithCovarianceStamped, self.topic, self._on_pose, qos.LATCHED)
@@ -75,7 +76,7 @@ class AmclPose(Localisation):
         if self._found is None or not self._odometry:
             return
         time_ns = self._found[0]
-        _, self._matched = min(self._odometry, key=lambda each: abs(each[0] - time_ns))
+        self._matched = min(self._odometry, key=lambda each: abs(each[0] - time_ns))
 
     def take_odometry(self, time_ns: int, pose: PlanarPose) -> None:
         """Carry the last `amcl_pose` on; after a clock that fell back, wait for the next one."""
@@ -86,11 +87,12 @@ class AmclPose(Localisation):
             self._odometry.clear()
             self._found = self._matched = None
         self._odometry.append((time_ns, pose))
-        if self._matched is None:
-            self._match()
-        if self._found is None or self._matched is None:
+        if self._found is None:
             return
-        motion = motion_between(self._matched, pose)
+        found_ns = self._found[0]
+        if self._matched is None or abs(time_ns - found_ns) < abs(self._matched[0] - found_ns):
+            self._matched = time_ns, pose
+        motion = motion_between(self._matched[1], pose)
         if math.hypot(*motion[:2]) > _FARTHEST_M or abs(motion[2]) > _FARTHEST_RAD:
             self._is_lost, self._found, self._matched = True, None, None
             return

@@ -49,6 +49,25 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
         running.assert_alive()
 
 
+def test_an_amcl_pose_that_comes_before_the_odometry_of_its_time_belongs_to_that():
+    """As after a pause of the node, in which odometry was lost."""
+    config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
+    seen = []
+    with node_in_process("teleop_mux") as running:
+        source = ObservationSource(
+            running.node.endpoints, 0.05, seen.append, config, needs_people=False
+        )
+        running.receive("amcl_pose", valid_message("amcl_pose", START))
+        odometry(running, START, (0.0, 0.0, 0.0))
+        running.receive("amcl_pose", valid_message("amcl_pose", START + 2.0))
+        for step, angle_rad in enumerate((1.5, 1.7)):
+            odometry(running, START + 2.0 + 0.1 * step, (3.0, 0.0, angle_rad))
+        assert source._localisation.fault() == ""
+        assert len(seen) == 3
+        assert seen[1].pose == pytest.approx(seen[0].pose)
+        assert seen[2].pose[2] - seen[1].pose[2] == pytest.approx(0.2)
+
+
 def test_what_has_stopped_is_named_and_no_difference_of_clocks():
     config = LocalisationConfig(stamp_tolerance_s=0.3)
     with node_in_process("teleop_mux") as running:
