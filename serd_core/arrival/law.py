@@ -1,4 +1,4 @@
-"""Time of arrival as a step function of seconds, and its distance from measured times."""
+"""Time of arrival as a step function of seconds."""
 
 from dataclasses import dataclass, replace
 from math import ceil
@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
-from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
 SAME_TIME_S = 1e-9
@@ -45,14 +44,3 @@ class ArrivalLaw:
     def delayed(self, delay_s: float) -> "ArrivalLaw":
         """The same law counted from `delay_s` before: remaining time as time since the start."""
         return replace(self, times_s=self.times_s + delay_s)
-
-
-def measured_times_s(arrival_times_s: ArrayLike) -> FloatArray:
-    """(N,) ascending; SerdError without a time, or for NaN."""
-    measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))
-    if not measured.size or np.isnan(measured).any():
-        raise SerdError(
-            f"arrival_times_s must hold at least one time and no NaN, got {measured.tolist()}"
-            "; use inf for an episode that did not arrive"
-        )
-    return measured

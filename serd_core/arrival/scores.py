@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
-from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, measured_times_s
+from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
+from serd_core.errors import SerdError
 
 #: Series drawn for a probability, and for a power; factors of delay that are tried.
 N_SERIES, N_POWER = 2000, 400
@@ -24,7 +25,7 @@ def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
 
     (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007). SerdError without a time.
     """
-    measured = measured_times_s(arrival_times_s)
+    measured = _measured(arrival_times_s)
     # Between two steps of the law, or of a measured time, both functions are constant.
     ends = np.unique(np.concatenate([law.times_s, measured[measured < law.times_s[-1]]]))
     predicted = law.probability_by(ends[:-1])
@@ -38,7 +39,7 @@ def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
     At the steps of the law, to whose nearest one each time is rounded: the Kolmogorov-Smirnov
     distance of the rounded times. SerdError without a time.
     """
-    return float(_gaps_of(law, measured_times_s(arrival_times_s)[None, :])[0])
+    return float(_gaps_of(law, _measured(arrival_times_s)[None, :])[0])
 
 
 def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) -> float:
@@ -96,3 +97,14 @@ def _gaps_of(law: ArrivalLaw, times_s: FloatArray) -> FloatArray:
     above = (np.arange(1, n + 1) / n - law_after).max(axis=1)
     below = (law_before - np.arange(n) / n).max(axis=1)
     return np.asarray(np.maximum(above, below))
+
+
+def _measured(arrival_times_s: ArrayLike) -> FloatArray:
+    """(N,) ascending; SerdError without a time, or for NaN."""
+    measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))
+    if not measured.size or np.isnan(measured).any():
+        raise SerdError(
+            f"arrival_times_s must hold at least one time and no NaN, got {measured.tolist()}"
+            "; use inf for an episode that did not arrive"
+        )
+    return measured

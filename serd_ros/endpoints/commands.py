@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 
 from serd_ros.convert.command import to_twist, to_twist_stamped
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.endpoints import Endpoints, with_info
+from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.errors import MessageError
 from serd_sim.world.command import Command
 
@@ -60,7 +60,7 @@ def follow_commands(
             )
         take(message, max(age_s, 0.0))
 
-    endpoints.subscribe(_kind(stamped), topic, with_info(take_sent), qos.NEWEST)
+    endpoints.subscribe(_kind(stamped), topic, take_sent, qos.NEWEST)
 
 
 def _kind(stamped: bool) -> type[Twist | TwistStamped]:

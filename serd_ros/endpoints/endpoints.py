@@ -178,11 +178,9 @@ class Endpoints:
 
     def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
         @wraps(callback)
-        def renamed(*arguments: Any) -> None:
-            message = arguments[0]
-            # EventsExecutor passes message and info as one tuple.
-            self.node.frames.remove_prefix(message[0] if isinstance(message, tuple) else message)
-            callback(*arguments)
+        def renamed(message: Any, *info: object) -> None:
+            self.node.frames.remove_prefix(message)
+            callback(message, *info)
 
         return renamed
 
@@ -228,18 +226,6 @@ def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[
 def is_latched(profile: QoSProfile) -> bool:
     """Whether subscribers that come later receive earlier messages."""
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def with_info(take: Callable[[Any, Mapping[str, int]], None]) -> Callable[..., None]:
-    """The callback of a subscription that receives messages with their info."""
-
-    def callback(*arguments: Any) -> None:
-        """EventsExecutor passes message and info as one tuple, other executors as two."""
-        take(*(arguments if len(arguments) == 2 else arguments[0]))
-
-    # rclpy delivers the info where the signature has two parameters.
-    callback.__signature__ = inspect.signature(take)  # type: ignore[attr-defined]
-    return callback
 
 
 def _called_with_info(callback: Callable[..., None]) -> Callable[..., None]:

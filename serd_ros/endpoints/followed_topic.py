@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from serd_ros.endpoints.endpoints import Endpoints, is_latched, waiting_messages, with_info
+from serd_ros.endpoints.endpoints import Endpoints, is_latched, waiting_messages
 from serd_ros.endpoints.qos import common_qos, recording_qos
 from serd_ros.endpoints.topic_types import TopicType
 
@@ -81,7 +81,7 @@ class FollowedTopic:
             self._subscriptions[-1],
             offered,
             self._subscribe,
-            lambda data, info: self.take(self._received(data, info)),
+            self._take_received,
         )
         return is_new
 
@@ -114,6 +114,9 @@ class FollowedTopic:
             for data, info in waiting_messages(subscription)
         )
 
+    def _take_received(self, data: bytes, info: Mapping[str, int]) -> None:
+        self.take(self._received(data, info))
+
     def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
         received_ns = info["received_timestamp"]
         if received_ns <= 0:
@@ -122,5 +125,6 @@ class FollowedTopic:
         return Received(self.name, data, received_ns, info["source_timestamp"], number)
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
-        callback = with_info(lambda data, info: self.take(self._received(data, info)))
-        return self._endpoints.subscribe_raw(self.kind.message, self.name, callback, profile)
+        return self._endpoints.subscribe_raw(
+            self.kind.message, self.name, self._take_received, profile
+        )

@@ -68,13 +68,19 @@ class CallbackGuard:
     def of_messages(
         self, topic: str, callback: Callable[..., None], lifetime: Lifetime = _OF_THE_PROCESS
     ) -> Callable[..., None]:
-        """The callback of a subscription, or of a future; its signature stays."""
+        """The callback of a subscription, or of a future; its signature stays.
+
+        rclpy passes a message with its info where that has two parameters.
+        """
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            if not lifetime.ended:
-                with self._handled(topic, callback):
-                    callback(*arguments)
+            if lifetime.ended:
+                return
+            if isinstance(arguments[0], tuple):  # EventsExecutor: message and info in one
+                (arguments,) = arguments
+            with self._handled(topic, callback):
+                callback(*arguments)
 
         return guarded
 

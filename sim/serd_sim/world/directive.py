@@ -81,12 +81,12 @@ class FollowedDirective:
         if self._newest is None:
             return None
         given_s, directive = self._newest
+        is_action = not isinstance(directive, Waypoint)
         if self._is_new:
-            is_action = not isinstance(directive, Waypoint)
             self._waypoint = resolved(self._grid, observation, directive)[1]
             self._until_s = given_s + (self._longest_s if is_action else _RECENT_S)
             self._is_new = False
-        elif entered and not isinstance(directive, Waypoint):
+        elif entered and is_action:
             self._until_s = min(self._until_s, observation.time_s + _HANDOVER_S)
         self._is_recent = given_s - _EARLY_S <= observation.time_s <= self._until_s
         return self._waypoint if self._is_recent else None

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from serd_app.errors import AppError
@@ -11,29 +10,10 @@ from serd_app.journeys.from_map import scenario_from_map
 from serd_app.journeys.navigate import navigate
 from serd_app.navigation.settings import DriveSettings
 from serd_app.places.settings import PlaceSettings
-from serd_files.episode_table import EpisodeResult
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
+from support.episodes import episode_result
 from support.ros_maps import maze, write_map
-
-
-def row(episode: int, time_of_arrival_s: float) -> EpisodeResult:
-    outcome = "arrived" if np.isfinite(time_of_arrival_s) else "timeout"
-    return EpisodeResult(
-        episode=episode,
-        seed=1,
-        driver="strategy",
-        start_area="train",
-        outcome=outcome,
-        time_of_arrival_s=time_of_arrival_s if outcome == "arrived" else np.nan,
-        duration_s=30.0,
-        distance_m=20.0,
-        robot_on_person=0,
-        person_on_robot=0,
-        robot_on_wall=0,
-        minimum_person_distance_m=1.0,
-        wall_s=0.1,
-    )
 
 
 def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of):
@@ -42,7 +22,11 @@ def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of
 
     def drive(given, output):
         asked.append((given, output))
-        return [row(0, 25.0), row(1, 28.0), row(2, np.inf)]
+        return [
+            episode_result(0, "arrived", 25.0),
+            episode_result(1, "arrived", 28.0),
+            episode_result(2, "timeout"),
+        ]
 
     done = navigate(settings, None, drive)
     assert asked == [(settings, None)]

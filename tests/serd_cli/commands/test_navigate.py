@@ -12,10 +12,11 @@ from serd_app.navigation.evaluation.comparison import compare, predicted_law
 from serd_app.navigation.settings import DriveSettings
 from serd_bag.quantities import counted
 from serd_cli.output.arrival import remarks
-from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.episode_table import load_episodes
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.goal import with_goal
 from serd_sim.scenario.scenario import load_scenario
+from support.episodes import episode_result
 
 
 def test_it_drives_to_a_goal_and_prints_predicted_and_measured(serd, save_model_of):
@@ -140,23 +141,9 @@ def test_it_drives_among_as_many_people_as_asked_for_and_says_so(serd, save_mode
 
 
 def row(episode, time_s, reason=""):
-    arrived = np.isfinite(time_s)
-    return EpisodeResult(
-        episode=episode,
-        seed=1,
-        driver="strategy",
-        start_area="train",
-        outcome="arrived" if arrived else "aborted",
-        time_of_arrival_s=time_s if arrived else float("nan"),
-        duration_s=50.0,
-        distance_m=20.0,
-        robot_on_person=0,
-        person_on_robot=1,
-        robot_on_wall=0,
-        minimum_person_distance_m=0.1,
-        wall_s=1.0,
-        reason=reason,
-    )
+    outcome = "arrived" if np.isfinite(time_s) else "aborted"
+    arrival_s = time_s if np.isfinite(time_s) else np.nan
+    return episode_result(episode, outcome, arrival_s, person_on_robot=1, reason=reason)
 
 
 def test_a_comparison_counts_those_who_gave_up_as_not_arrived(save_model_of):

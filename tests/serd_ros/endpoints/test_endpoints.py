@@ -7,7 +7,6 @@ from std_srvs.srv import Trigger
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.endpoints import with_info
 from support.nodes_in_process import deliver, node_in_process
 
 KINDS = ("publishers", "subscriptions", "services", "clients", "timers")
@@ -75,8 +74,9 @@ def test_frames_come_without_the_prefix_of_the_robot(running):
 
 def test_frames_of_messages_with_info_come_without_the_prefix_from_either_executor(running):
     taken = []
-    take = with_info(lambda message, _: taken.append(message.header.frame_id))
-    running.node.endpoints.subscribe(TwistStamped, "command", take, qos.STATE)
+    running.node.endpoints.subscribe(
+        TwistStamped, "command", lambda message, _: taken.append(message.header.frame_id), qos.STATE
+    )
     (found,) = [each for each in running.node.subscriptions if each.topic_name == "/command"]
     for arguments in (lambda message: (message, {}), lambda message: ((message, {}),)):
         message = TwistStamped()
