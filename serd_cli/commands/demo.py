@@ -1,4 +1,4 @@
-"""It takes two to three minutes; 'serd navigate MODEL --episodes 200' drives more."""
+"""It takes about two minutes; 'serd navigate MODEL --episodes 200' drives more."""
 
 from pathlib import Path
 from typing import Annotated, Any
