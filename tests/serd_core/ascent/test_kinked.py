@@ -13,9 +13,6 @@ from serd_core.ascent.kinked import (
     updated_metric,
 )
 from serd_core.ascent.trust_region import TrustRegion
-from support.objectives import never
-
-BETWEEN = np.array([[1.0, 1.0], [1.0, -3.0]])
 
 
 def rosenbrock_with_a_kink(vector):
@@ -27,30 +24,42 @@ def rosenbrock_with_a_kink(vector):
     return value, np.array([-side * 2.0 * x + 2.0 * (1.0 - x), side])
 
 
-def tent(slopes):
-    """Smallest of several planes through the origin, less a little bowl."""
-
-    def objective(vector):
-        heights = slopes @ vector
-        lowest = int(np.argmin(heights))
-        return heights[lowest] - 0.05 * vector @ vector, slopes[lowest] - 0.1 * vector
-
-    return objective
+KINK, START = FunctionObjective(rosenbrock_with_a_kink), np.array([-1.2, 0.5])
 
 
 def test_a_maximum_on_a_curved_kink_is_found_where_the_trust_region_gives_up():
-    start = np.array([-1.2, 0.5])
-    smooth = TrustRegion().maximise(FunctionObjective(rosenbrock_with_a_kink), start, never)
+    smooth = TrustRegion().maximise(KINK, START)
     assert not smooth.converged
     assert smooth.message.startswith("not converged")
-    found = KinkedAscent().maximise(FunctionObjective(rosenbrock_with_a_kink), start, never)
+    steps = []
+    found = KinkedAscent().maximise(KINK, START, steps.append)
     assert found.converged
     assert found.message == AT_A_KINK
     np.testing.assert_allclose(found.vector, [1.0, 1.0], atol=1e-4)
     assert found.objective > smooth.objective
     assert found.gradient_norm <= 1e-6
+    assert [step.number for step in steps] == list(range(1, found.n_steps + 1))
     assert len(found.objective_trace) == found.n_steps
     assert np.all(np.diff(found.objective_trace) >= 0)
+    np.testing.assert_array_equal(steps[-1].vector, found.vector)
+    assert steps[-1].gradient_norm == found.gradient_norm
+    for last in (1, smooth.n_steps + 2):
+        stopped = KinkedAscent().maximise(KINK, START, lambda step, n=last: step.number == n)
+        assert stopped.message == STOPPED
+        assert not stopped.converged
+        assert stopped.n_steps == last
+
+
+def top_of_planes(slopes, heights, bowl, start):
+    """The ascent over the smallest of several planes less a bowl."""
+
+    def objective(vector):
+        planes = slopes @ vector + heights
+        lowest = int(np.argmin(planes))
+        value = float(planes[lowest] - 0.5 * vector @ bowl @ vector)
+        return value, slopes[lowest] - bowl @ vector
+
+    return KinkedAscent().maximise(FunctionObjective(objective), start)
 
 
 @pytest.mark.parametrize("n_planes", [4, 20])
@@ -58,7 +67,7 @@ def test_the_top_of_a_tent_of_many_planes_is_found(n_planes):
     rng = np.random.default_rng(n_planes)
     slopes = rng.normal(size=(n_planes, 3))
     slopes -= slopes.mean(axis=0)  # so that the planes rise towards the origin from everywhere
-    found = KinkedAscent().maximise(FunctionObjective(tent(slopes)), rng.normal(size=3), never)
+    found = top_of_planes(slopes, 0.0, 0.1 * np.eye(3), rng.normal(size=3))
     assert found.converged
     np.testing.assert_allclose(found.vector, 0.0, atol=1e-6)
 
@@ -71,90 +80,51 @@ def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
     slopes -= slopes.mean(axis=0)
     heights, root = 0.1 * rng.normal(size=6), rng.normal(size=(3, 3))
     bowl = root @ root.T * 0.3 + 0.01 * np.eye(3)
-
-    def objective(vector):
-        planes = slopes @ vector + heights
-        lowest = int(np.argmin(planes))
-        value = float(planes[lowest] - 0.5 * vector @ bowl @ vector)
-        return value, slopes[lowest] - bowl @ vector
-
-    found = KinkedAscent().maximise(FunctionObjective(objective), rng.normal(size=3), never)
+    found = top_of_planes(slopes, heights, bowl, rng.normal(size=3))
     assert found.converged
     assert found.message == AT_A_KINK
-
     # The same as a quadratic programme in (x, t): t below every plane.
     best = scipy.optimize.minimize(
         lambda z: 0.5 * z[:3] @ bowl @ z[:3] - z[3],
         np.append(np.zeros(3), heights.min()),
-        constraints=[
-            {"type": "ineq", "fun": lambda z: slopes @ z[:3] + heights - z[3]},
-        ],
+        constraints=[{"type": "ineq", "fun": lambda z: slopes @ z[:3] + heights - z[3]}],
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
     assert found.objective == pytest.approx(-best.fun, abs=1e-6)
 
 
-def test_the_callback_receives_the_last_step():
-    objective, start = FunctionObjective(rosenbrock_with_a_kink), np.array([-1.2, 0.5])
-    steps = []
-    plain = KinkedAscent().maximise(objective, start, steps.append)
-    assert [step.number for step in steps] == list(range(1, plain.n_steps + 1))
-    np.testing.assert_array_equal(steps[-1].vector, plain.vector)
-    assert steps[-1].gradient_norm == plain.gradient_norm
-
-
 def test_a_smooth_objective_is_left_to_the_smooth_ascent():
-    def bowl(vector):
-        return -float(vector @ vector), -2.0 * vector
-
-    found = KinkedAscent().maximise(FunctionObjective(bowl), np.ones(3), never)
-    alone = TrustRegion().maximise(FunctionObjective(bowl), np.ones(3), never)
+    bowl = FunctionObjective(lambda vector: (-float(vector @ vector), -2.0 * vector))
+    found, alone = (kind().maximise(bowl, np.ones(3)) for kind in (KinkedAscent, TrustRegion))
     np.testing.assert_array_equal(found.vector, alone.vector)
     assert found.message == alone.message
 
 
-def test_the_callback_stops_it_before_and_after_the_stall():
-    objective = FunctionObjective(rosenbrock_with_a_kink)
-    n_smooth = TrustRegion().maximise(objective, np.array([-1.2, 0.5]), never).n_steps
-    for last in (1, n_smooth + 2):
-        numbers = []
-
-        def stop(step, numbers=numbers, last=last):
-            numbers.append(step.number)
-            return step.number == last
-
-        found = KinkedAscent().maximise(objective, np.array([-1.2, 0.5]), stop)
-        assert found.message == STOPPED
-        assert not found.converged
-        assert numbers == list(range(1, last + 1))
-
-
 def test_a_wrong_gradient_is_no_convergence():
     """Every direction goes down, but the gradient promises a rise: the message reports it."""
-
-    def wrong_gradient(vector):
-        return -float(np.abs(vector).sum()), np.ones(2)
-
-    found = KinkedAscent(max_steps=5).maximise(
-        FunctionObjective(wrong_gradient), np.array([1e-9, 1e-9]), never
-    )
+    wrong = FunctionObjective(lambda vector: (-float(np.abs(vector).sum()), np.ones(2)))
+    found = KinkedAscent(max_steps=5).maximise(wrong, np.array([1e-9, 1e-9]))
     assert not found.converged
     assert found.message == STALLED
 
 
-def test_the_smallest_mean_is_the_point_of_the_hull_next_to_the_origin():
-    np.testing.assert_allclose(smallest_mean(BETWEEN), [1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(smallest_mean(np.array([[2.0, 1.0], [3.0, 1.0]])), [2.0, 1.0])
-    around = np.array([[1.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]])
-    np.testing.assert_allclose(smallest_mean(around), 0.0, atol=1e-8)
-    np.testing.assert_array_equal(smallest_mean(np.zeros((2, 3))), np.zeros(3))
+@pytest.mark.parametrize(
+    ("gradients", "nearest"),
+    [
+        ([[1.0, 1.0], [1.0, -3.0]], [1.0, 0.0]),
+        ([[2.0, 1.0], [3.0, 1.0]], [2.0, 1.0]),
+        ([[1.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]], [0.0, 0.0]),
+        ([[0.0, 0.0], [0.0, 0.0]], [0.0, 0.0]),
+    ],
+)
+def test_the_smallest_mean_is_the_point_of_the_hull_next_to_the_origin(gradients, nearest):
+    np.testing.assert_allclose(smallest_mean(np.array(gradients)), nearest, atol=1e-8)
 
 
 def test_metrics_are_inverses_of_curvature():
     metric = first_metric(np.diag([-4.0, 2.0, 0.0]))
     np.testing.assert_allclose(np.diag(metric), [0.25, 0.5, 1.0 / 4e-6])
     moved, drop = np.array([1.0, 0.0, 2.0]), np.array([3.0, 1.0, 1.0])
-    updated = updated_metric(metric, moved, drop)
-    np.testing.assert_allclose(updated @ drop, moved, atol=1e-9)
+    np.testing.assert_allclose(updated_metric(metric, moved, drop) @ drop, moved, atol=1e-9)
     np.testing.assert_array_equal(updated_metric(metric, moved, -drop), metric)

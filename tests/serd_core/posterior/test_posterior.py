@@ -1,54 +1,149 @@
+"""Derivatives by finite differences, and likelihoods as sums over the decisions one by one."""
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from serd_core.bellman.linear.lu import SparseLu
-from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior
-from serd_core.priors.divergence import KldPrior
+from serd_core.errors import SerdError
+from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
+from serd_core.posterior.beliefs import (
+    BeliefAroundTruth,
+    CoupledBelief,
+    FixedBelief,
+    FreeBelief,
+    TiedBelief,
+)
+from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, require_possible
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.divergence import EntropyPrior, KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import UniformPrior
+from support.random_posteriors import (
+    assert_gradient_is_of_the_objective,
+    assert_hessian_is_of_the_gradient,
+    assume_one_best_action_around,
+    random_parameters,
+    uniform_decisions,
+)
+from support.small_problems import sampled
+
+BELIEFS = [
+    TiedBelief(),
+    FreeBelief(),
+    CoupledBelief(weight=0.7),
+    BeliefAroundTruth(0.8),
+    FixedBelief(),
+]
+POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
 
 
-def test_value_is_the_sum_of_log_probabilities_of_the_decisions(gridworld):
+def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
+    """A posterior of random decisions of which some hide their action, and its parameters."""
+    problem, table = random_problem(seed)
+    rng = np.random.default_rng(seed)
+    decisions = uniform_decisions(problem, table, rng)
+    if not len(decisions):
+        return None
+    decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
+    prior = KldPrior(0.3, reference=table) + EntropyPrior(0.2, Block.BELIEF)
+    prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
+    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, prior)
+    like = random_parameters(problem, policy_model, rng)
+    return posterior, belief.unpack(belief.pack(like), like), decisions
+
+
+@pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)
+@pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
+@settings(deadline=None, max_examples=2)
+@given(seed=st.integers(0, 10_000), share_hidden=st.sampled_from([0.0, 0.5, 1.0]))
+def test_gradient_and_hessian_are_the_finite_differences(
+    random_problem, policy_model, belief, seed, share_hidden
+):
+    made = posterior_of(random_problem, seed, policy_model, belief, share_hidden)
+    if made is None:
+        return
+    posterior, parameters, _ = made
+    if isinstance(policy_model, PolicyMatchingPolicy):
+        assume_one_best_action_around(posterior, belief, parameters)
+    assert_gradient_is_of_the_objective(posterior, belief, parameters)
+    assert_hessian_is_of_the_gradient(posterior, belief, parameters)
+    gradient = posterior.evaluate(parameters).gradient
+    pulled = belief.jacobian(parameters).T @ gradient.vector
+    np.testing.assert_allclose(belief.pull_back(gradient, parameters), pulled)
+    model = posterior.problem.mdp.transitions
+    for block in (gradient.belief, gradient.truth):
+        of_gauge = block.reshape(model.n_models, -1).sum(axis=1)
+        np.testing.assert_allclose(of_gauge, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
+@pytest.mark.parametrize("share_hidden", [0.0, 0.5])
+def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
+    random_problem, policy_model, share_hidden
+):
     """Naive twin: walk through the decisions one by one."""
-    problem, decisions = gridworld.problem, gridworld.decisions
-    table = np.clip(gridworld.probabilities, 1e-3, None)
-    table /= table.sum(axis=1, keepdims=True)
-    model = problem.mdp.transitions
-    theta = model.parameters_of(table)
-    posterior = Posterior(
-        problem,
-        observe(problem.mdp, decisions),
-        MdcePolicy(),
-        KldPrior(0.0, reference=table),
-        Newton(),
-        SparseLu(),
-    )
-    found = posterior.evaluate(Parameters(gridworld.weights, theta, theta, np.zeros(0)))
-    by_policy, by_dynamics = 0.0, 0.0
+    made = posterior_of(random_problem, 5, policy_model, FreeBelief(), share_hidden)
+    posterior, parameters, decisions = made
+    found, model = posterior.evaluate(parameters), posterior.problem.mdp.transitions
+    policy = np.exp(policy_model.log_probabilities(parameters.policy, found.solution.q))
+    table, by_policy, by_move, hidden = model.local_probabilities(parameters.truth), 0.0, 0.0, 0.0
     for s, a, following in zip(
         decisions.state, decisions.action, decisions.next_state, strict=True
     ):
-        by_policy += np.log(found.solution.policy[s, a])
-        landing = model.successors[s, a] == following
-        by_dynamics += np.log(table[model.model_of[s, a]][landing].sum())
+        moves = np.array(
+            [
+                table[model.model_of[s, each]][model.successors[s, each] == following].sum()
+                for each in range(model.n_actions)
+            ]
+        )
+        if a == HIDDEN:
+            hidden += np.log(policy[s] @ moves)
+        else:
+            by_policy, by_move = by_policy + np.log(policy[s, a]), by_move + np.log(moves[a])
+    assert decisions.hidden.any() == (share_hidden > 0)
+    assert found.hidden_log_likelihood == pytest.approx(hidden)
     assert found.policy_log_likelihood == pytest.approx(by_policy)
-    assert found.dynamics_log_likelihood == pytest.approx(by_dynamics)
+    assert found.dynamics_log_likelihood == pytest.approx(by_move)
+    total = hidden + by_policy + by_move + found.log_prior
+    assert found.objective == pytest.approx(total)
 
 
-def test_shifting_the_energies_of_a_model_changes_nothing(gridworld):
-    """The softmax gauge: the gradient has no part along it."""
-    problem = gridworld.problem
-    posterior = Posterior(
-        problem,
-        observe(problem.mdp, gridworld.decisions),
-        MdcePolicy(),
-        KldPrior(0.1, reference=np.full((9, 5), 0.2)),
-        Newton(),
-        SparseLu(),
+def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_example):
+    """With certain outcomes of their own, states reveal the actions."""
+    mdp = minimum_example.mdp
+    uniform = mdp.available / mdp.available.sum(axis=1, keepdims=True)
+    table = np.array([[1.0, 0.0], [0.0, 1.0]])
+    decisions = sampled(minimum_example, uniform, table, 50, 3)
+    theta = mdp.transitions.fixed_parameters_of(table)
+    at = Parameters(np.array([0.4]), theta, theta, np.zeros(0))
+    shown, hidden = (
+        Posterior(minimum_example, observe(mdp, each), MdcePolicy(), UniformPrior()).evaluate(at)
+        for each in (decisions, decisions.with_hidden_actions())
     )
-    theta = np.random.default_rng(0).normal(size=45)
-    gradient = posterior.evaluate(Parameters(gridworld.weights, theta, theta, np.zeros(0))).gradient
-    np.testing.assert_allclose(gradient.belief.reshape(9, 5).sum(axis=1), 0, atol=1e-9)
-    np.testing.assert_allclose(gradient.truth.reshape(9, 5).sum(axis=1), 0, atol=1e-9)
+    assert hidden.hidden_log_likelihood == pytest.approx(shown.objective)
+    np.testing.assert_allclose(hidden.gradient.vector, shown.gradient.vector, atol=1e-9)
+
+
+def test_dynamics_that_explain_a_hidden_move_by_no_action_are_rejected(minimum_example):
+    observations = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [HIDDEN], [1]))
+    require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
+    with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
+        require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [1.0, 0.0]]))
+
+
+def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
+    posterior, parameters, _ = posterior_of(random_problem, 3, MdcePolicy(), TiedBelief(), 0.5)
+    seen = posterior.observations
+    _, true, _, log_policy = posterior.solved(parameters)
+    expected = expected_counts(seen, log_policy, true).observations
+    rng, n = np.random.default_rng(0), 2000
+    drawn = [drawn_actions(seen, log_policy, true, rng) for _ in range(n)]
+    for name in ("state_action", "group_count"):
+        mean = np.mean([getattr(each, name) for each in drawn], axis=0)
+        np.testing.assert_allclose(mean, getattr(expected, name), atol=5 * 3 / np.sqrt(n))
+        assert all(getattr(each, name).sum() == seen.n_decisions for each in drawn)
