@@ -1,61 +1,45 @@
+"""What informed each outcome model, and what one more demonstration would add."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.integrate
 import scipy.stats
 
-from serd_core.bayes.information import outcome_information
-from serd_core.bayes.laplace import laplace
-from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
-from serd_core.learners.serd import fit_mdce_serd
-from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem
-from serd_core.posterior.beliefs import FreeBelief
-from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.gaussian import GaussianPrior
-from support.small_problems import PROPER, apart, fit_of
+import serd_core as sc
+from support.small_problems import PROPER, apart, fit_of, one_choice, sampled
 
 C = 0.7
 
 
-def two_ways(discount: float, n_models: int = 3, features: int = 1) -> TabularProblem:
+def two_ways(discount, n_features=1):
     """Two ways lead from state 0 to state 1, where the first feature is 1.
 
     Each way has a model of two outcomes, arrive or stay; the third model is used nowhere. The
     second feature is 1 where the second way is taken.
     """
-    successors = np.zeros((2, 2, 2), int)
-    successors[0] = [[1, 0], [1, 0]]
-    successors[1] = 1
-    model_of = np.array([[0, 1], [0, 0]])
+    successors = np.array([[[1, 0], [1, 0]], [[1, 1], [1, 1]]])
     available = np.array([[True, True], [True, False]])
-    models = OutcomeModels(successors, model_of, available, n_models=n_models)
+    models = sc.OutcomeModels(successors, np.array([[0, 1], [0, 0]]), available, n_models=3)
     table = np.zeros((2, 2, 2))
-    table[1, :, 0] = 1.0
-    table[0, 1, 1] = 1.0
-    return TabularProblem(
-        Mdp(models, discount), table[:, :, :features], ("goal", "second")[:features]
-    )
+    table[1, :, 0] = table[0, 1, 1] = 1.0
+    names = ("goal", "second")[:n_features]
+    return sc.TabularProblem(sc.Mdp(models, discount), table[:, :, :n_features], names)
 
 
-def known(problem, decisions, **options):
-    fit = fit_mdce_serd(
-        problem, decisions, initial_weights=np.ones(len(problem.feature_names)), prior=PROPER
-    )
-    return fit, outcome_information(laplace(problem, decisions, fit), **options)
+def known(problem, decisions, mass=0.9, **options):
+    start = {"initial_weights": np.ones(len(problem.feature_names)), "prior": PROPER}
+    fit = sc.fit_mdce_serd(problem, decisions, **start | options)
+    return sc.outcome_information(sc.laplace(problem, decisions, fit), mass)
 
 
 def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distributions():
-    fit, found = known(two_ways(0.0), apart(0, 0, np.arange(12) < 9))
-    assert fit.converged
+    found = known(two_ways(0.0), apart(0, 0, np.arange(12) < 9))
     after, before = scipy.stats.beta(9 + C, 3 + C), scipy.stats.beta(C, C)
-
-    def integrand(p: float) -> float:
-        return after.pdf(p) * (after.logpdf(p) - before.logpdf(p))
-
-    divergence = scipy.integrate.quad(integrand, 0, 1)[0]
+    divergence = scipy.integrate.quad(
+        lambda p: after.pdf(p) * (after.logpdf(p) - before.logpdf(p)), 0, 1
+    )[0]
     np.testing.assert_allclose(found.from_transitions, [divergence, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
     np.testing.assert_allclose(found.shared, 0.0, atol=1e-9)
@@ -63,82 +47,120 @@ def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distribut
     assert [found.source(m) for m in range(3)] == ["counts", "prior only", "prior only"]
 
 
-def test_a_way_that_is_avoided_is_known_from_choices_alone():
-    fit, found = known(two_ways(0.95), apart(0, 0, np.arange(40) < 20))
-    assert fit.reward_weights[0] > 0
-    assert found.from_transitions[1] == 0.0
-    assert found.from_choices[1] > 0.1
-    assert found.source(1) == "choices"
-    assert found.source(2) == "prior only"
-    assert found.median[1, 0] < 0.4 < found.median[0, 0]
-
-
-def test_a_feature_that_explains_the_same_takes_the_information_and_is_named():
-    decisions = apart(0, 0, np.arange(40) < 20)
-    alone = known(two_ways(0.95), decisions)[1]
-    problem = two_ways(0.95, features=2)
-    both = known(problem, decisions)[1]
+def test_an_avoided_way_is_known_from_choices_unless_a_feature_explains_the_same():
+    decisions, problem = apart(0, 0, np.arange(40) < 20), two_ways(0.95, n_features=2)
+    alone, both = known(two_ways(0.95), decisions), known(problem, decisions)
+    assert alone.from_transitions[1] == 0.0
+    assert alone.from_choices[1] > 0.1
+    assert [alone.source(m) for m in (1, 2)] == ["choices", "prior only"]
+    assert alone.median[1, 0] < 0.4 < alone.median[0, 0]
     assert both.from_choices[1] < 0.7 * alone.from_choices[1]
     assert both.shared[1] > alone.shared[1]
     assert problem.feature_names[both.partner[1]] == "second"
 
 
+def test_choices_by_a_belief_of_its_own_inform_nothing_of_the_truth():
+    prior = PROPER + sc.DirichletPrior(C, sc.Block.BELIEF)
+    decisions = apart(0, 0, np.arange(30) < 20)
+    found = known(two_ways(0.95), decisions, belief=sc.FreeBelief(), prior=prior)
+    np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
+    np.testing.assert_allclose(found.shared, 0.0, atol=1e-9)
+
+
 def test_information_does_not_depend_on_the_scale_of_features():
-    problem, decisions = two_ways(0.95, features=2), apart(0, 0, np.arange(20) < 15)
-    other = TabularProblem(problem.mdp, problem.features * [1e5, 1e-4], problem.feature_names)
-    ours, theirs = (
-        outcome_information(laplace(each, decisions, fit_mdce_serd(each, decisions)))
-        for each in (problem, other)
-    )
+    problem, decisions = two_ways(0.95, n_features=2), apart(0, 0, np.arange(20) < 15)
+    other = replace(problem, features=problem.features * [1e5, 1e-4])
+    default = {"prior": None, "initial_weights": None}
+    ours, theirs = (known(each, decisions, **default) for each in (problem, other))
     for name in ("from_transitions", "from_choices", "shared", "lower", "upper"):
         found, expected = getattr(ours, name), getattr(theirs, name)
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-9)
 
 
-def test_choices_by_a_belief_of_its_own_say_nothing_of_the_truth():
-    problem, decisions = two_ways(0.95), apart(0, 0, np.arange(30) < 20)
-    prior = PROPER + DirichletPrior(C, Block.BELIEF)
-    fit = fit_mdce_serd(
-        problem, decisions, initial_weights=np.ones(1), belief=FreeBelief(), prior=prior
-    )
-    found = outcome_information(laplace(problem, decisions, fit))
-    np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
-    np.testing.assert_allclose(found.shared, 0.0, atol=1e-9)
-
-
-def test_intervals_hold_the_mass_they_state_and_widen_with_it():
-    problem, decisions = two_ways(0.0), apart(0, 0, np.arange(200) < 150)
-    _, narrow = known(problem, decisions, mass=0.5)
-    _, wide = known(problem, decisions, mass=0.95)
-    exact = scipy.stats.beta(150 + C, 50 + C)
-    place = (0, 0)
-    for found, mass in ((narrow, 0.5), (wide, 0.95)):
-        assert exact.cdf(found.upper[place]) - exact.cdf(found.lower[place]) == pytest.approx(
-            mass, abs=0.03
-        )
-        assert found.median[place] == pytest.approx(exact.median(), abs=0.01)
+@pytest.mark.parametrize("mass", [0.5, 0.95])
+def test_intervals_hold_the_mass_they_state(mass):
+    found = known(two_ways(0.0), apart(0, 0, np.arange(200) < 150), mass)
+    exact, place = scipy.stats.beta(150 + C, 50 + C), (0, 0)
+    held = exact.cdf(found.upper[place]) - exact.cdf(found.lower[place])
+    assert held == pytest.approx(mass, abs=0.03)
+    assert found.median[place] == pytest.approx(exact.median(), abs=0.01)
 
 
 def test_where_all_outcomes_lead_to_one_state_nothing_is_learned_of_them():
-    """Where both outcomes lead to one state, counts inform about neither."""
-    models = OutcomeModels(
-        np.array([[[1, 1]], [[1, 1]]]), np.zeros((2, 1), int), np.ones((2, 1), bool), 1
-    )
-    features = np.array([[[1.0]], [[0.0]]])
-    problem = TabularProblem(Mdp(models, 0.9), features, ("one",))
-    found = known(problem, apart(0, 0, np.ones(5, int)))[1]
+    own = np.zeros((2, 1), int)
+    models = sc.OutcomeModels(np.ones((2, 1, 2), int), own, np.ones((2, 1), bool), 1)
+    problem = sc.TabularProblem(sc.Mdp(models, 0.9), np.array([[[1.0]], [[0.0]]]), ("one",))
+    found = known(problem, apart(0, 0, np.ones(5, int)))
     np.testing.assert_allclose(found.median, 0.5, atol=0.02)
     np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
 
 
 def test_a_fit_of_rewards_alone_is_rejected(gridworld):
-    prior = GaussianPrior(2.0, Block.REWARD)
-    fit = fit_of(
-        gridworld,
-        [0.0, 0.0],
-        fit=fit_mdce_irl_by_likelihood,
-        dynamics=gridworld.probabilities,
-        prior=prior,
-    )
-    with pytest.raises(SerdError, match=r"must have learned outcome models, got one of rewards"):
-        outcome_information(laplace(gridworld.problem, gridworld.decisions, fit))
+    options = {"dynamics": gridworld.probabilities, "prior": sc.GaussianPrior(2.0, sc.Block.REWARD)}
+    fit = fit_of(gridworld, [0.0, 0.0], fit=sc.fit_mdce_irl_by_likelihood, **options)
+    with pytest.raises(sc.SerdError, match=r"must have learned outcome models, got one of rewards"):
+        sc.outcome_information(sc.laplace(gridworld.problem, gridworld.decisions, fit))
+
+
+def test_the_gain_of_one_decision_of_a_logistic_model_with_counted_outcomes():
+    """gain = 1/2 log(1 + s_w pi (1 - pi)) + 1/2 log(1 + s_u p (1 - p) |D|^2), by hand."""
+    problem, decisions = one_choice(9, 4)
+    fit = sc.fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=PROPER)
+    found = sc.laplace(problem, decisions, fit)
+    taken = 1.0 / (1.0 + np.exp(-fit.reward_weights[0]))
+    arrived, apart = fit.outcome_probabilities[0, 0], np.array([1.0, -1.0])
+    by_weight = found.covariance[0, 0] * taken * (1.0 - taken)
+    by_outcome = apart @ found.covariance[1:, 1:] @ apart * arrived * (1.0 - arrived)
+    gain = sc.expected_information_gain(found, longest=1)
+    assert gain[0] == pytest.approx(0.5 * np.log1p(by_weight) + 0.5 * np.log1p(by_outcome))
+    # The other state has no outcome to learn, and actions of equal reward show the weight is 0.
+    assert gain[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_gain_is_the_information_of_sampled_demonstrations(make_gridworld):
+    """A naive twin: the outer product of scores of many demonstrations from one cell."""
+    case = make_gridworld(side=3, n_episodes=10, n_steps=8)
+    problem, start, n_episodes = case.problem, 4, 4000
+    fit = sc.fit_mdce_serd(problem, case.decisions, initial_weights=np.ones(2), prior=PROPER)
+    found = sc.laplace(problem, case.decisions, fit)
+    policy, table = sc.fitted_policy(problem, fit), fit.outcome_probabilities
+    drawn = sampled(problem, policy, table, n_episodes, 6, 0, np.eye(9)[start])
+    outer = sc.fit_information(problem, drawn, fit).outer_product / n_episodes
+    root = found.coordinates.table @ found.root
+    added = root.T @ outer @ root
+    expected = 0.5 * np.linalg.slogdet(np.eye(len(added)) + added)[1]
+    gain = sc.expected_information_gain(found, longest=6)
+    assert gain[start] == pytest.approx(expected, rel=0.02)
+    assert np.all(sc.expected_information_gain(found, longest=10) > gain)
+
+
+def test_states_that_end_an_episode_add_nothing_and_another_goal_is_another_task():
+    """A line of five cells, of which the last ends the episode."""
+    cells = np.arange(5)
+    successors = np.stack([np.maximum(cells - 1, 0), np.minimum(cells + 1, 4)], axis=1)
+    successors = np.stack([successors, successors[:, ::-1]], axis=2)
+    successors[4] = 4
+    available = np.ones((5, 2), bool)
+    available[4, 1] = False
+    mdp = sc.Mdp(sc.OutcomeModels(successors, np.zeros((5, 2), int), available, 1), 0.9)
+    goal, nearer = np.zeros((2, 5, 2, 1))
+    goal[4] = nearer[3:] = 1.0
+    problem = sc.TabularProblem(mdp, goal, ("goal",))
+    policy = np.array([[0.2, 0.8]] * 4 + [[1.0, 0.0]])
+    decisions = sampled(problem, policy, np.array([[0.9, 0.1]]), 9, 30)
+    found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
+    gain = sc.expected_information_gain(found)
+    assert problem.mdp.final.tolist() == [False] * 4 + [True]
+    assert gain[4] == 0.0
+    assert np.all(gain[:4] > 0)
+    task = replace(problem, features=nearer)
+    assert not np.allclose(gain, sc.expected_information_gain(found, task=task))
+    np.testing.assert_array_equal(gain, sc.expected_information_gain(found, task=problem))
+    more = replace(mdp, transitions=replace(mdp.transitions, n_models=2))
+    for options, sentence in (
+        ({"task": replace(problem, feature_names=("other",))}, r"the features of the fit \('goal'"),
+        ({"task": replace(problem, mdp=more)}, "outcome models of the fit, 2 numbers, got 4"),
+        ({"longest": 0}, "longest must be at least 1 decision, got 0"),
+    ):
+        with pytest.raises(sc.SerdError, match=sentence):
+            sc.expected_information_gain(found, **options)

@@ -1,4 +1,4 @@
-"""Demonstrations of experts of known types."""
+"""Demonstrations of experts of two types."""
 
 from dataclasses import dataclass, replace
 
@@ -24,39 +24,18 @@ class MixedCase:
 
 @pytest.fixture(scope="session")
 def make_mixed():
-    """Factory; experts: per type, each of whom gives so many episodes of 12 decisions.
+    """Factory; experts of each type give episodes of 12 decisions to the light, or to the dark."""
 
-    beliefs: (9, 5) of each type, by default the truth.
-    """
-
-    def make(weights, experts=8, episodes=1, seed=1, side=5, beliefs=()) -> MixedCase:
-        problem, truth = gridworld_problem(side, 0.9), gridworld_truth()
-        beliefs = beliefs or (truth,) * len(weights)
-        rng, parts = np.random.default_rng(seed), []
-        for number, each in enumerate(weights):
-            found = sampled(
-                problem,
-                soft_policy(problem, np.array(each), beliefs[number]).probabilities,
-                truth,
-                experts * episodes,
-                12,
-                rng,
-            )
-            parts.append(replace(found, episode=found.episode + number * experts * episodes))
-        columns = {
-            name: np.concatenate([part.columns()[name] for part in parts])
-            for name in parts[0].columns()
-        }
+    def make(experts, episodes, side) -> MixedCase:
+        problem, truth, n = gridworld_problem(side, 0.9), gridworld_truth(), experts * episodes
+        weights, rng, parts = np.array([(3.0, 3.0), (-3.0, 3.0)]), np.random.default_rng(1), []
+        for number, own in enumerate(weights):
+            policy = soft_policy(problem, own, truth).probabilities
+            found = sampled(problem, policy, truth, n, 12, rng)
+            parts.append(replace(found, episode=found.episode + number * n).columns())
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         decisions = Decisions(**columns)
-        types = np.repeat(np.arange(len(weights)), experts * episodes)
-        return MixedCase(
-            problem, np.array(weights), decisions, types, decisions.episode // episodes
-        )
+        types = np.repeat([0, 1], n)
+        return MixedCase(problem, weights, decisions, types, decisions.episode // episodes)
 
     return make
-
-
-@pytest.fixture(scope="session")
-def mixed(make_mixed) -> MixedCase:
-    """Two types, to the light and to the dark, with the same goal."""
-    return make_mixed([(3.0, 3.0), (-3.0, 3.0)])

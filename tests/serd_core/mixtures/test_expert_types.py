@@ -4,35 +4,25 @@ import pytest
 from serd_core.bayes.laplace import laplace
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.mixtures.expert_types import (
-    ExpertTypes,
-    choose_expert_types,
-    drawn_partition,
-    fit_expert_types,
-)
+from serd_core.mixtures.expert_types import choose_expert_types, drawn_partition, fit_expert_types
 from serd_core.selection.evaluation import adjusted_rand_index
 
 
 @pytest.fixture(scope="module")
 def known(make_mixed):
     """Two types of experts who give four episodes each."""
-    return make_mixed([(3.0, 3.0), (-3.0, 3.0)], experts=6, episodes=4, side=3)
+    return make_mixed(experts=6, episodes=4, side=3)
 
 
 @pytest.fixture(scope="module")
-def chosen(known) -> ExpertTypes:
+def chosen(known):
     return choose_expert_types(known.problem, known.decisions, experts=known.experts)
-
-
-def true_types(case):
-    """(E,) of the experts."""
-    return case.types[:: len(case.types) // len(np.unique(case.experts))]
 
 
 def test_two_of_two_types_are_recovered(known, chosen):
     assert chosen.converged
     assert chosen.n_types == 2
-    assert adjusted_rand_index(chosen.type_of_unit, true_types(known)) == 1.0
+    assert adjusted_rand_index(chosen.type_of_unit, known.types[::4]) == 1.0
     order = np.argsort(-chosen.reward_weights[:, 0])
     away = np.abs(chosen.reward_weights[order] - known.weights)
     assert np.all(away < 4 * chosen.reward_deviations[order])
@@ -40,23 +30,25 @@ def test_two_of_two_types_are_recovered(known, chosen):
     np.testing.assert_allclose(chosen.shares.sum(), 1.0)
     np.testing.assert_array_equal(chosen.units, np.arange(12))
     assert chosen.n_episodes.sum() == pytest.approx(48.0)
+    # Two weights for each type and one free share; 12 experts.
+    assert chosen.bic == pytest.approx(chosen.log_likelihood - 5 / 2 * np.log(12))
+    again = fit_expert_types(known.problem, known.decisions, 2, experts=known.experts)
+    np.testing.assert_array_equal(again.reward_weights, chosen.reward_weights)
 
 
 def test_types_of_experts_whose_actions_are_hidden_are_recovered(known):
     decisions = known.decisions.with_hidden_actions(known.decisions.episode % 2 == 0)
     found = fit_expert_types(known.problem, decisions, 2, experts=known.experts)
     assert found.converged
-    assert adjusted_rand_index(found.type_of_unit, true_types(known)) == 1.0
+    assert adjusted_rand_index(found.type_of_unit, known.types[::4]) == 1.0
 
 
-def test_one_type_is_chosen_where_there_is_one(make_mixed):
-    case = make_mixed([(3.0, 3.0)], experts=12, side=4)
-    assert choose_expert_types(case.problem, case.decisions, most_types=2).n_types == 1
-
-
-def test_one_type_is_the_plain_fit_with_its_standard_deviations(known):
+def test_types_need_enough_episodes_and_one_type_is_the_plain_fit(known, chosen):
+    limits = {"most_types": 2, "minimum_episodes": 25.0}
+    found = choose_expert_types(known.problem, known.decisions, experts=known.experts, **limits)
+    assert found.n_types == 1
+    assert found.bic < chosen.bic
     plain = fit_mdce_serd(known.problem, known.decisions)
-    found = fit_expert_types(known.problem, known.decisions, 1)
     np.testing.assert_allclose(found.reward_weights[0], plain.reward_weights, rtol=1e-4)
     np.testing.assert_allclose(found.outcome_probabilities, plain.outcome_probabilities, atol=1e-5)
     covariance = laplace(known.problem, known.decisions, plain).covariance
@@ -64,27 +56,6 @@ def test_one_type_is_the_plain_fit_with_its_standard_deviations(known):
     np.testing.assert_allclose(found.reward_deviations[0], deviations, rtol=1e-3)
     likelihood = plain.policy_log_likelihood + plain.dynamics_log_likelihood
     assert found.log_likelihood == pytest.approx(likelihood, abs=1e-2)
-
-
-def test_a_type_without_enough_episodes_is_not_chosen(known):
-    strict = choose_expert_types(
-        known.problem,
-        known.decisions,
-        most_types=2,
-        experts=known.experts,
-        minimum_episodes=25.0,
-    )
-    assert strict.n_types == 1
-
-
-def test_the_bic_is_its_formula_and_that_of_the_chosen_number_is_highest(known, chosen):
-    # Two weights for each type and one free share; 12 experts.
-    assert chosen.bic == pytest.approx(chosen.log_likelihood - 5 / 2 * np.log(12))
-    for n_types in (1, 3):
-        other = fit_expert_types(known.problem, known.decisions, n_types, experts=known.experts)
-        assert other.bic < chosen.bic
-    again = fit_expert_types(known.problem, known.decisions, 2, experts=known.experts)
-    np.testing.assert_array_equal(again.reward_weights, chosen.reward_weights)
 
 
 def test_units_far_apart_are_in_different_parts():
@@ -104,15 +75,13 @@ def test_the_adjusted_rand_index_is_that_of_a_case_by_hand():
     assert adjusted_rand_index(first, [1, 1, 1, 0, 0, 0]) == 1.0
     assert adjusted_rand_index([0, 0, 0], [4, 4, 4]) == 1.0
     assert adjusted_rand_index([0, 0, 1, 1], [0, 1, 0, 1]) == pytest.approx(-0.5)
+    with pytest.raises(SerdError, match="at least 2 labels, got 1"):
+        adjusted_rand_index([0], [0])
 
 
 def test_bad_arguments_are_named(known):
     with pytest.raises(SerdError, match=r"n_types must be at most 48, the number of .*, got 49"):
         fit_expert_types(known.problem, known.decisions, 49)
     wrong = np.arange(len(known.decisions))
-    with pytest.raises(
-        SerdError, match="experts must be one per episode, got 0 and 1 in episode 0"
-    ):
+    with pytest.raises(SerdError, match="experts must be one per episode, got 0 and 1 in episode"):
         fit_expert_types(known.problem, known.decisions, 2, experts=wrong)
-    with pytest.raises(SerdError, match="at least 2 labels, got 1"):
-        adjusted_rand_index([0], [0])
