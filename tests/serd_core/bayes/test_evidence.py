@@ -216,23 +216,6 @@ def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld, by_evidence)
     np.testing.assert_allclose(sc.posterior_policy(problem, draws), mean, atol=1e-9)
 
 
-@pytest.mark.parametrize("belief", [sc.FreeBelief(), sc.BeliefAroundTruth(5.0), sc.FixedBelief()])
-def test_coordinates_have_the_right_derivatives(gridworld, by_evidence, belief):
-    problem, start = gridworld.problem, by_evidence.parameters
-    strengths, seen = BY_EVIDENCE.strengths(belief), observe(problem.mdp, gridworld.decisions)
-    prior = strengths.prior(problem, strengths.start)
-    space = coordinates(problem, belief, start)
-    objective = LogPosterior(Posterior(problem, seen, MdcePolicy(), prior), space)
-    rng = np.random.default_rng(1)
-    at = space.of(start) + 0.1 * rng.normal(size=space.table.shape[1])
-    along = rng.normal(size=len(at))
-    above, below = (objective.evaluate(at + step * 1e-5 * along) for step in (1.0, -1.0))
-    slope = (above[0] - below[0]) / 2e-5
-    assert objective.evaluate(at)[1] @ along == pytest.approx(slope, rel=1e-5)
-    bend = (above[1] - below[1]) / 2e-5
-    np.testing.assert_allclose(objective.hessian(at) @ along, bend, rtol=1e-4, atol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("prior", "belief", "message"),
     [

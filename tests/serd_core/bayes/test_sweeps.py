@@ -268,16 +268,6 @@ def test_a_seed_gives_the_same_draws_and_another_seed_others():
         assert found.sample(n, np.random.default_rng(0)).shape == (n, len(found.mode))
 
 
-def test_units_of_features_do_not_matter():
-    problem, decisions = two_states(aliased=True)
-    other = replace(problem, features=problem.features * 1e8)
-    ours, theirs = (
-        sc.laplace_draws(fitted(each, decisions, deviation=2.0, pseudo_count=1.0), rng, 60)
-        for each, rng in ((problem, np.random.default_rng(0)), (other, np.random.default_rng(0)))
-    )
-    np.testing.assert_allclose(1e8 * theirs.reward, ours.reward, rtol=1e-3, atol=1e-3)
-
-
 def test_draws_without_shared_successors_are_normal_in_pairs_that_mirror_each_other():
     """They cost no solution of Bellman's equation; rewards alone keep such draws, too."""
     found = fitted(*one_way([1, 0, 2]))

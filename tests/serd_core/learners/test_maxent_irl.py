@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
-from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transition_model import transitions_at, transitions_of
-from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
-from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.learners.maxent_irl import TrajectoryModel
 from support.small_problems import sampled
+
+
+def model_of(problem, table):
+    return TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
 
 
 def brute_force(problem, table, weights, start, length):
@@ -38,27 +37,15 @@ def brute_force(problem, table, weights, start, length):
     return np.log(total), features / total
 
 
-@pytest.mark.parametrize("length", [1, 2, 4])
-def test_the_recursion_sums_over_all_trajectories(minimum_example, length):
-    table = np.array([[0.3, 0.7], [0.8, 0.2]])
-    model = TrajectoryModel(minimum_example, transitions_of(minimum_example.mdp.transitions, table))
-    weights = np.array([0.4])
-    for start in (0, 1):
-        log_z, expected = model.partition(weights, np.eye(2)[start], length)
-        naive_log_z, naive_features = brute_force(minimum_example, table, weights, start, length)
-        assert log_z == pytest.approx(naive_log_z)
-        np.testing.assert_allclose(expected, naive_features)
-
-
-def test_large_rewards_do_not_overflow(gridworld):
-    table = np.clip(gridworld.probabilities, 1e-9, None)
-    model = TrajectoryModel(
-        gridworld.problem,
-        transitions_of(gridworld.problem.mdp.transitions, table / table.sum(1)[:, None]),
-    )
-    log_z, expected = model.partition(np.array([1e4, -1e4]), np.eye(25)[0], 40)
-    assert np.isfinite(log_z)
-    assert np.all(np.isfinite(expected))
+@pytest.mark.parametrize("length", [1, 3])
+@pytest.mark.parametrize("start", [0, 1])
+def test_the_recursion_sums_over_all_trajectories(minimum_example, start, length):
+    table, weights = np.array([[0.3, 0.7], [0.8, 0.2]]), np.array([0.4])
+    model = model_of(minimum_example, table)
+    log_z, expected = model.partition(weights, np.eye(2)[start], length)
+    naive_log_z, naive_features = brute_force(minimum_example, table, weights, start, length)
+    assert log_z == pytest.approx(naive_log_z)
+    np.testing.assert_allclose(expected, naive_features)
 
 
 def forked_problem(listed):
@@ -69,37 +56,35 @@ def forked_problem(listed):
     pairs = [(0, 0, 1), (0, 1, 2), (1, 0, 1), (1, 0, 3), (2, 0, 2), (3, 0, 3), (4, 0, 2), (4, 1, 2)]
     probability = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
     kept = probability >= (0.0 if listed else 1.0)
-    state, action, following = np.array(pairs)[kept].T
-    model = fixed_transitions((5, 2), state, action, following, probability[kept])
+    model = sc.fixed_transitions((5, 2), *np.array(pairs)[kept].T, probability[kept])
     features = np.zeros((5, 2, 2))
     features[3, :, 0], features[4, 0, 0], features[0, 0, 1] = 1.0, 0.1, 1.0
-    return TabularProblem(Mdp(model, 0.99), features, ("goal", "A"))
-
-
-def forked_decisions():
-    """40 episodes from 0, half of them by A; 100 from 4, 73 of them by the first action."""
-    rows = [(0, 0, 1, 1, 0, 1), (0, 1, 2, 2, 0, 2)] * 20
-    rows += [(4, 0, 2, 2, 0, 2)] * 73 + [(4, 1, 2, 2, 0, 2)] * 27
-    steps = np.array(rows).reshape(-1, 3).T
-    episode = np.repeat(np.arange(len(rows)), 2)
-    return Decisions(episode, np.tile([0.0, 1.0], len(rows)), *steps)
+    return sc.TabularProblem(sc.Mdp(model, 0.99), features, ("goal", "A"))
 
 
 def test_a_transition_of_probability_zero_counts_as_little_as_one_that_is_not_listed():
-    """The bandit asks for log(73 / 27) / 0.1; a goal worth 995 must not be reached by 1e-300."""
-    fits = []
-    for listed in (True, False):
-        problem = forked_problem(listed)
-        fits.append(fit_maxent_irl(problem, forked_decisions(), initial_weights=np.zeros(2)))
-    assert all(fit.converged for fit in fits)
-    np.testing.assert_array_equal(fits[0].reward_weights, fits[1].reward_weights)
-    np.testing.assert_allclose(fits[0].reward_weights, [np.log(73 / 27) / 0.1, 0.0], atol=1e-3)
+    """The bandit asks for log(73 / 27) / 0.1; a goal worth 995 must not be reached by 1e-300.
+
+    40 episodes from 0, half of them by A; 100 from 4, 73 of them by the first action.
+    """
+    rows = [(0, 0, 1, 1, 0, 1), (0, 1, 2, 2, 0, 2)] * 20
+    rows += [(4, 0, 2, 2, 0, 2)] * 73 + [(4, 1, 2, 2, 0, 2)] * 27
+    episode = np.repeat(np.arange(len(rows)), 2)
+    steps = np.array(rows).reshape(-1, 3).T
+    decisions = sc.Decisions(episode, np.tile([0.0, 1.0], len(rows)), *steps)
+    one, two = (
+        sc.fit_maxent_irl(forked_problem(listed), decisions, initial_weights=np.zeros(2))
+        for listed in (True, False)
+    )
+    assert one.converged
+    np.testing.assert_array_equal(one.reward_weights, two.reward_weights)
+    np.testing.assert_allclose(one.reward_weights, [np.log(73 / 27) / 0.1, 0.0], atol=1e-3)
 
 
 def test_what_cannot_be_reached_is_worth_nothing_however_large_its_reward():
     problem = forked_problem(listed=True)
     model = TrajectoryModel(problem, transitions_at(problem.mdp.transitions, np.zeros(0)))
-    for reward in (1.0, 10.0, 1e6):
+    for reward in (1.0, 1e6):
         log_z, expected = model.partition(np.array([reward, 0.0]), np.eye(5)[1], 5)
         assert log_z == 0.0
         np.testing.assert_array_equal(expected, 0.0)
@@ -111,26 +96,17 @@ def test_at_the_optimum_the_model_expects_the_features_of_the_demonstrations(gri
     problem, decisions, table = gridworld.problem, gridworld.decisions, gridworld.probabilities
     if certain:
         table = np.eye(5)[[0, 1, 2, 3, 4, 1, 2, 3, 4]]
-        policy = soft_policy(problem, gridworld.weights, table).probabilities
+        policy = sc.soft_policy(problem, gridworld.weights, table).probabilities
         decisions = sampled(problem, policy, table, 40, 12)
-    fit = fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2), dynamics=table)
+    fit = sc.fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2), dynamics=table)
     assert fit.converged
     episodes = trajectories_of(decisions)
-    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
     starts = np.bincount(episodes.start, minlength=25) / len(episodes)
     (length,) = np.unique(episodes.length)
+    model = model_of(problem, table)
     expected = model.partition(fit.reward_weights, starts, int(length))[1]
     wanted = feature_counts(problem, decisions).mean(axis=0)
     np.testing.assert_allclose(expected, wanted, atol=1e-5)
-
-
-def test_uniform_demonstrations_under_known_dynamics_have_no_reward(make_gridworld):
-    case = make_gridworld(side=4, n_episodes=1)
-    decisions = sampled(case.problem, np.full((16, 5), 0.2), case.probabilities, 400, 10, 1)
-    fit = fit_maxent_irl(
-        case.problem, decisions, initial_weights=np.ones(2), dynamics=case.probabilities
-    )
-    np.testing.assert_allclose(fit.reward_weights, 0, atol=0.3)
 
 
 def test_an_unavailable_action_has_no_part_where_the_future_is_worth_nothing():
@@ -140,5 +116,4 @@ def test_an_unavailable_action_has_no_part_where_the_future_is_worth_nothing():
     problem = sc.from_transitions(table, rng.normal(size=(4, 3, 2)), discount=0.0)
     policy = sc.soft_policy(problem, [1.0, 1.0]).probabilities
     decisions = sc.sample_decisions(problem.mdp, policy, n_episodes=9, n_steps=5, rng=rng)
-    fit = sc.fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2))
-    assert fit.converged
+    assert sc.fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2)).converged

@@ -1,57 +1,51 @@
+"""Learners that match the policy: cloning, policy-matching IRL and policy-matching SERD."""
+
 import numpy as np
 import pytest
 
-from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.errors import SerdError
-from serd_core.learners.policy_matching import fit_policy_matching, squared_loss
-from serd_core.policies.solved_policy import boltzmann_policy
-from support.small_problems import fit_of, sampled
+import serd_core as sc
+from serd_core.learners.policy_matching import squared_loss
+from support.small_problems import apart, fit_of, sampled
+
+#: Does not affect the ratio of rewards and temperature, which is all that policies depend on.
+SCALE = sc.GaussianPrior(0.1, sc.Block.POLICY, mean=1.0)
 
 
-def test_the_gradient_by_q_is_the_finite_difference():
+def boltzmann_decisions(case, temperature, n_episodes, n_steps, seed=0):
+    policy = sc.boltzmann_policy(case.problem, case.weights, case.probabilities, temperature)
+    table = case.probabilities
+    return sampled(case.problem, policy.probabilities, table, n_episodes, n_steps, seed)
+
+
+def test_cloned_counts_are_smoothed_over_the_available_actions(minimum_example):
+    decisions = apart(0, 0, [0, 0, 1])
+    policy = sc.clone_behaviour(minimum_example, decisions, pseudo_count=0.5)
+    np.testing.assert_allclose(policy, [[3.5 / 4, 0.5 / 4, 0], [0, 0, 1]])
+
+
+def test_the_loss_weighs_visited_states_and_has_the_gradient_of_differences():
+    """(3.8) by hand: pi_E is (1, 0) in a state visited thrice, and (0, 1) in one visited once."""
+    counts = np.array([[3.0, 0.0], [0.0, 1.0]])
+    value, _ = squared_loss(np.array([[0.6, 0.4], [0.5, 0.5]]), counts)
+    assert value == pytest.approx(-0.5 * (0.75 * 2 * 0.4**2 + 0.25 * 2 * 0.5**2))
     rng = np.random.default_rng(0)
-    counts = rng.integers(0, 5, (4, 3)).astype(float)
-    q = rng.normal(size=(4, 3))
+    counts, q = rng.integers(0, 5, (4, 3)).astype(float), rng.normal(size=(4, 3))
 
-    def value(energies):
+    def at(energies):
         weights = np.exp(energies)
         return squared_loss(weights / weights.sum(axis=1, keepdims=True), counts)
 
-    step = 1e-6
-    for s in range(4):
-        for a in range(3):
-            up, down = q.copy(), q.copy()
-            up[s, a] += step
-            down[s, a] -= step
-            numeric = (value(up)[0] - value(down)[0]) / (2 * step)
-            assert value(q)[1][s, a] == pytest.approx(numeric, abs=1e-8)
+    for unit in np.eye(12).reshape(12, 4, 3):
+        numeric = (at(q + 1e-6 * unit)[0] - at(q - 1e-6 * unit)[0]) / 2e-6
+        assert np.sum(at(q)[1] * unit) == pytest.approx(numeric, abs=1e-8)
 
 
 def test_the_weights_of_a_boltzmann_expert_are_recovered(make_gridworld):
     case = make_gridworld(side=5, n_episodes=1)
-    policy = boltzmann_policy(case.problem, case.weights, case.probabilities, 1 / 0.7)
-    decisions = sampled(case.problem, policy.probabilities, case.probabilities, 2000, 40, 0)
-    fit = fit_policy_matching(
-        case.problem,
-        decisions,
-        inverse_temperature=0.7,
-        initial_weights=np.ones(2),
-        dynamics=case.probabilities,
-    )
+    decisions = boltzmann_decisions(case, 1 / 0.7, 2000, 40)
+    known = {"inverse_temperature": 0.7, "dynamics": case.probabilities}
+    fit = sc.fit_policy_matching(case.problem, decisions, initial_weights=np.ones(2), **known)
     np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.05)
-
-
-def test_a_wrong_inverse_temperature_is_refused(gridworld):
-    with pytest.raises(SerdError, match="inverse_temperature must be finite and above 0"):
-        fit_policy_matching(gridworld.problem, gridworld.decisions, inverse_temperature=0.0)
-
-
-def test_the_loss_weighs_states_by_how_often_they_were_visited():
-    """(3.8) by hand: pi_E is (1, 0) in a state visited thrice, and (0, 1) in one visited once."""
-    counts = np.array([[3.0, 0.0], [0.0, 1.0]])
-    policy = np.array([[0.6, 0.4], [0.5, 0.5]])
-    value, _ = squared_loss(policy, counts)
-    assert value == pytest.approx(-0.5 * (0.75 * 2 * 0.4**2 + 0.25 * 2 * 0.5**2))
 
 
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
@@ -59,16 +53,34 @@ def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature
         return fit_of(
             gridworld,
             weights,
-            fit=fit_policy_matching,
+            fit=sc.fit_policy_matching,
             inverse_temperature=0.5,
             dynamics=gridworld.probabilities,
-            ascent=Lbfgs(gradient_tolerance=np.inf),
+            ascent=sc.Lbfgs(gradient_tolerance=np.inf),
         )
 
-    start, step = np.array([1.0, 1.5]), 1e-5
-    numeric = [
-        (started(start + step * unit).objective - started(start - step * unit).objective)
-        / (2 * step)
-        for unit in np.eye(2)
-    ]
-    assert started(start).gradient_norm == pytest.approx(np.max(np.abs(numeric)), rel=1e-5)
+    start, step = np.array([1.0, 1.5]), 1e-5 * np.eye(2)
+    sides = [(started(start + s).objective, started(start - s).objective) for s in step]
+    numeric = np.max(np.abs(np.diff(sides))) / 2e-5
+    assert started(start).gradient_norm == pytest.approx(numeric, rel=1e-5)
+
+
+def test_rewards_dynamics_and_temperature_are_recovered_up_to_scale(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=1)
+    decisions = boltzmann_decisions(case, 2.0, 2000, 40)
+    start = {"initial_weights": np.ones(2), "prior": sc.KldPrior(1e-3) + SCALE}
+    fit = sc.fit_pm_serd(case.problem, decisions, **start)
+    assert fit.converged
+    assert fit.temperature == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(fit.reward_weights / fit.temperature, case.weights / 2.0, atol=0.1)
+    np.testing.assert_allclose(fit.outcome_probabilities, case.probabilities, atol=0.03)
+
+
+def test_a_fit_that_ends_on_a_kink_is_certified(make_gridworld):
+    case = make_gridworld(side=8, discount=0.99, n_episodes=1)
+    decisions = boltzmann_decisions(case, 2.0, 20, 30, 20)
+    given = {"initial_weights": np.ones(2), "prior": SCALE + sc.DirichletPrior(1.0)}
+    fit = sc.fit_pm_serd(case.problem, decisions, **given)
+    assert fit.converged, fit.message
+    smooth = sc.fit_pm_serd(case.problem, decisions, ascent=sc.TrustRegion(), **given)
+    assert fit.objective >= smooth.objective

@@ -6,7 +6,6 @@ import pytest
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
-from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.derivatives.posterior_hessian import sensitivities_at, transition_scores
 from serd_core.posterior.posterior import Posterior
 from support.small_problems import apart, fit_of, sampled
@@ -115,18 +114,6 @@ def test_temperature_and_scale_of_rewards_are_one_null_direction(gridworld):
     known = {"belief": sc.FixedBelief(), "ascent": sc.TrustRegion(max_steps=20)}
     (null,) = sc.identifiability(fitted(gridworld, fit=sc.fit_pm_serd, **known)[1]).null
     assert "log temperature" in {name for name, _ in null.loadings}
-
-
-def test_the_gauge_is_taken_out_of_tied_and_free_blocks(gridworld):
-    fit = fit_of(gridworld, (1.0, 1.0), ascent=sc.TrustRegion(max_steps=2))
-    case = gridworld.problem, gridworld.decisions
-    for belief, n_free, n_gauge in ((sc.TiedBelief(), 47, 9), (sc.FreeBelief(), 92, 18)):
-        information = sc.fit_information(*case, fit, belief=belief)
-        assert information.gauge.shape == (n_gauge, n_free)
-        basis = gauge_free_basis(information.gauge)
-        np.testing.assert_allclose(information.gauge @ basis, 0, atol=1e-12)
-        np.testing.assert_allclose(basis.T @ basis, np.eye(n_free - n_gauge), atol=1e-12)
-        np.testing.assert_allclose(information.outer_product @ information.gauge.T, 0, atol=1e-7)
 
 
 def test_points_that_are_no_maximum_have_no_standard_errors_unless_asked_for(gridworld):
