@@ -18,12 +18,15 @@ _LAB = "the authors' lab has it"
 #: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
 _LEFT = {
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
+    "EntropyPrior": _LAB,
     "GradientAscent": _LAB,
+    "NormPrior": _LAB,
     "counterfactual_policy": "use soft_policy(problem, weights, belief)",
     "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
     "fit_routes": _LAB,
     "load": "unpickle what you pickled",
     "multi_start": _LAB,
+    "posterior_modes": _LAB,
     "sample_posterior": _LAB,
     "save": "pickle the record",
     "score_test": "use likelihood_ratio_test of two fits",

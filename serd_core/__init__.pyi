@@ -14,7 +14,6 @@ from serd_core.ascent.trust_region import TrustRegion as TrustRegion
 from serd_core.bayes.belief_comparison import compare_beliefs as compare_beliefs
 from serd_core.bayes.draws import credible_intervals as credible_intervals
 from serd_core.bayes.draws import laplace_draws as laplace_draws
-from serd_core.bayes.draws import posterior_modes as posterior_modes
 from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import expected_information_gain as expected_information_gain
 from serd_core.bayes.information import outcome_information as outcome_information
@@ -69,10 +68,8 @@ from serd_core.posterior.beliefs import FreeBelief as FreeBelief
 from serd_core.posterior.beliefs import TiedBelief as TiedBelief
 from serd_core.posterior.parameters import Block as Block
 from serd_core.priors.dirichlet import DirichletPrior as DirichletPrior
-from serd_core.priors.divergence import EntropyPrior as EntropyPrior
 from serd_core.priors.divergence import KldPrior as KldPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
-from serd_core.priors.norm import NormPrior as NormPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
 from serd_core.selection.evaluation import adjusted_rand_index as adjusted_rand_index
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence

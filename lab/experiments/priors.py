@@ -7,13 +7,13 @@ maximised on the circle |theta|_2 = 1, which stands in for the likelihood.
 import numpy as np
 import pandas as pd
 
+from lab.estimators.priors import EntropyPrior, NormPrior
 from lab.experiments.running.experiment import Findings, Session
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.divergence import EntropyPrior, KldPrior
-from serd_core.priors.norm import NormPrior
+from serd_core.priors.divergence import KldPrior
 from serd_core.priors.prior import Prior
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel

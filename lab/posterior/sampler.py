@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from lab.posterior.modes import PosteriorModes
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import PosteriorDraws, PosteriorModes, draws_at
+from serd_core.bayes.draws import PosteriorDraws, draws_at
 from serd_core.bayes.laplace import Laplace
 from serd_core.bayes.surrogate import SOLVER
 from serd_core.errors import SerdError

@@ -135,8 +135,8 @@ CALLS = [
     identifiability likelihood_ratio_test confidence_interval laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood dynamics_divergence
     adjusted_rand_index fixed_transitions from_transitions learned_transitions compare_beliefs
-    EntropyPrior KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
-    DirichletPrior NormPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
+    KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
+    DirichletPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
     KinkedAscent
 """)
 ]

@@ -18,8 +18,9 @@ from lab.posterior.calibration import (
     draw_by_laplace,
     uniformity,
 )
+from lab.posterior.modes import posterior_modes
 from lab.posterior.sampler import sample_posterior
-from serd_core.bayes.draws import PosteriorDraws, posterior_modes
+from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from lab.estimators.priors import EntropyPrior
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
@@ -23,7 +24,6 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.divergence import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior, UniformPrior
 

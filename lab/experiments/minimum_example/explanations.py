@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from lab.estimators.priors import NormPrior
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quartiles
 from lab.learner_curves import STYLES, draw_band, tick_sizes
@@ -25,7 +26,6 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
 from serd_core.selection.evaluation import fitted_policy
 from serd_files.settings import setting

@@ -5,8 +5,8 @@ import pytest
 import scipy.stats
 
 from lab.posterior import sampler
+from lab.posterior.modes import posterior_modes
 from lab.posterior.sampler import sample_posterior
-from serd_core.bayes.draws import posterior_modes
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.learners.serd import fit_mdce_serd
 from serd_files.errors import USER_ERRORS

@@ -20,7 +20,7 @@ from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import EntropyPrior, KldPrior
+from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from support.random_posteriors import (
@@ -50,7 +50,7 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
     if not len(decisions):
         return None
     decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
-    prior = KldPrior(0.3, reference=table) + EntropyPrior(0.2, Block.BELIEF)
+    prior = KldPrior(0.3, reference=table) + KldPrior(0.2, table, Block.BELIEF)
     prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
     posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, prior)
     like = random_parameters(problem, policy_model, rng)

@@ -11,9 +11,8 @@ from serd_core.arrays import FloatArray, gradient_differences
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import CouplingPrior, EntropyPrior, KldPrior
+from serd_core.priors.divergence import CouplingPrior, KldPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
-from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import LogPrior, Prior, UniformPrior
 
 BOTH = np.ones((2, 1), bool)
@@ -27,16 +26,9 @@ REFERENCE = np.array([[0.2, 0.3, 0.5]])
 PAIRS = np.array([[2.0], [0.5]])
 
 PRIORS = [
-    NormPrior(0.7, Block.REWARD, p=1.0),
-    NormPrior(0.7, Block.TRUTH, p=2.0),
-    NormPrior(0.7, Block.BELIEF, p=7.0),
-    NormPrior(0.7, Block.POLICY),
     GaussianPrior(1.5, Block.REWARD, mean=0.3),
-    EntropyPrior(0.7),
-    EntropyPrior(0.7, Block.BELIEF, state_action_weights=PAIRS),
-    KldPrior(0.7, REFERENCE, state_action_weights=PAIRS, mean_over_pairs=True),
-    EntropyPrior(0.7, mean_over_pairs=True),
-    CouplingPrior(0.7, np.array([[3.0], [0.25]])),
+    KldPrior(0.7, REFERENCE, Block.BELIEF, state_action_weights=PAIRS),
+    CouplingPrior(0.7),
     DirichletPrior(0.3, Block.BELIEF),
     GaussianAroundTruth(0.8),
     GaussianPrior((0.5, 2.0), Block.REWARD),
@@ -54,7 +46,6 @@ def at(reward=(0.0, 0.0), belief=(0.0,) * 3, truth=(0.0,) * 3):
 
 def require_derivatives(prior, model, of, vector):
     """Gradient and second derivatives are finite differences."""
-    # NormPrior bends within its smoothing of 1e-4.
     step, found = 5e-8, prior.evaluate(model, of(vector)).gradient.vector
     numeric = [
         prior.evaluate(model, of(vector + unit)).value
@@ -75,58 +66,16 @@ def test_gradient_and_second_derivatives_are_finite_differences(prior, seed):
     require_derivatives(prior, SCALED, blocks, np.random.default_rng(seed).normal(size=9))
 
 
-@pytest.mark.parametrize(
-    ("p", "smoothing"), [(1.0, 1e-9), (1.5, 1e-2), (2.0, 1e-5), (7.0, 1e-2), (7.0, 1e-9)]
-)
-def test_second_derivatives_of_a_norm_hold_within_its_kinks(p, smoothing):
-    """Differences by steps far below the smoothing, where the curvature is that of the kink."""
-    prior = NormPrior(0.7, Block.TRUTH, p, smoothing)
-    vector = np.array([3.0, -1.0, 0.1, 0.2, 0.3, 0.5, 0.0, -2.0, 1.5]) * smoothing
-    exact = prior.hessian(MODEL, blocks(vector))
-    numeric = gradient_differences(
-        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector, step=1e-4 * smoothing
-    )
-    np.testing.assert_allclose(exact, numeric, rtol=1e-6, atol=1e-7 / smoothing)
-
-
-def test_norms_are_those_of_the_textbook():
-    point = at(reward=(3.0, -4.0))
-    for p, norm in ((1.0, 7.0), (2.0, 5.0), (3.0, 91 ** (1 / 3))):
-        value = NormPrior(2.0, Block.REWARD, p=p).evaluate(MODEL, point).value
-        assert value == pytest.approx(-2 * norm, abs=1e-6)
-    large = NormPrior(2.0, Block.REWARD, p=400.0).evaluate(MODEL, at(reward=(3e3, -4e3)))
-    assert large.value == pytest.approx(-8e3)
-    empty = Parameters(np.array([1.0]), np.zeros(3), np.zeros(3), np.zeros(0))
-    assert NormPrior(0.7, Block.POLICY).evaluate(MODEL, empty).value == 0.0
-    np.testing.assert_array_equal(NormPrior(0.7, Block.POLICY).hessian(MODEL, empty), 0.0)
-
-
-def test_entropy_and_divergence_sum_over_merged_transitions():
-    truth = at(truth=np.log(REFERENCE[0]))
-    binary = -(0.7 * np.log(0.7) + 0.3 * np.log(0.3))
-    assert EntropyPrior(1.0).evaluate(MODEL, truth).value == pytest.approx(2 * binary)
-    prior = KldPrior(1.0, REFERENCE)
-    assert prior.evaluate(MODEL, truth).value == pytest.approx(0, abs=1e-12)
+def test_divergence_sums_over_merged_transitions_by_the_weights_of_pairs():
+    prior, weighted = KldPrior(1.0, REFERENCE), KldPrior(1.0, REFERENCE, Block.TRUTH, PAIRS)
+    there = at(truth=np.log(REFERENCE[0]))
+    assert prior.evaluate(MODEL, there).value == pytest.approx(0, abs=1e-12)
     elsewhere = 0.3 * np.log(0.3 / (1 / 3)) + 0.7 * np.log(0.7 / (2 / 3))
     assert prior.evaluate(MODEL, at()).value == pytest.approx(-2 * elsewhere)
+    assert weighted.evaluate(MODEL, at()).value == pytest.approx(-2.5 * elsewhere)
     # Transitions that the reference rules out do not count.
     certain = KldPrior(1.0, np.array([[1.0, 0.0, 0.0]])).evaluate(MODEL, at()).value
     assert certain == pytest.approx(-2 * np.log(3 / 2))
-
-
-def test_a_mean_over_pairs_divides_by_the_weights_of_available_pairs():
-    """State 0 distinguishes both outcomes, in state 1 both lead to state 1: its divergence is 0."""
-    available = np.array([[True, False], [True, True]])
-    own = np.zeros((2, 2), int)
-    model = sc.OutcomeModels([[[0, 1]] * 2, [[1, 1]] * 2], own, available, n_models=1)
-    evens, one = Parameters(*map(np.zeros, (1, 2, 2, 1))), np.array([[0.75, 0.25]])
-    pair = 0.75 * np.log(1.5) + 0.25 * np.log(0.5)
-    for weights, share in ((np.array([[3.0, 100.0], [1.0, 2.0]]), 3.0 / 6.0), (None, 1.0 / 3.0)):
-        prior = KldPrior(1.0, one, Block.TRUTH, weights, mean_over_pairs=True)
-        assert prior.evaluate(model, evens).value == pytest.approx(-pair * share, rel=1e-12)
-    none = KldPrior(1.0, one, Block.TRUTH, np.zeros((2, 2)), mean_over_pairs=True)
-    with pytest.raises(SerdError, match="must have a positive sum over the available pairs, got 0"):
-        none.evaluate(model, evens)
 
 
 @dataclass(frozen=True)
@@ -149,22 +98,20 @@ def test_anchoring_gives_the_initial_dynamics_to_priors_that_need_a_reference():
     assert prior.evaluate(MODEL, place).value == pytest.approx(0)
     with pytest.raises(SerdError, match=r"^reference of KldPrior must be given"):
         KldPrior(1.0).evaluate(MODEL, at())
-    for prior in (KldPrior(1.0, REFERENCE), EntropyPrior(1.0), UniformPrior()):
+    for prior in (KldPrior(1.0, REFERENCE), DirichletPrior(1.0), UniformPrior()):
         assert prior.anchored(np.array([[0.5, 0.25, 0.25]])) is prior
     own = (UniformPrior() + NearReference()).anchored(REFERENCE).anchored(2.0 * REFERENCE)
     assert own.evaluate(MODEL, place).value == pytest.approx(-float(np.sum(REFERENCE**2)))
 
 
-def test_coupling_is_the_sum_of_divergences_by_the_weights_of_pairs():
+def test_coupling_is_the_sum_of_divergences():
     belief, truth = REFERENCE[0], np.array([0.6, 0.1, 0.3])
     ends = [(truth[[0, 2]].sum(), belief[[0, 2]].sum()), (truth[1], belief[1])]
     divergence = sum(p * np.log(p / q) for p, q in ends)
     place = at(belief=np.log(belief), truth=np.log(truth))
-    for weights, total in ((None, 2.0), (np.array([[3.0], [0.25]]), 3.25), (np.zeros((2, 1)), 0.0)):
-        value = CouplingPrior(0.7, weights).evaluate(MODEL, place).value
-        assert value == pytest.approx(-0.7 * total * divergence)
-    same = np.log(belief)
-    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same, truth=same)).value == 0
+    assert CouplingPrior(0.7).evaluate(MODEL, place).value == pytest.approx(-1.4 * divergence)
+    same = at(belief=np.log(belief), truth=np.log(belief))
+    assert CouplingPrior(3.0).evaluate(MODEL, same).value == 0
 
 
 class Quartic(Prior):
@@ -191,10 +138,6 @@ def test_no_preference_has_the_value_and_the_derivatives_zero():
 WRONG = [
     (KldPrior, (-1.0,), "weight of KldPrior must be finite and not negative, got -1.0"),
     (KldPrior, (1.0, None, Block.REWARD), "block of KldPrior must be BELIEF or TRUTH"),
-    (EntropyPrior, ("1",), "^weight of EntropyPrior must be finite .* got '1'"),
-    (NormPrior, (1.0, Block.REWARD, 0.5), "p of NormPrior must be .* got 0.5"),
-    (NormPrior, (1.0, Block.REWARD, np.inf), "p of NormPrior must be .* got inf"),
-    (NormPrior, (1.0, Block.REWARD, 2.0, 0.0), "^smoothing of NormPrior"),
     (GaussianPrior, (0.0, Block.REWARD), "^standard_deviation of GaussianPrior"),
     (GaussianPrior, (1.0, Block.REWARD, np.inf), "mean of GaussianPrior"),
     (GaussianPrior, ((1.0, 1e300), Block.REWARD), "must be from 1e-50 to 1e.50, got 1e+"),
@@ -218,9 +161,17 @@ def test_wrong_settings_are_refused_by_name(make, arguments, sentence):
     ("prior", "model", "sentence"),
     [
         (GaussianPrior((1.0, 2.0, 3.0), Block.REWARD), MODEL, "one number or 2, one per parameter"),
-        (EntropyPrior(1.0, Block.TRUTH, np.ones(3)), MODEL, r"_weights must have shape \(2, 1\)"),
+        (
+            KldPrior(1.0, REFERENCE, Block.TRUTH, np.ones(3)),
+            MODEL,
+            r"must have shape \(2, 1\)",
+        ),
         (KldPrior(1.0, np.full((1, 3), 0.5)), MODEL, r"state 0, action 0 .* the row sums to 1.5"),
-        (EntropyPrior(1.0, Block.TRUTH, PAIRS - 1.0), MODEL, r"weights\[1, 0\] must not be nega"),
+        (
+            KldPrior(1.0, REFERENCE, Block.TRUTH, PAIRS - 1.0),
+            MODEL,
+            r"\[1, 0\] must not be neg",
+        ),
         (DirichletPrior(1.0), None, "^DirichletPrior is a prior of OutcomeModels, got NoneType"),
         (GaussianAroundTruth(1.0), LISTED, "^GaussianAroundTruth is a prior of Outc.* got Sparse"),
     ],
@@ -309,7 +260,7 @@ def test_the_pseudo_count_of_transitions_that_occur_in_several_periods_is_of_all
 
 
 def test_priors_that_are_no_densities_have_no_constant():
-    for prior in (NormPrior(1.0, Block.REWARD), KldPrior(1.0, REFERENCE), CouplingPrior(1.0)):
+    for prior in (KldPrior(1.0, REFERENCE), CouplingPrior(1.0)):
         sentence = f"need priors that are densities, .* got {type(prior).__name__}"
         with pytest.raises(SerdError, match=sentence):
             prior.log_constant(MODEL, at())

@@ -1,10 +1,11 @@
-"""Lp-norm prior on any block (Eqs. 4.86, 4.87), smoothed where the norm has kinks.
+"""Priors of the thesis that its experiments use: norms of parameters, and entropy of dynamics.
 
-    log P(theta) = -lambda (sum_i |theta_i|_e^p)^(1/p) - Z,   |x|_e = sqrt(x^2 + e^2)
+    NormPrior     -lambda (sum_i |theta_i|_e^p)^(1/p),   |x|_e = sqrt(x^2 + e^2)          (4.86)
+    EntropyPrior  -lambda sum_{s,a,s'} P(s'|s,a) log P(s'|s,a)                   (4.88 to 4.90)
 
-With e = 0 this is (4.86). The norm is not differentiable where an entry is 0 for p = 1 (and at the
-origin for every p), so gradients need e > 0; the norm is then too large by at most n^(1/p) e.
-(4.87) as printed lacks the factor lambda and writes rho for theta in its denominator.
+The norm is not differentiable where an entry is 0 for p = 1 (and at the origin for every p), so
+gradients need e > 0; the norm is then too large by at most n^(1/p) e. (4.87) as printed lacks the
+factor lambda and writes rho for theta in its denominator.
 """
 
 from dataclasses import dataclass
@@ -12,10 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, is_number, require_kind, require_positive, shown
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    dynamics_gradient,
+    transition_hessian,
+    transition_probabilities,
+)
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.prior import LogPrior, Prior, require_weight
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, require_weight
 
 
 @dataclass(frozen=True)
@@ -71,3 +77,31 @@ class NormPrior(Prior):
         largest = float(absolute.max())
         relative = absolute / largest
         return absolute, largest * float(np.sum(relative**self.p)) ** (1.0 / self.p)
+
+
+@dataclass(frozen=True)
+class EntropyPrior(Prior):
+    """A prior that favours uncertain dynamics, by the entropy of a block's transitions."""
+
+    weight: float
+    block: Block = Block.TRUTH
+
+    def __post_init__(self) -> None:
+        require_weight("weight of EntropyPrior", self.weight)
+        require_dynamics_block("EntropyPrior", self.block)
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """(4.88) and its gradient (4.89)."""
+        theta = parameters.block(self.block)
+        probability = transition_probabilities(model, theta)
+        logs = np.log(probability)
+        slope = dynamics_gradient(model, theta, -self.weight * (logs + 1.0))
+        gradient = parameters.zeros().with_block(self.block, slope)
+        return LogPrior(-self.weight * float(np.sum(probability * logs)), gradient)
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Second derivatives, in the part of the block."""
+        theta = parameters.block(self.block)
+        probability = transition_probabilities(model, theta)
+        slope, bend = -self.weight * (np.log(probability) + 1.0), -self.weight / probability
+        return parameters.placed(self.block, transition_hessian(model, theta, slope, bend))
