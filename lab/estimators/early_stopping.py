@@ -15,12 +15,14 @@ from serd_core.ascent.ascent import (
     StepCallback,
     largest,
 )
+from serd_core.ascent.lbfgs import LBFGS
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import SETTINGS, SerdSettings, fit_serd
+from serd_core.learners.serd import fit_serd
 from serd_core.learners.start import (
+    TIED,
     dynamics_or_estimate,
     initial_weights_or_sample,
     starting_parameters,
@@ -105,28 +107,27 @@ def fit_serd_with_early_stopping(
     decisions: Decisions,
     validation: Decisions,
     policy_model: PolicyModel,
-    settings: SerdSettings = SETTINGS,
     *,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
+    ascent: Ascent = LBFGS,
     patience: int = 20,
     on_step: StepCallback | None = None,
 ) -> FitResult:
     """`fit_serd` on the (training) decisions, ended by the likelihood of the validation ones."""
     observe_in(problem, decisions)  # rejects what no learner takes
     weights = initial_weights_or_sample(problem, initial_weights, rng)
-    learned = settings.belief.learns_dynamics
-    given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
-    like = starting_parameters(problem, policy_model, weights, given, settings.belief)
-    score = validation_score(problem, validation, policy_model, settings.belief, like)
+    given = dynamics_or_estimate(problem, decisions, dynamics, learned=True)
+    like = starting_parameters(problem, policy_model, weights, given)
+    score = validation_score(problem, validation, policy_model, TIED, like)
     return fit_serd(
         problem,
         decisions,
         policy_model,
-        replace(settings, ascent=EarlyStopping(settings.ascent, score, patience)),
         initial_weights=weights,
         dynamics=given,
+        ascent=EarlyStopping(ascent, score, patience),
         on_step=on_step,
     )
 

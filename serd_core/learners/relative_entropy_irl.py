@@ -42,14 +42,12 @@ from serd_core.ascent.ascent import (
 )
 from serd_core.ascent.lbfgs import minimise
 from serd_core.ascent.open_directions import described
-from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.errors import SerdError
-from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.start import dynamics_or_estimate, reward_names, reward_search
+from serd_core.learners.start import reward_names, reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 
@@ -245,32 +243,6 @@ class _BoundedAscent(Ascent):
             climb.stalled = (
                 f"not converged: weights reached largest_weight along {way}; take more samples"
             )
-
-
-def sample_from_estimates(
-    problem: Problem,
-    decisions: Decisions,
-    *,
-    n_episodes: int,
-    n_steps: int,
-    rng: np.random.Generator,
-) -> tuple[Decisions, FloatArray]:
-    """Samples where only demonstrations exist, and the (S, A) policy that made them.
-
-    As in section 4.6.2: dynamics by M-estimate, policy by smoothed behavioural cloning.
-    """
-    policy = clone_behaviour(problem, decisions)
-    samples = sample_decisions(
-        problem.mdp,
-        policy,
-        problem.mdp.transitions.known_probabilities(dynamics_or_estimate(problem, decisions, None)),
-        start_distribution(decisions, problem.mdp.n_states),
-        n_episodes=n_episodes,
-        n_steps=n_steps,
-        rng=rng,
-        source="sampled from estimates",
-    )
-    return samples, policy
 
 
 def importance_log_weights(

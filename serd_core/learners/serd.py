@@ -1,8 +1,6 @@
 """The unified SERD algorithm (Algorithm 1): rewards and dynamics at once, by MAP estimation.
 
-The policy model defines how experts choose (maximum causal entropy or policy matching), the belief
-how what they believed relates to what is true, the prior what else is known, and the ascent how
-parameters move. The gradient is that of the thesis, by adjoint instead of Q-gradient recursion.
+The gradient is that of the thesis, by adjoint instead of Q-gradient recursion.
 
 Decisions whose action is `HIDDEN` count by the likelihood of their states alone
 (docs/hidden_actions.md); all functions here accept them, among others or alone.
@@ -15,7 +13,7 @@ one a fit does not converge. One that only shrinks rewards and temperature has n
 then go to zero together.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,10 +23,6 @@ from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.strengths import PriorByEvidence
-from serd_core.bellman.bellman_solver import BellmanSolver
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.linear_solver import LinearSolver
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.certificate import certificate
@@ -50,75 +44,51 @@ UNIFORM, BY_EVIDENCE = UniformPrior(), PriorByEvidence()
 KINKED = KinkedAscent()
 
 
-@dataclass(frozen=True)
-class SerdSettings:
-    """How a SERD fit is done; every part can be exchanged by object."""
-
-    belief: Belief = TIED
-    prior: Prior | PriorByEvidence = UNIFORM
-    ascent: Ascent = LBFGS
-    solver: BellmanSolver = field(default_factory=Newton)
-    linear_solver: LinearSolver = field(default_factory=Automatic)
-
-    def __post_init__(self) -> None:
-        for name, kinds, example in (
-            ("belief", (Belief,), "FreeBelief()"),
-            ("prior", (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),
-            ("ascent", (Ascent,), "Lbfgs()"),
-            ("solver", (BellmanSolver,), "Newton()"),
-            ("linear_solver", (LinearSolver,), "Automatic()"),
-        ):
-            require_kind(name, getattr(self, name), kinds, example)
-
-
-SETTINGS = SerdSettings()
-
-
 def fit_serd(
     problem: Problem,
     decisions: Decisions,
     policy_model: PolicyModel,
-    settings: SerdSettings = SETTINGS,
     *,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
+    belief: Belief = TIED,
+    prior: Prior | PriorByEvidence = UNIFORM,
+    ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Learn reward weights and dynamics by Algorithm 1, with every part given by object.
+    """Learn reward weights and dynamics by Algorithm 1 for any policy model.
 
-    The arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model;
-    belief, prior, ascent and both solvers are in `settings`.
+    Other arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model.
     """
+    for name, given, kinds, example in (
+        ("belief", belief, (Belief,), "FreeBelief()"),
+        ("prior", prior, (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),
+        ("ascent", ascent, (Ascent,), "Lbfgs()"),
+    ):
+        require_kind(name, given, kinds, example)
     observations = observe_in(problem, decisions)
-    if isinstance(settings.prior, PriorByEvidence):
+    if isinstance(prior, PriorByEvidence):
         # Without parameters there are no dynamics to learn, or to have a prior.
-        learns = problem.mdp.transitions.n_parameters > 0
-        belief = settings.belief if learns else FixedBelief()
-        posterior = Posterior(
-            problem, observations, policy_model, UNIFORM, settings.solver, settings.linear_solver
-        )
+        if not problem.mdp.transitions.n_parameters:
+            belief = FixedBelief()
+        posterior = Posterior(problem, observations, policy_model, UNIFORM)
         start = evidence_start(posterior, decisions, belief, initial_weights, dynamics)
         staged = initial_weights is None
-        return fit_by_evidence(
-            posterior, belief, settings.prior, start, on_step, staged=staged
-        ).result()
+        return fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged).result()
     weights = initial_weights_or_sample(problem, initial_weights, rng)
-    learned = settings.belief.learns_dynamics
-    given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
-    start = starting_parameters(problem, policy_model, weights, given, settings.belief)
+    given = dynamics_or_estimate(problem, decisions, dynamics, learned=belief.learns_dynamics)
+    start = starting_parameters(problem, policy_model, weights, given, belief)
     moves = problem.mdp.transitions.moves.local_probabilities(start.truth)
     require_possible(observations, problem.mdp, moves)
-    assumptions = Assumptions(policy_model, settings.belief, settings.prior, by_likelihood=True)
-    prior = assumptions.whole_prior.anchored(moves)
-    posterior = Posterior(
-        problem, observations, policy_model, prior, settings.solver, settings.linear_solver
-    )
-    space = free_numbers(problem, settings.belief, start)
+    assumptions = Assumptions(policy_model, belief, prior, by_likelihood=True)
+    whole_prior = assumptions.whole_prior.anchored(moves)
+    posterior = Posterior(problem, observations, policy_model, whole_prior)
+    space = free_numbers(problem, belief, start)
     objective = LogPosterior(posterior, space, divisor=observations.n_decisions)
-    ascended = settings.ascent.maximise(objective, settings.belief.pack(start), on_step)
-    reached = settings.belief.unpack(ascended.vector, start)
-    found = certificate(posterior, settings.belief, reached, ascended, on_step)
+    ascended = ascent.maximise(objective, belief.pack(start), on_step)
+    reached = belief.unpack(ascended.vector, start)
+    found = certificate(posterior, belief, reached, ascended, on_step)
     parameters, final = found.parameters, objective.at(found.parameters)
     truth, believed = (
         _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
@@ -175,10 +145,12 @@ def fit_mdce_serd(
         problem,
         decisions,
         MdcePolicy(),
-        SerdSettings(belief=belief, prior=prior, ascent=ascent or LBFGS),
         initial_weights=initial_weights,
         rng=rng,
         dynamics=dynamics,
+        belief=belief,
+        prior=prior,
+        ascent=ascent or LBFGS,
         on_step=on_step,
     )
 
@@ -218,10 +190,12 @@ def fit_pm_serd(
         problem,
         decisions,
         PolicyMatchingPolicy(start_temperature=initial_temperature),
-        SerdSettings(belief=belief, prior=prior, ascent=ascent),
         initial_weights=initial_weights,
         rng=rng,
         dynamics=dynamics,
+        belief=belief,
+        prior=prior,
+        ascent=ascent,
         on_step=on_step,
     )
 

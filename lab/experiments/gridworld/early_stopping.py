@@ -26,7 +26,7 @@ from lab.experiments.running.experiment import Count, Findings, SeededConfig, Se
 from lab.experiments.running.tables import Row
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import SerdSettings, fit_serd
+from serd_core.learners.serd import fit_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.selection.evaluation import split_episodes
@@ -87,22 +87,23 @@ def fits_of(
     """The three fits by name; each starts at the weights under its M-estimate of the dynamics."""
     part, validation = split_episodes(seen, config.validation_share, rng)
     start = rng.uniform(-10.0, 10.0, 2)
-    settings = SerdSettings(ascent=make_ascent(config.ascent, 1e-5, config.max_steps))
-    staged = SerdSettings(belief=FIXED, ascent=settings.ascent)
+    ascent = make_ascent(config.ascent, 1e-5, config.max_steps)
 
     def weights(decisions: Decisions) -> FitResult:
-        return fit_serd(problem, decisions, POLICY, staged, initial_weights=start)
+        return fit_serd(
+            problem, decisions, POLICY, belief=FIXED, ascent=ascent, initial_weights=start
+        )
 
     of_seen, of_part = weights(seen).reward_weights, weights(part).reward_weights
     return {
-        WHOLE: fit_serd(problem, seen, POLICY, settings, initial_weights=of_seen),
-        PART: fit_serd(problem, part, POLICY, settings, initial_weights=of_part),
+        WHOLE: fit_serd(problem, seen, POLICY, ascent=ascent, initial_weights=of_seen),
+        PART: fit_serd(problem, part, POLICY, ascent=ascent, initial_weights=of_part),
         STOPPED: fit_serd_with_early_stopping(
             problem,
             part,
             validation,
             POLICY,
-            settings,
+            ascent=ascent,
             initial_weights=of_part,
             patience=config.patience,
         ),

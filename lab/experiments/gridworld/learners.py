@@ -12,13 +12,15 @@ from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.draws import PosteriorDraws, laplace_draws
 from serd_core.bayes.laplace import laplace
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.relative_entropy_irl import (
     fit_relative_entropy_irl,
     hoeffding_thresholds,
-    sample_from_estimates,
 )
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
@@ -120,7 +122,18 @@ def _mdce_irl(given: LearnerInput) -> Estimate:
 
 def _relative_entropy(given: LearnerInput) -> Estimate:
     problem, seen, n_steps, rng = given.problem, given.decisions, given.n_steps, given.rng
-    samples, policy = sample_from_estimates(problem, seen, n_episodes=500, n_steps=n_steps, rng=rng)
+    # As in section 4.6.2: dynamics by M-estimate, policy by smoothed behavioural cloning.
+    policy = clone_behaviour(problem, seen)
+    samples = sample_decisions(
+        problem.mdp,
+        policy,
+        problem.mdp.transitions.known_probabilities(estimate_dynamics(problem, seen)),
+        start_distribution(seen, problem.mdp.n_states),
+        n_episodes=500,
+        n_steps=n_steps,
+        rng=rng,
+        source="sampled from estimates",
+    )
     thresholds = THRESHOLD_SHARE * hoeffding_thresholds(
         problem, len(seen.episodes), horizon=n_steps
     )

@@ -9,7 +9,7 @@ from lab.estimators.early_stopping import (
 from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.learners.serd import SerdSettings, fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import TiedBelief
 from serd_core.priors.prior import UniformPrior
@@ -48,7 +48,7 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
     }
     scores = []
     fit = fit_serd_with_early_stopping(
-        case.problem, training, validation, MdcePolicy(), SerdSettings(), patience=15, **start
+        case.problem, training, validation, MdcePolicy(), patience=15, **start
     )
     score = validation_score(case.problem, validation, MdcePolicy(), TiedBelief(), fit.parameters)
     fit_mdce_serd(

@@ -12,7 +12,6 @@ from serd_core.learners.maxent_irl import TrajectoryModel
 from serd_core.learners.relative_entropy_irl import (
     hoeffding_thresholds,
     importance_log_weights,
-    sample_from_estimates,
 )
 from serd_core.posterior.coordinates import feature_ranges
 from support.small_problems import sampled
@@ -93,16 +92,6 @@ def test_importance_weights_are_ratios_of_action_probabilities(case):
         assert np.exp(log_weights[episode]) == pytest.approx(expected)
 
 
-def test_only_demonstrations_are_enough_with_samples_from_estimates(case):
-    rng = np.random.default_rng(2)
-    samples, policy = sample_from_estimates(
-        case.problem, case.decisions, n_episodes=500, n_steps=8, rng=rng
-    )
-    fit = fitted(case, 1, 0.05, samples=samples, sampling_policy=policy)
-    assert fit.converged
-    assert np.all(np.isfinite(fit.reward_weights))
-
-
 def test_thresholds_are_hoeffdings_for_episodes_of_any_of_their_lengths(case):
     """With gamma 0.9 a feature of 1 counts 1, 1.9, 2.71, ... and 10 for ever."""
     few, many = (hoeffding_thresholds(case.problem, n) for n in (10, 1000))
@@ -150,8 +139,10 @@ def test_demonstrations_are_compared_with_samples_that_are_cut_off_at_the_same_t
     decisions = sc.sample_decisions(problem.mdp, policy, n_episodes=600, n_steps=5, rng=rng)
 
     def of_steps(n_steps):
-        size = {"n_episodes": 4000, "n_steps": n_steps, "rng": np.random.default_rng(0)}
-        samples, made_by = sample_from_estimates(problem, decisions, **size)
+        made_by, rng = sc.clone_behaviour(problem, decisions), np.random.default_rng(0)
+        samples = sc.sample_decisions(
+            problem.mdp, made_by, n_episodes=4000, n_steps=n_steps, rng=rng
+        )
         given = {"samples": samples, "sampling_policy": made_by, "thresholds": np.zeros(2)}
         start = np.zeros(2)
         fit = sc.fit_relative_entropy_irl(problem, decisions, initial_weights=start, **given)
