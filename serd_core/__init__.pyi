@@ -87,12 +87,12 @@ from serd_core.semi_markov.summary import dwell_summary as dwell_summary
 from serd_core.semi_markov.summary import dynamics_draws as dynamics_draws
 from serd_core.semi_markov.summary import mean_discounted_outcomes as mean_discounted_outcomes
 from serd_core.semi_markov.timed_decisions import TimedDecisions as TimedDecisions
-from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information
 from serd_core.uncertainty.standard_errors import bootstrap as bootstrap
 from serd_core.uncertainty.standard_errors import clustered_outer_product as clustered_outer_product
 from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
+from serd_core.uncertainty.standard_errors import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
 
 __version__: str

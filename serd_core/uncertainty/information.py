@@ -10,7 +10,7 @@ matrices estimate the same Fisher information for many decisions under a true mo
 difference between them is evidence against the model.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from serd_core.arrays import FloatArray, IntArray, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import Assumptions, FitResult, require_fit
+from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
 from serd_core.posterior.derivatives.posterior_hessian import (
     Sensitivities,
@@ -35,7 +33,6 @@ from serd_core.posterior.derivatives.posterior_hessian import (
 from serd_core.posterior.hidden_actions import move_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
-from serd_core.priors.prior import Prior
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 
@@ -84,23 +81,18 @@ def fit_information(
     problem: Problem,
     decisions: Decisions,
     fit: FitResult,
-    *,
-    policy_model: PolicyModel | None = None,
-    belief: Belief | None = None,
-    prior: Prior | None = None,
 ) -> Information:
     """Compute the information matrices of a fit, from which standard errors follow.
 
-    policy_model, belief, prior: what the fit assumed; None for what it records. SerdError where the
-    fit is one of another problem or policy model.
+    SerdError where the fit is one of another problem, or does not record what it assumed.
 
         information = sc.fit_information(problem, decisions, fit)
         errors = sc.standard_errors(problem, information)
     """
     require_problem(problem)
     require_fit(fit)
-    assumed = _assumptions(fit, policy_model, belief, prior)
-    _require_fitting(problem, fit, assumed)
+    assumed = fit.assumed
+    _require_fitting(problem, fit)
     observations = observe(problem.mdp, decisions)
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
@@ -171,41 +163,14 @@ def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
     return np.asarray(across @ matrix @ across)
 
 
-def _assumptions(
-    fit: FitResult, policy_model: PolicyModel | None, belief: Belief | None, prior: Prior | None
-) -> Assumptions:
-    for name, given, kind, example in (
-        ("policy_model", policy_model, PolicyModel, "MdcePolicy()"),
-        ("belief", belief, Belief, "FreeBelief()"),
-        ("prior", prior, Prior, "UniformPrior()"),
-    ):
-        if given is not None:
-            require_kind(name, given, (kind,), example)
-    own = fit.assumptions
-    if own is not None:
-        return replace(
-            own,
-            policy_model=own.policy_model if policy_model is None else policy_model,
-            belief=own.belief if belief is None else belief,
-            prior=own.prior if prior is None else prior,
-        )
-    if policy_model is None or belief is None or prior is None:
-        raise SerdError(
-            "policy_model, belief and prior must be given for a fit that does not record"
-            " what it assumed, got None; pass those it was made with"
-        )
-    return Assumptions(policy_model, belief, prior)
-
-
-def _require_fitting(problem: Problem, fit: FitResult, assumed: Assumptions) -> None:
+def _require_fitting(problem: Problem, fit: FitResult) -> None:
     at = fit.parameters
     for name, found, wanted in (
         ("reward weights", len(at.reward), len(problem.feature_names)),
         ("dynamics parameters", len(at.truth), problem.mdp.transitions.n_parameters),
-        ("temperatures", len(at.policy), len(assumed.policy_model.initial_parameters)),
     ):
         if found != wanted:
             raise SerdError(
-                f"fit must have {wanted} {name} as the problem and policy model do, got {found}"
-                "; pass the problem and the policy model it was made with"
+                f"fit must have {wanted} {name} as the problem does, got {found}; pass the problem"
+                " it was made with"
             )

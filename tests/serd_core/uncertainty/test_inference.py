@@ -148,7 +148,7 @@ def test_tests_of_likelihoods_refuse_what_is_not_nested_or_not_by_likelihood():
         (full, restricted, None, "n_restrictions must be at least 1, got -1"),
         (fewer, full, None, "same decisions, got 398 and 400 decisions"),
         (full, restricted, 1, r"full must be at least as likely .* a gain of -"),
-        (replace(restricted, assumptions=None), full, None, "got assumptions=None; fit again"),
+        (replace(restricted, assumptions=None), full, None, "the fit must record what it assumed"),
         (other, full, None, "by another criterion; use fit_mdce_irl_by_likelihood"),
     ):
         with pytest.raises(sc.SerdError, match=sentence):

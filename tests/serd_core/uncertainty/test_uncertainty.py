@@ -181,13 +181,12 @@ def test_what_a_fit_assumed_comes_with_it(gridworld):
     assert len(information.names) == 3
     given, problem = gridworld.decisions, gridworld.problem
     less = sc.TabularProblem(problem.mdp, problem.features[:, :, :1], ("goal",))
-    for of, that, options, sentence in (
-        (problem, fit, {"policy_model": MdcePolicy()}, "fit must have 0 temperatures .* got 1; p"),
-        (problem, replace(fit, assumptions=None), {}, "must be given for a fit that does not rec"),
-        (less, fit, {}, "fit must have 1 reward weights .* got 2; pass"),
+    for of, that, sentence in (
+        (problem, replace(fit, assumptions=None), "the fit must record what it assumed, got none"),
+        (less, fit, "fit must have 1 reward weights .* got 2; pass"),
     ):
         with pytest.raises(sc.SerdError, match=sentence):
-            sc.fit_information(of, given, that, **options)
+            sc.fit_information(of, given, that)
 
 
 @pytest.mark.parametrize(("belief", "same"), [(sc.TiedBelief(), True), (sc.FreeBelief(), False)])
