@@ -21,6 +21,7 @@ _LEFT = {
     "EntropyPrior": _LAB,
     "GradientAscent": _LAB,
     "NormPrior": _LAB,
+    "adjusted_rand_index": "use sklearn.metrics.adjusted_rand_score",
     "counterfactual_policy": "use soft_policy(problem, weights, belief)",
     "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
     "fit_routes": _LAB,

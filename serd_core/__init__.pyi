@@ -71,7 +71,6 @@ from serd_core.priors.dirichlet import DirichletPrior as DirichletPrior
 from serd_core.priors.divergence import KldPrior as KldPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
-from serd_core.selection.evaluation import adjusted_rand_index as adjusted_rand_index
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood

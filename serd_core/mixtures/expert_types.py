@@ -1,34 +1,54 @@
 """Types of experts found in demonstrations: a mixture of MDCE SERD models with shared dynamics.
 
-Expectation maximisation (Babes et al., ICML 2011) computes responsibilities, then fits types to
-units that count by these: one Newton step, shortened until it rises (Lange, Journal of the Royal
-Statistical Society B 57, 1995), so no step lowers the log posterior. The best end is finished by
-Newton's method. Starts assign units to units that are far apart (k-means++, Arthur and
-Vassilvitskii 2007) in the scores of their decisions at the fit of one type.
+Unit u (an expert, or an episode) is of one latent type t with share rho_t. Types have rewards w_t
+of their own and one world theta, which all of them know. With l_ut, the log-likelihood of the
+decisions of a unit under a type, and the responsibilities r_ut = rho_t exp l_ut / sum,
 
-The number of types T is that of highest BIC = log L - p / 2 log U over U units, where p counts the
-rewards of all types and their shares; the dynamics are common to all mixtures. Strengths of the
-priors are those of one type, by evidence.
+    J    = sum_u log sum_t rho_t exp l_ut + sum_t log P(w_t) + log P(theta) + log P(rho)
+    dJ   = sum_u sum_t r_ut d(log rho_t + l_ut) + prior
+    d2J  = sum_u sum_t r_ut d2(log rho_t + l_ut) + sum_u Cov_{r_u}[d(log rho_t + l_ut)] + prior
+
+(Fisher; Louis 1982), those of one type at weighted counts plus one term. The D coordinates are log
+odds of the shares without gauge, the rewards of each type, and the dynamics, u = [shares | rewards
+1..T | dynamics], in units of `serd_core.posterior.coordinates`.
+
+Expectation maximisation (Babes et al., ICML 2011) takes one Newton step per M step, shortened until
+it rises (Lange, Journal of the Royal Statistical Society B 57, 1995). Newton's method on J finishes
+the best end. Starts assign units to units that are far apart (k-means++, Arthur and Vassilvitskii
+2007) in the scores of their decisions at the fit of one type (docs/mixed_experts.md).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse
 from scipy.spatial.distance import cdist
+from scipy.special import log_softmax, logsumexp
 
-from serd_core.arrays import FloatArray, IntArray, require_count
+from serd_core.arrays import FloatArray, IntArray, floored, int_array, require_count
+from serd_core.ascent.ascent import Objective
 from serd_core.ascent.trust_region import NewtonAscent, quadratic_step
 from serd_core.bayes.strengths import PriorByEvidence
-from serd_core.demonstrations.decisions import Decisions, require_decisions
+from serd_core.demonstrations.decisions import Decisions, require_shown
+from serd_core.demonstrations.observations import Observations, observe, taken_transitions
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
+from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.mixtures.mixture_posterior import TIED, MixtureLogPosterior, mixture_of, units_of
-from serd_core.posterior.coordinates import coordinates
-from serd_core.posterior.parameters import Block
-from serd_core.priors.prior import SumOfPriors, terms_of
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.beliefs import TiedBelief
+from serd_core.posterior.coordinates import Coordinates, coordinates, gauge_free_basis
+from serd_core.posterior.derivatives import posterior_hessian as second
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, PosteriorValue
+from serd_core.priors.prior import Prior, SumOfPriors, terms_of
 
+TIED = TiedBelief()
+#: Pseudo-count of each type: shares are uniform a priori.
+SHARE_COUNT = 1.0
 #: Types that are tried at most, and expected episodes that each must have.
 MOST_TYPES, MINIMUM_EPISODES = 5, 3.0
 #: Longest M step, in nats over the ranges of features; rise in nats at which EM ends.
@@ -75,6 +95,182 @@ class ExpertTypes:
         """Larger is better."""
         n_numbers = self.reward_weights.size + self.n_types - 1
         return self.log_likelihood - 0.5 * n_numbers * float(np.log(len(self.units)))
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Counts (U, S A) and (U, G) by unit of what `Observations` pools of all of them."""
+
+    labels: IntArray
+    pooled: Observations
+    choices: scipy.sparse.csr_array
+    transitions: scipy.sparse.csr_array
+    n_episodes: FloatArray
+
+    def weighted(self, weights: FloatArray) -> Observations:
+        """The observations in which unit u counts `weights[u]` times."""
+        pooled = self.pooled
+        return replace(
+            pooled,
+            state_action=(weights @ self.choices).reshape(pooled.state_action.shape),
+            group_count=np.asarray(weights @ self.transitions),
+        )
+
+    def log_likelihoods(self, log_policy: FloatArray, true: Transitions) -> FloatArray:
+        """(U,) l_u for an (S, A) log policy and P."""
+        probability = self.pooled.probabilities(true.local_probabilities)
+        by_transition = self.transitions @ np.log(floored(probability))
+        return np.asarray(self.choices @ log_policy.ravel() + by_transition)
+
+
+def units_of(mdp: Mdp, decisions: Decisions, experts: IntArray | None = None) -> Units:
+    """Count by unit; experts: (N,) who took each decision, None for each episode as a unit."""
+    given = decisions.episode if experts is None else experts
+    labels, unit = np.unique(int_array("experts", given, (len(decisions),)), return_inverse=True)
+    episodes, owners = np.unique(np.stack([decisions.episode, labels[unit]]), axis=1)
+    if (twice := np.flatnonzero(np.diff(episodes) == 0)).size:
+        raise SerdError(
+            f"experts must be one per episode, got {owners[twice[0]]} and {owners[twice[0] + 1]} in"
+            f" episode {episodes[twice[0]]}; number the experts by episode"
+        )
+    pooled = observe(mdp, decisions)
+
+    def table(place: IntArray, size: int) -> scipy.sparse.csr_array:
+        shape = len(labels), size
+        return scipy.sparse.csr_array((np.ones(len(unit)), (unit, place)), shape=shape)
+
+    taken = np.searchsorted(pooled.key, taken_transitions(mdp, decisions))
+    chosen = decisions.state * mdp.n_actions + decisions.action
+    return Units(
+        labels=labels.astype(np.int64),
+        pooled=pooled,
+        choices=table(chosen, pooled.state_action.size),
+        transitions=table(taken, len(pooled.key)),
+        n_episodes=np.unique(owners, return_counts=True)[1].astype(np.float64),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class MixturePoint:
+    """What a vector gives: (T,), (U, T) l_ut, (U, T) r_ut, and each type at weighted counts."""
+
+    log_shares: FloatArray
+    log_likelihoods: FloatArray
+    responsibilities: FloatArray
+    types: tuple[tuple[Posterior, Parameters, PosteriorValue], ...]
+
+    @property
+    def log_marginals(self) -> FloatArray:
+        """(U,) log-likelihood of each unit under the mixture."""
+        return np.asarray(logsumexp(self.log_likelihoods + self.log_shares, axis=1))
+
+    @cached_property
+    def sensitivities(self) -> list[second.Sensitivities]:
+        """(T,) derivatives of policy and transitions of each type."""
+        return [second.sensitivities_at(*of_type) for of_type in self.types]
+
+
+@dataclass(eq=False)
+class MixtureLogPosterior(Objective):
+    """J of T types; see `mixture_of`.
+
+    like: gives fixed blocks; priors: of the rewards of a type, and of the dynamics. tables: (T, m,
+    D), the free numbers of type t are `tables[t] @ u`; share_table: (T, D), log shares up to a
+    constant; rewards: (T, F) places. responsibilities: (U, T) of an M step, else None.
+    """
+
+    problem: Problem
+    units: Units
+    like: Parameters
+    priors: tuple[Prior, Prior]
+    tables: FloatArray
+    share_table: FloatArray
+    rewards: IntArray
+    responsibilities: FloatArray | None = None
+    _starts: dict[int, FloatArray] = field(default_factory=dict)
+    _last: tuple[FloatArray, MixturePoint] | None = None
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """J and its (D,) gradient."""
+        at = self.at(vector)
+        counts = at.responsibilities.sum(axis=0) + SHARE_COUNT
+        gradient = self.share_table.T @ (counts - counts.sum() * np.exp(at.log_shares))
+        total = SHARE_COUNT * float(at.log_shares.sum())
+        for table, (_, parameters, value) in zip(self.tables, at.types, strict=True):
+            gradient += table.T @ TIED.pull_back(value.gradient, parameters)
+            total += value.log_prior
+        if self.responsibilities is None:
+            return total + float(at.log_marginals.sum()), np.asarray(gradient)
+        joint = at.log_likelihoods + at.log_shares
+        return total + float(np.sum(self.responsibilities * joint)), np.asarray(gradient)
+
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """Exact (D, D) second derivatives."""
+        at, shares = self.at(vector), np.exp(self.at(vector).log_shares)
+        count = len(self.units.labels) + SHARE_COUNT * len(shares)
+        spread = np.diag(shares) - np.outer(shares, shares)
+        total = -count * (self.share_table.T @ spread @ self.share_table)
+        for table, of_type, part in zip(self.tables, at.types, at.sensitivities, strict=True):
+            blocks, (_, parameters, value) = second.posterior_hessian(*of_type, part), of_type
+            free = second.vector_hessian(TIED, blocks, value.gradient, parameters)
+            total += table.T @ free @ table
+        if self.responsibilities is None:
+            weights = at.responsibilities.T[:, :, None]
+            scores = self.unit_scores(vector) + self.share_table[:, None]
+            apart = np.sqrt(weights) * (scores - np.sum(weights * scores, axis=0))
+            total += np.einsum("tui,tuj->ij", apart, apart, optimize=True)
+        return np.asarray((total + total.T) / 2.0)
+
+    def unit_scores(self, vector: FloatArray) -> FloatArray:
+        """(T, U, D) gradients of l_ut."""
+        at, units, found = self.at(vector), self.units, []
+        for table, of_type, part in zip(self.tables, at.types, at.sensitivities, strict=True):
+            scores, (_, parameters, _) = second.transition_scores(*of_type, part), of_type
+            of_units = np.asarray(units.transitions @ scores)
+            found.append(of_units @ TIED.jacobian(parameters) @ table)
+        return np.stack(found)
+
+    def at(self, vector: FloatArray) -> MixturePoint:
+        """Everything at a vector; that of the last is kept."""
+        if self._last is None or not np.array_equal(self._last[0], vector):
+            self._last = (vector.copy(), self._point(vector))
+        return self._last[1]
+
+    def _point(self, vector: FloatArray) -> MixturePoint:
+        log_shares, found, posteriors = log_softmax(self.share_table @ vector), [], []
+        parameters = [TIED.unpack(table @ vector, self.like) for table in self.tables]
+        for number, own in enumerate(parameters):
+            prior = self.priors[0] if number else self.priors[0] + self.priors[1]
+            posterior = Posterior(self.problem, self.units.pooled, MdcePolicy(), prior)
+            _, true, solution, log_policy = posterior.solved(own, self._starts.get(number))
+            self._starts[number] = solution.value
+            found.append(self.units.log_likelihoods(log_policy, true))
+            posteriors.append(posterior)
+        table, weights = np.stack(found, axis=1), self.responsibilities
+        if weights is None:
+            weights = np.exp(log_softmax(table + log_shares, axis=1))
+        types = []
+        for number, own in enumerate(parameters):
+            seen = self.units.weighted(weights[:, number])
+            weighted = replace(posteriors[number], observations=seen)
+            value = weighted.evaluate(own, self._starts[number])
+            types.append((weighted, own, value))
+        return MixturePoint(log_shares, table, weights, tuple(types))
+
+
+def mixture_of(
+    problem: Problem, units: Units, priors: tuple[Prior, Prior], one: Coordinates, n_types: int
+) -> MixtureLogPosterior:
+    """The log posterior of a number of types; one: coordinates of one type."""
+    n_features, shares = len(one.like.reward), n_types - 1
+    rewards = shares + np.arange(n_types * n_features).reshape(n_types, n_features)
+    dynamics = shares + rewards.size + np.arange(one.table.shape[1] - n_features)
+    tables = np.zeros((n_types, len(one.table), shares + rewards.size + len(dynamics)))
+    for table, own in zip(tables, rewards, strict=True):
+        table[:, np.concatenate([own, dynamics])] = one.table
+    share_table = np.zeros((n_types, tables.shape[2]))
+    share_table[:, :shares] = gauge_free_basis(np.ones((1, n_types)) / np.sqrt(n_types))
+    return MixtureLogPosterior(problem, units, one.like, priors, tables, share_table, rewards)
 
 
 def fit_expert_types(
@@ -133,7 +329,7 @@ def _one_type(
 ) -> MixtureLogPosterior:
     """The log posterior of one type, `like` being its fit, with the priors of all mixtures."""
     require_problem(problem)
-    require_decisions(decisions)
+    require_shown(decisions, "types of experts")
     units = units_of(problem.mdp, decisions, experts)
     fit = fit_mdce_serd(problem, decisions, prior=PriorByEvidence())
     terms = terms_of(fit.assumed.whole_prior)
@@ -234,7 +430,7 @@ def unit_scores(one_type: MixtureLogPosterior, vector: FloatArray) -> FloatArray
     """
     own, units = one_type.rewards[0], one_type.units
     scores = one_type.unit_scores(vector)[0][:, own]
-    weight = np.asarray(units.choices.sum(axis=1) + units.moves.sum(axis=1))
+    weight = np.asarray(units.choices.sum(axis=1))
     values, vectors = np.linalg.eigh(-one_type.hessian(vector)[np.ix_(own, own)])
     known = values > ROUNDING * values[-1]
     whitened = scores @ (vectors[:, known] / np.sqrt(values[known]))

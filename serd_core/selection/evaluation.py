@@ -17,10 +17,8 @@ from scipy.special import logsumexp, rel_entr
 from serd_core.arrays import (
     BoolArray,
     FloatArray,
-    IntArray,
     first_index,
     float_array,
-    int_array,
     number_array,
     require_index,
     weighted_counts,
@@ -131,31 +129,6 @@ def dynamics_divergence(
         raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")
     seen = checked > 0
     return float(checked[seen] @ divergence[seen] / checked.sum())
-
-
-def adjusted_rand_index(first: IntArray, second: IntArray) -> float:
-    """Measure how two partitions agree: 1 if equal, 0 on average for random ones.
-
-    first, second: (n,) labels; which numbers they are does not matter (Hubert and Arabie 1985).
-    """
-    one = int_array("first", first, (None,))
-    other = int_array("second", second, (len(one),))
-    if len(one) < 2:
-        raise SerdError(f"first must hold at least 2 labels, got {len(one)}; compare more things")
-    _, row = np.unique(one, return_inverse=True)
-    _, column = np.unique(other, return_inverse=True)
-    table = np.zeros((row.max() + 1, column.max() + 1))
-    np.add.at(table, (row, column), 1.0)
-    both = _pairs(table)
-    by_row, by_column = _pairs(table.sum(axis=1)), _pairs(table.sum(axis=0))
-    expected = by_row * by_column / _pairs(np.array([float(len(one))]))
-    highest = 0.5 * (by_row + by_column)
-    return 1.0 if highest == expected else float((both - expected) / (highest - expected))
-
-
-def _pairs(counts: FloatArray) -> float:
-    """Pairs of things within the same part."""
-    return float(np.sum(counts * (counts - 1.0) / 2.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ WRONG = {
         initial_weights reward_weights dynamics policy sampling_policy baseline_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
         time_s state action next_state successors model_of available truth visits probability
-        errors clusters matrix meat first second experts period
+        errors clusters matrix meat experts period
 """),
         NO_ARRAYS,
     ),
@@ -118,8 +118,6 @@ def valid(gridworld):
         "n_pairs": (25, 5),
         "probability": np.ones(len(decisions)),
         "n_states": 25,
-        "first": [0, 1],
-        "second": [0, 1],
         **decisions.columns(),
     }
 
@@ -134,7 +132,7 @@ CALLS = [
     bootstrap decisions_in_periods fit_information standard_errors clustered_outer_product
     identifiability likelihood_ratio_test confidence_interval laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood dynamics_divergence
-    adjusted_rand_index fixed_transitions from_transitions learned_transitions compare_beliefs
+    fixed_transitions from_transitions learned_transitions compare_beliefs
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
     DirichletPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
     KinkedAscent

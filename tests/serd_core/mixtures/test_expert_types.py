@@ -5,7 +5,6 @@ from serd_core.bayes.laplace import laplace
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mixtures.expert_types import choose_expert_types, drawn_partition, fit_expert_types
-from serd_core.selection.evaluation import adjusted_rand_index
 
 
 @pytest.fixture(scope="module")
@@ -19,10 +18,15 @@ def chosen(known):
     return choose_expert_types(known.problem, known.decisions, experts=known.experts)
 
 
+def same_parts(one, other):
+    """Whether two partitions agree, whatever their labels."""
+    return len(np.unique(np.stack([one, other]), axis=1).T) == len(set(one)) == len(set(other))
+
+
 def test_two_of_two_types_are_recovered(known, chosen):
     assert chosen.converged
     assert chosen.n_types == 2
-    assert adjusted_rand_index(chosen.type_of_unit, known.types[::4]) == 1.0
+    assert same_parts(chosen.type_of_unit, known.types[::4])
     order = np.argsort(-chosen.reward_weights[:, 0])
     away = np.abs(chosen.reward_weights[order] - known.weights)
     assert np.all(away < 4 * chosen.reward_deviations[order])
@@ -34,13 +38,6 @@ def test_two_of_two_types_are_recovered(known, chosen):
     assert chosen.bic == pytest.approx(chosen.log_likelihood - 5 / 2 * np.log(12))
     again = fit_expert_types(known.problem, known.decisions, 2, experts=known.experts)
     np.testing.assert_array_equal(again.reward_weights, chosen.reward_weights)
-
-
-def test_types_of_experts_whose_actions_are_hidden_are_recovered(known):
-    decisions = known.decisions.with_hidden_actions(known.decisions.episode % 2 == 0)
-    found = fit_expert_types(known.problem, decisions, 2, experts=known.experts)
-    assert found.converged
-    assert adjusted_rand_index(found.type_of_unit, known.types[::4]) == 1.0
 
 
 def test_types_need_enough_episodes_and_one_type_is_the_plain_fit(known, chosen):
@@ -62,26 +59,17 @@ def test_units_far_apart_are_in_different_parts():
     points = np.repeat([[0.0, 0.0], [50.0, 0.0], [0.0, 50.0]], 4, axis=0)
     for seed in range(5):
         found = drawn_partition(points, 3, np.random.default_rng(seed))
-        assert adjusted_rand_index(found, np.repeat(np.arange(3), 4)) == 1.0
+        assert same_parts(found, np.repeat(np.arange(3), 4))
     same = drawn_partition(np.zeros((5, 2)), 2, np.random.default_rng(0))
     np.testing.assert_array_equal(same, np.zeros(5))
-
-
-def test_the_adjusted_rand_index_is_that_of_a_case_by_hand():
-    # Contingency [[2, 1], [0, 3]]: 4 pairs together; 6 by rows, 1 + 6 = 7 by columns, of 15.
-    # Expected 6 * 7 / 15 = 2.8, highest 6.5: (4 - 2.8) / (6.5 - 2.8).
-    first, second = [0, 0, 0, 1, 1, 1], [5, 5, 2, 2, 2, 2]
-    assert adjusted_rand_index(first, second) == pytest.approx(1.2 / 3.7)
-    assert adjusted_rand_index(first, [1, 1, 1, 0, 0, 0]) == 1.0
-    assert adjusted_rand_index([0, 0, 0], [4, 4, 4]) == 1.0
-    assert adjusted_rand_index([0, 0, 1, 1], [0, 1, 0, 1]) == pytest.approx(-0.5)
-    with pytest.raises(SerdError, match="at least 2 labels, got 1"):
-        adjusted_rand_index([0], [0])
 
 
 def test_bad_arguments_are_named(known):
     with pytest.raises(SerdError, match=r"n_types must be at most 48, the number of .*, got 49"):
         fit_expert_types(known.problem, known.decisions, 49)
+    hidden = known.decisions.with_hidden_actions()
+    with pytest.raises(SerdError, match=r"action\[0\] must be known for types of experts"):
+        fit_expert_types(known.problem, hidden, 2)
     wrong = np.arange(len(known.decisions))
     with pytest.raises(SerdError, match="experts must be one per episode, got 0 and 1 in episode"):
         fit_expert_types(known.problem, known.decisions, 2, experts=wrong)

@@ -6,8 +6,7 @@ from scipy.special import logsumexp
 
 from serd_core.arrays import gradient_differences
 from serd_core.demonstrations.observations import observe
-from serd_core.mixtures.expert_types import expectation_maximisation
-from serd_core.mixtures.mixture_posterior import TIED, mixture_of, units_of
+from serd_core.mixtures.expert_types import TIED, expectation_maximisation, mixture_of, units_of
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.coordinates import coordinates
 from serd_core.posterior.parameters import Block
@@ -24,10 +23,9 @@ def mixed(make_mixed):
     return make_mixed(experts=4, episodes=1, side=3)
 
 
-def objective_of(case, n_types=2, experts=None, hidden=None):
+def objective_of(case, n_types=2, experts=None):
     """The log posterior of a mixture, and coordinates at random."""
-    decisions = case.decisions if hidden is None else case.decisions.with_hidden_actions(hidden)
-    units = units_of(case.problem.mdp, decisions, experts)
+    units = units_of(case.problem.mdp, case.decisions, experts)
     like = random_parameters(case.problem, MdcePolicy(), np.random.default_rng(3))
     space = coordinates(case.problem, TIED, like)
     objective = mixture_of(case.problem, units, PRIORS, space, n_types)
@@ -43,11 +41,10 @@ def plain_posterior(case, decisions):
     return Posterior(case.problem, observe(case.problem.mdp, decisions), MdcePolicy(), prior)
 
 
-@pytest.mark.parametrize("kind", ["hidden", "m step"])
+@pytest.mark.parametrize("kind", ["observed", "m step"])
 def test_gradient_and_hessian_are_finite_differences(mixed, kind):
     """Of the observed-data log posterior, and of an M step at fixed responsibilities."""
-    hidden = mixed.decisions.episode % 2 == 0 if kind == "hidden" else None
-    objective, vector = objective_of(mixed, 3 if kind == "hidden" else 2, hidden=hidden)
+    objective, vector = objective_of(mixed, 3 if kind == "observed" else 2)
     if kind == "m step":
         responsibilities = objective.at(vector_of(objective, 5)).responsibilities
         objective = replace(objective, responsibilities=responsibilities, _last=None)
@@ -66,14 +63,11 @@ def test_gradient_and_hessian_are_finite_differences(mixed, kind):
     np.testing.assert_allclose(hessian / scale, by_gradient / scale, rtol=0, atol=3e-6)
 
 
-@pytest.mark.parametrize("hidden", [None, True], ids=["shown", "hidden"])
-def test_the_log_likelihood_is_that_of_each_expert_summed_over_types(mixed, hidden):
-    hides = hidden and np.ones(len(mixed.decisions), bool)
-    decisions = mixed.decisions.with_hidden_actions(hides) if hidden else mixed.decisions
-    objective, vector = objective_of(mixed, experts=mixed.experts // 2, hidden=hides)
+def test_the_log_likelihood_is_that_of_each_expert_summed_over_types(mixed):
+    objective, vector = objective_of(mixed, experts=mixed.experts // 2)
     at = objective.at(vector)
     for place, label in enumerate(objective.units.labels):
-        own = decisions.select(mixed.experts // 2 == label)
+        own = mixed.decisions.select(mixed.experts // 2 == label)
         by_type = []
         for (_, parameters, _), log_share in zip(at.types, at.log_shares, strict=True):
             found = plain_posterior(mixed, own).evaluate(parameters)
