@@ -1,10 +1,9 @@
 """Ascent of objectives with kinks, such as likelihoods of policies over optimal Q-values.
 
-Where the greedy policy changes, the gradient of PM SERD jumps, and its maxima often lie just there:
-each side slopes up towards the kink and no gradient ever vanishes. Smooth methods end with steps
-too short to matter. This one goes on with BFGS and a weak Wolfe line search, which copes with kinks
-(Lewis and Overton, Mathematical Programming 141, 2013), and stops where some mean of the gradients
-found within a small neighbourhood vanishes (Burke, Lewis and Overton, SIAM J. Optim. 15, 2005):
+Where the greedy policy changes, the gradient of PM SERD jumps, and its maxima often lie just there.
+This ascent goes on from a smooth one with BFGS and a weak Wolfe line search (Lewis and Overton,
+Mathematical Programming 141, 2013), and stops where some mean of the gradients found within a small
+neighbourhood vanishes (Burke, Lewis and Overton, SIAM J. Optim. 15, 2005):
 
     min over shares w >= 0, sum w = 1  of  |sum_j w_j g_j|  close to 0
 

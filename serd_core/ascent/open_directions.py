@@ -1,14 +1,10 @@
 """Directions along which an objective has no maximum, as it is flat or grows without end.
 
-Gradients vanish along both. Where all decisions agree (separable data), or no demonstration has a
-feature, the objective grows by less and less with the weights; where nothing depends on a number it
-is constant. So an ascent ends at some point with a gradient within its tolerance.
-
-A direction is open where the objective is nowhere lower than at the point, one way, and does not
-fall any more where it is far away, as a weak prior would make it. It is looked for among directions
-of hardly any curvature, the Newton step, and the way from the origin, along which policies become
-sharper. Numbers must be of comparable scale, such as weights in nats over the range of their
-feature.
+Gradients vanish along both: where all decisions agree (separable data), or no demonstration has a
+feature, the objective grows by less and less with the weights. A direction is open where the
+objective is nowhere lower than at the point, one way, and does not fall any more far away, as a
+weak prior would make it. It is looked for among directions of hardly any curvature, the Newton
+step, and the way from the origin. Numbers must be of comparable scale.
 """
 
 from collections.abc import Callable, Iterator, Sequence

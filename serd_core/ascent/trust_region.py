@@ -5,20 +5,13 @@ Hessian (More and Sorensen 1983):
 
     max_p  g.p + p.H p / 2   with |p| <= radius,    (-H + mu I) p = g,   mu >= max(0, eigenvalue)
 
-Directions without slope and curvature, such as the softmax gauge, are left alone. A learning
-problem that costs L-BFGS thousands of gradients takes about twenty such steps.
+Directions without slope and curvature, such as the softmax gauge, are left alone.
 
-For objectives that are log densities `NewtonAscent` goes to a maximum that its own step certifies.
-With the gradient g and the information M = -H of a log density, the Newton step M^-1 g leads to the
-maximum. Its length sqrt(g . M^-1 g) counts standard errors, whatever units the numbers have, and
-bounds how many of its own each number is off (`serd_core.uncertainty.standard_errors`). A maximum
-needs more: M is positive, no direction is without information, and the step is short in the
-numbers' own scale too. Where data are separable, as choices that all agree are, the information
-fades as fast as the gradient: the step measured in standard errors shrinks, and yet every step is
-as long as the one before (Albert and Anderson, Biometrika 71, 1984).
-
-A Hessian may cost many evaluations. So while steps shrink the Newton step well they keep the last
-Hessian; a maximum is certified by its own.
+For objectives that are log densities `NewtonAscent` goes to a maximum that its own step certifies:
+with M = -H, the length sqrt(g . M^-1 g) of the Newton step counts standard errors, in any units.
+M must be positive too, and the step short in the numbers' own scale: where data are separable, the
+information fades as fast as the gradient (Albert and Anderson, Biometrika 71, 1984). While steps
+shrink the Newton step well they keep the last Hessian; a maximum is certified by its own.
 """
 
 from collections.abc import Iterator

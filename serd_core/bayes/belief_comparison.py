@@ -2,10 +2,9 @@
 
     P(relation | D) ~ P(D | relation) P(relation),     Bayes factor of two = ratio of their P(D)
 
-P(D | relation) integrates over rewards, dynamics and the strengths of their priors, so a relation
-with more freedom pays for it (MacKay 1992; Kass and Raftery, J. Am. Stat. Assoc. 90, 1995). Where
-no relation is sure, predictions are averaged over all, in shares of their probability (Hoeting et
-al., Statistical Science 14, 1999).
+P(D | relation) integrates over rewards, dynamics and the strengths of their priors (MacKay 1992;
+Kass and Raftery 1995). Where no relation is sure, predictions are averaged over all, in shares of
+their probability (Hoeting et al. 1999).
 """
 
 from collections.abc import Sequence

@@ -1,33 +1,20 @@
 """What is known of each outcome model, and which part of the decisions it comes from.
 
-Information is the Kullback-Leibler divergence from what was known before, in nats (Lindley, Annals
-of Mathematical Statistics 27, 1956). Transitions come first, choices after them:
+Information is the Kullback-Leibler divergence from what was known before, in nats (Lindley 1956).
+Transitions come first, choices after them:
 
-    from transitions   KLD( p(P_m | transitions) || p(P_m) )
-    from choices       KLD( p(P_m | transitions and choices) || p(P_m | transitions) )
+    from transitions   KLD( p(P_m | transitions) || p(P_m) )                           Dirichlet
+    from choices       KLD( p(P_m | transitions and choices) || p(P_m | transitions) )    normal
 
-The first is that of two Dirichlet distributions. The second is that of two normal distributions
-over the coordinates u_m of the energies: Laplace's approximation of the posterior, with all other
-numbers integrated out, and that of counted transitions. What is left is the prior. Decisions that a
-command ended count as choices. What is known of dwell times is in `serd_core.semi_markov.summary`.
-
-A reward may explain the same choices as an outcome. Then u_m and the weights w depend on each other
-in the posterior, by the mutual information I(u_m; w), and choices inform neither alone.
-
-Which demonstration informs most is the expected information gain by the state where it starts.
-Near the posterior, a demonstration from s0 under the fitted policy and dynamics has the expected
-Fisher information F(s0), and Laplace's approximation of what it is expected to add is
+A reward may explain the same choices as an outcome: I(u_m; w) is what energies and weights share.
+What one more demonstration from s0 is expected to add, by the expected Fisher information F(s0)
+under the fitted policy, is the D-optimal design of Chaloner and Verdinelli (1995)
 
     gain(s0) = 1/2 log det(I + L^T F(s0) L),       posterior covariance = L L^T
-    F(s0)    = sum over visited (s, a) of E[score score^T],
-    E[score score^T] in s = Cov_{a ~ pi(s)} dQ(s, a) + sum_{a, s'} pi(a|s) dP dP^T / P
-                            + sum_{a, k} pi(a|s) P_m(k) I_d(m,k)
+    F = G + P_pi F,     G(s) = Cov_{a ~ pi(s)} dQ(s, a) + sum_{a, s'} pi(a|s) dP dP^T / P
+                               + sum_{a, k} pi(a|s) P_m(k) I_d(m,k)
 
-in nats: the D-optimal design of Chaloner and Verdinelli (Statistical Science 10, 1995). The first
-part is that of choices, the second that of transitions, the third that of dwell times: I_d is the
-information of a gamma law about its log mean and log shape. It takes outcomes as seen, where
-several of different laws lead to one state. Sums over visits obey F = G + P_pi F, with G of one
-decision in each state, up to the longest demonstration.
+with I_d the information of a dwell time about its law. docs/information.md derives them.
 """
 
 from dataclasses import dataclass

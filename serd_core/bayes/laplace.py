@@ -6,17 +6,13 @@ constants of the priors, and M = -d2J/du2 at the maximum u* (docs/evidence.md de
     u | D  ~  Normal(u*, M^-1)
     log P(D) = J(u*) + c + d/2 log(2 pi) - 1/2 log det M + log |dw/du| + s
 
-Over softmax energies the posterior of a distribution is closer to normal than over probabilities
-(MacKay, Machine Learning 33, 1998). What is left of the error is large where outcomes are rarely
-seen and known where nothing but counts informs: there the posterior of a model is a Dirichlet
-distribution with r = N P*, and the approximation of its integral is off by Stirling's series,
+Where nothing but counts informs, the posterior of an outcome model is a Dirichlet distribution with
+r = N P*, whose integral the approximation misses by Stirling's series,
 
     s = sum_m [ log B(r) - sum_k (r_k - 1/2) log(r_k / N) - (K - 1)/2 log(2 pi / N) ]
 
-N counts the observations that the covariance C of the model's energies is worth, whether they are
-pseudo-counts, transitions or choices: (K - 1) / N = beta^2 trace (diag P - P P^T) C. With this term
-the evidence of counted transitions is exact where outcomes have different successors, and an
-outcome model about which nothing is known adds 0, as it should.
+N counts the observations that the covariance C of the model's energies is worth:
+(K - 1) / N = beta^2 trace (diag P - P P^T) C. So the evidence of counted transitions is exact.
 """
 
 from collections.abc import Callable, Iterator

@@ -2,10 +2,9 @@
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
 
-sigma, c (and the deviation tau of a belief around the truth) maximise log P(D | strengths)
-plus the log of a wide log-normal density of each (MacKay, Neural Computation 4, 1992). Without that
-density few decisions would drive strengths to infinity: where weights of 0 explain the data best,
-the evidence has its maximum at sigma = 0.
+sigma, c (and the deviation tau of a belief around the truth) maximise log P(D | strengths) plus the
+log of a wide log-normal density of each (MacKay 1992), without which few decisions would drive
+strengths to infinity.
 """
 
 from dataclasses import dataclass, replace

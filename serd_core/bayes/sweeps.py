@@ -8,7 +8,7 @@ probabilities. With n_E transitions that a set E of outcomes explains, the poste
 with L the likelihood of choices and N all priors but the Dirichlet densities. A block of outcomes
 whose prior is another counts as weights w. Let L^ be close to L (`serd_core.bayes.surrogate`) and
 p^ be p with L^ for L. A sweep takes the following steps in random order, each with the probability
-min(1, ratio), and leaves p^ as it is:
+min(1, ratio), and leaves p^ as it is (docs/evidence.md has the reasons):
 
     outcomes of a model   x_E ~ Multinomial(n_E, P_k / sum_E P),   P' ~ Dirichlet(c + sum_E x_E),
                           with probability 7/10 w' = w + A (P' - P);    ratio (N L^)' / (N L^)
@@ -16,22 +16,10 @@ min(1, ratio), and leaves p^ as it is:
     log odds of a model   energies and a normal step;                   ratio p^' / p^
     law of dwell times    its mean or shape ~ N given all others;       ratio L^' / L^
 
-- The counts x complete the transitions (Tanner and Wong, J. Am. Stat. Assoc. 82, 1987). Given x,
-  p^ is Dirichlet(P; c + sum x) N L^. P' is proposed from that Dirichlet density there and back, so
-  it cancels. The shift keeps volumes, and that of the way back, A (P - P'), undoes it. A is the
-  slope of w by P_m in Laplace's approximation.
-- Log means and shapes of dwell times go with the weights, too; their prior and likelihood belong to
-  N, which is normal in p^. Of moves that nobody makes choices show little more than that they are
-  not fast: N is their prior there, and their posterior has a long tail.
-- Normal steps are as likely there as back. p^ is the density over the coordinates u.
-
-Each step is reversible, so in random order they are together: from x to y a sweep leads as often
-as from y to x under p^. Taking it with the probability min(1, (L / L^)(y) / (L / L^)(x)) leaves p
-as it is (surrogate transitions: Liu, Monte Carlo Strategies in Scientific Computing, 2001). This
-costs one solution of Bellman's equation per sweep.
-
-Where actions are hidden, a sweep starts with a draw of them given w and P, and is one of the
-posterior given these actions.
+The counts x complete the transitions (Tanner and Wong 1987); A is the slope of w by P_m in
+Laplace's approximation. A sweep from x to y is taken with the probability
+min(1, (L / L^)(y) / (L / L^)(x)), which leaves p as it is (surrogate transitions: Liu 2001) and
+costs one solution of Bellman's equation. Where actions are hidden, it starts with a draw of them.
 """
 
 from collections.abc import Callable

@@ -1,12 +1,10 @@
 """Whether a fit has converged: Newton's method goes on from where its ascent ended, and stays.
 
-The gradient alone does not show it. It is small where a feature has small values, where decisions
-agree so well that the likelihood grows without end (separable data), and along directions that no
-decision informs. The Newton step in standard errors distinguishes these
-(`serd_core.ascent.trust_region`).
-
-Newton's method does not go on where an objective has kinks, or is no log density. There the ascent
-is taken at its word unless a direction is open (`serd_core.ascent.open_directions`).
+The gradient alone does not show it: it is small where a feature has small values, where decisions
+are separable, and along directions that no decision informs. The Newton step in standard errors
+distinguishes these (`serd_core.ascent.trust_region`). Where an objective has kinks, or is no log
+density, the ascent is taken at its word unless a direction is open
+(`serd_core.ascent.open_directions`).
 """
 
 from dataclasses import dataclass, replace

@@ -2,13 +2,10 @@
 
     P(tau | s0, T) = exp(theta . phi(tau)) prod_t P(s_{t+1} | s_t, a_t) / Z_T(s0)        (3.21)
 
-phi holds discounted feature counts. For deterministic dynamics this is (3.21) as printed; for
-others it is Ziebart's form with the dynamics as base measure. Every observed episode is compared
-with all trajectories of its own start and length, so nothing depends on an iteration limit. The
-log-likelihood per episode is concave and its gradient is phi~ minus expected counts (3.22).
-
-Unlike the causal model this one lets the agent choose as if it could pick outcomes, too.
-(3.19) as printed has the sign of theta that would give exp(-theta . phi).
+phi holds discounted feature counts; for stochastic dynamics this is Ziebart's form with the
+dynamics as base measure. Every observed episode is compared with all trajectories of its own start
+and length. The log-likelihood per episode is concave and its gradient is phi~ minus expected counts
+(3.22). (3.19) as printed has the sign of theta that would give exp(-theta . phi).
 """
 
 from dataclasses import dataclass
@@ -47,12 +44,7 @@ def fit_maxent_irl(
     The probability of a trajectory, among those of its length from its start, is in proportion to
     exp(reward) times that of its moves. The objective is the mean log-likelihood per episode.
 
-    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
-    be given.
-    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
-    estimates them from the decisions (`estimate_dynamics`).
-    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
-    returning True stops the fit there.
+    initial_weights, rng, dynamics, ascent, on_step: as in `fit_mdce_irl_by_likelihood`.
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_maxent_irl(problem, decisions, rng=np.random.default_rng(0))

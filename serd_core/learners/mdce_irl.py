@@ -8,13 +8,8 @@ By entropy (3.24 to 3.27, 3.34): match discounted feature expectations,
     dJ/dtheta = phi~ + E[gamma^T phi(pi_theta | s_T)] - phi(pi_theta)                      (3.34)
 
 s_T is the state after the T decisions of an episode that was cut off: what it would have collected
-from there is expected under the policy. (3.34) has infinite episodes and lacks that term; without
-it the features of a cut-off episode are matched as if nothing followed. Since V is the log sum of
-exp Q, J is sum_t gamma^t log pi_theta(a_t | s_t) where the dynamics are those of the episodes: its
-mean has its maximum at the expert's weights. The dual is concave where no episode is cut off.
-
-Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
-*discounted*, as in the constraint; matching them undiscounted converges to a wrong reward.
+from there is expected under the policy. (3.34) has infinite episodes and lacks that term. Feature
+counts are *discounted*, as in the constraint; matching them undiscounted gives a wrong reward.
 """
 
 import numpy as np
@@ -97,14 +92,9 @@ def fit_mdce_irl_by_entropy(
     end in an absorbing state with one action count as staying there forever; others were cut off,
     and go on by the policy from their last state.
 
-    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
-    be given.
-    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
-    estimates them from the decisions (`estimate_dynamics`).
+    initial_weights, rng, dynamics, ascent, on_step: as in `fit_mdce_irl_by_likelihood`.
     slack: lets feature averages differ by slack times the weights; without it the weights of few
     demonstrations may grow without bound, as no policy has their features.
-    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
-    returning True stops the fit there.
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_mdce_irl_by_entropy(problem, decisions, rng=rng, slack=0.001)

@@ -53,12 +53,7 @@ def fit_policy_matching(
     The squared difference of policy and choices is not convex in the weights: start more than once.
 
     inverse_temperature: 1 / theta_P of the policy, above 0; weights are in its units.
-    initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
-    be given.
-    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
-    estimates them from the decisions (`estimate_dynamics`).
-    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
-    returning True stops the fit there.
+    initial_weights, rng, dynamics, ascent, on_step: as in `fit_mdce_irl_by_likelihood`.
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_policy_matching(problem, decisions, rng=np.random.default_rng(0))

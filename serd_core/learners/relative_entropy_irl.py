@@ -6,17 +6,12 @@ thresholds is P(tau) proportional to Q(tau) exp(theta . phi(tau)) (3.43). Its du
     g(theta) = theta . phi~ - log Z(theta) - sum_i epsilon_i |theta_i|
 
 is estimated from trajectories sampled by a known policy pi_a, weighted by U_Q / U_a (3.45, 3.46),
-U_pi(tau) = prod_t pi(a_t | s_t): dynamics under both policies are the same and drop out. A
-demonstration that was cut off after T decisions is compared with the first T of each sample, a
-complete one with as many as the longest of those.
-It is concave but has kinks at 0, so theta is split into positive and negative parts, which makes
-the subgradient (3.44) an ordinary gradient under bounds.
+U_pi(tau) = prod_t pi(a_t | s_t). A demonstration that was cut off after T decisions is compared
+with the first T of each sample. The dual is concave but has kinks at 0, so theta is split into
+positive and negative parts, which makes the subgradient (3.44) an ordinary gradient under bounds.
 
-Thresholds: Hoeffding's bound for the mean of n counts within a range R_i, two-sided, gives
-epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_i) (1 - gamma^T) /
-(1 - gamma) for episodes of T decisions (T infinite where they are absorbed); where lengths differ,
-R_i reaches from the least count of any of them to the greatest. They are wide: with few
-demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
+Thresholds are Hoeffding's: epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)) with R_i from
+the least discounted count of feature i to the greatest, over the lengths of the n episodes.
 """
 
 from collections.abc import Iterator

@@ -1,16 +1,12 @@
 """The unified SERD algorithm (Algorithm 1): rewards and dynamics at once, by MAP estimation.
 
-The gradient is that of the thesis, by adjoint instead of Q-gradient recursion.
-
-Decisions whose action is `HIDDEN` count by the likelihood of their states alone
-(docs/hidden_actions.md); all functions here accept them, among others or alone.
+The gradient is that of the thesis, by adjoint instead of Q-gradient recursion. Decisions whose
+action is `HIDDEN` count by the likelihood of their states alone (docs/hidden_actions.md).
 
 MDCE SERD (section 4.4.1) has the maximum discounted causal entropy policy. PM SERD (section 4.4.2)
-has a Boltzmann policy over optimal Q-values, whose temperature theta_P is learned as well. Scaling
-all rewards and theta_P by one factor changes nothing, so demonstrations determine their ratio only.
-A prior that holds theta_P near a value fixes the scale and does not change the likelihood; without
-one a fit does not converge. One that only shrinks rewards and temperature has no maximum, as both
-then go to zero together.
+has a Boltzmann policy over optimal Q-values, whose temperature theta_P is learned as well.
+Demonstrations determine the ratio of rewards and theta_P only: a prior that holds theta_P near a
+value fixes the scale and does not change the likelihood; without one a fit does not converge.
 """
 
 from dataclasses import replace

@@ -1,16 +1,11 @@
 """Dirichlet priors on the outcome distributions P_m of a block, in the measure of their energies.
 
-Symmetric, of the M-estimator's pseudo-count c:
-
     log P(theta) = sum_m [ c sum_k log P_m(k) - log B(c, ..., c) ]
-    B(r) = prod_k Gamma(r_k) / Gamma(sum_k r_k)
 
-Over probabilities a Dirichlet density has the exponents c - 1. Over energies it has c, as the
-volume element adds prod_k P(k): so its maximum under observed transitions is the M-estimate, which
-is the posterior mean where no wall hides outcomes (MacKay, Machine Learning 33, 1998).
-
-For a SparseModel the same density of each available pair (s, a) over the states that can follow it:
-c log P(s' | s, a) is summed over the distinct transitions.
+Over energies a Dirichlet density has the exponents c, not c - 1, as the volume element adds
+prod_k P(k): so its maximum under observed transitions is the M-estimate with pseudo-count c
+(MacKay, Machine Learning 33, 1998). For a SparseModel c log P(s' | s, a) is summed over the
+distinct transitions.
 """
 
 from dataclasses import dataclass

@@ -9,13 +9,12 @@ The weight lambda of a prior is selected on validation data (Fig. 5.8).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp, rel_entr
 
 from serd_core.arrays import (
-    BoolArray,
     FloatArray,
     first_index,
     float_array,
@@ -131,53 +130,32 @@ def dynamics_divergence(
     return float(checked[seen] @ divergence[seen] / checked.sum())
 
 
-@dataclass(frozen=True, eq=False)
-class WeightSelection:
-    """weights, scores: (n,); fits: one per weight; best: index of the highest score.
+class WeightSelection(NamedTuple):
+    """The weight of highest score, and (n,) scores of all weights in ascending order."""
 
-    Scores include those of fits that did not converge; see `converged`.
-    """
-
-    weights: FloatArray
+    weight: float
     scores: FloatArray
-    fits: tuple[FitResult, ...]
-    best: int
-
-    @property
-    def weight(self) -> float:
-        """The selected weight."""
-        return float(self.weights[self.best])
-
-    @property
-    def fit(self) -> FitResult:
-        """The fit of the chosen weight."""
-        return self.fits[self.best]
-
-    @property
-    def converged(self) -> BoolArray:
-        """(n,) whether each fit converged."""
-        return np.array([fit.converged for fit in self.fits], dtype=np.bool_)
 
 
 def select_weight(
     fit: Callable[[float], FitResult], score: Callable[[FitResult], float], weights: Sequence[float]
 ) -> WeightSelection:
-    """Fit with every weight and keep the one with the highest score (the larger of equals).
+    """Fit with every weight and choose the one with the highest score (the larger of equals).
 
-    fit: weight to fit on training data; score: fit to its validation log-likelihood.
+    fit: weight to fit on training data; score: fit to its validation log-likelihood. Scores include
+    those of fits that did not converge.
     """
     candidates = np.sort(float_array("weights", weights, (None,)))
     if not candidates.size:
         raise SerdError("weights must hold at least one candidate, got none")
-    fits = tuple(fit(float(weight)) for weight in candidates)
-    scores = np.array([score(one) for one in fits])
+    scores = np.array([score(fit(float(weight))) for weight in candidates])
     if (bad := first_index(np.isnan(scores))) is not None:
         raise SerdError(
             f"score of weight {candidates[bad]} must be a number, got {scores[bad]};"
             " score the fit on validation data"
         )
     best = len(scores) - 1 - int(np.argmax(scores[::-1]))
-    return WeightSelection(weights=candidates, scores=scores, fits=fits, best=best)
+    return WeightSelection(float(candidates[best]), scores)
 
 
 def split_episodes(

@@ -1,15 +1,9 @@
 """What the data at hand determine: the spectrum of an information matrix and its null directions.
 
-Free numbers have units of their own: a feature in millimetres has a weight a thousand times
-smaller than in metres, and an information a million times larger. So the matrix M is first brought
-into correlation form, D M D with D = diag(M)^(-1/2), which changing units leaves as it is; its
-eigenvalues have no units and measure the information along each direction. A diagonal entry that is
-nothing but the rounding of larger numbers is no scale; the size of what cancelled is taken instead.
-Gauge directions, which change no probability at all, are taken out.
-
-Along a null direction all free numbers can move together without changing the likelihood.
-Estimating rewards and dynamics at once is not identifiable in general without priors; whether it is
-for given data is a property of this matrix, shown here by name.
+The matrix M is brought into correlation form, D M D with D = diag(M)^(-1/2), which changing units
+leaves as it is. A diagonal entry that is nothing but the rounding of larger numbers is no scale;
+the size of what cancelled is taken instead. Along a null direction all free numbers can move
+together without changing the likelihood; gauge directions are taken out.
 """
 
 from dataclasses import dataclass

@@ -1,24 +1,15 @@
-"""Standard errors and confidence intervals of rewards and dynamics, jointly.
+"""Standard errors, intervals and tests of rewards and dynamics, jointly.
 
 The covariance is the inverse of an information matrix with the gauge taken out; outcome
-probabilities get theirs by the delta method, which does not depend on the gauge. A parameter that
-a null direction moves has an infinite standard error: the data do not determine it.
+probabilities get theirs by the delta method. A parameter that a null direction moves has an
+infinite standard error. Where the model is wrong, or decisions of one episode depend on each other,
+it is the sandwich A^-1 B A^-1 of the observed information A and the outer product B of the scores,
+summed by decision (White 1982) or by cluster (Liang and Zeger 1986). All this holds where J is
+smooth and its gradient 0.
 
-Where the model is wrong, or decisions of one episode depend on each other, the covariance is the
-sandwich A^-1 B A^-1 of the observed information A and the outer product B of the scores, summed by
-decision (White, Econometrica 50, 1982) or by cluster (Liang and Zeger, Biometrika 73, 1986).
-
-All this holds at an optimum where J is smooth: there the gradient g is 0. Elsewhere, as on the way
-to it or at a kink, the Newton step M^-1 g leads away from the point, by sqrt(g . M^-1 g) standard
-errors at most in any direction, and standard errors computed there mean little.
-
-The bootstrap gives errors and intervals of whatever is estimated from decisions. Episodes are drawn
-with replacement, as decisions within one depend on each other (Efron and Tibshirani, An
-Introduction to the Bootstrap, 1993). An estimate that learns the dynamics anew from each sample has
-their uncertainty in its errors.
-
-Nested fits without priors are compared by the likelihood ratio 2 (L1 - L0), which is chi-squared
-with one degree of freedom per restriction (Wilks, Annals of Mathematical Statistics 9, 1938).
+The bootstrap draws episodes with replacement (Efron and Tibshirani 1993). Nested fits without
+priors are compared by the likelihood ratio 2 (L1 - L0), which is chi-squared with one degree of
+freedom per restriction (Wilks 1938).
 """
 
 from collections.abc import Callable

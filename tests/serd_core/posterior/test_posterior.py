@@ -129,9 +129,12 @@ def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_exa
     np.testing.assert_allclose(hidden.gradient.vector, shown.gradient.vector, atol=1e-9)
 
 
-def test_dynamics_that_explain_a_hidden_move_by_no_action_are_rejected(minimum_example):
+def test_dynamics_that_do_not_explain_a_move_are_rejected(minimum_example):
     observations = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [HIDDEN], [1]))
     require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
+    shown = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [0], [1]))
+    with pytest.raises(SerdError, match="from state 0 by action 0 to state 1"):
+        require_possible(shown, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
     with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
         require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [1.0, 0.0]]))
 
