@@ -37,11 +37,11 @@ from serd_core.dynamics.sparse_model import SparseModel as SparseModel
 from serd_core.dynamics.sparse_model import fixed_transitions as fixed_transitions
 from serd_core.dynamics.sparse_model import learned_transitions as learned_transitions
 from serd_core.errors import SerdError as SerdError
-from serd_core.learners.behavioural_cloning import clone_behaviour as clone_behaviour
 from serd_core.learners.fit_result import FitResult as FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl as fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy as fit_mdce_irl_by_entropy
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood as fit_mdce_irl_by_likelihood
+from serd_core.learners.policy_matching import clone_behaviour as clone_behaviour
 from serd_core.learners.policy_matching import fit_policy_matching as fit_policy_matching
 from serd_core.learners.relative_entropy_irl import (
     fit_relative_entropy_irl as fit_relative_entropy_irl,

@@ -25,11 +25,10 @@ from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
-from serd_core.learners.policy_matching import fit_policy_matching
+from serd_core.learners.policy_matching import clone_behaviour, fit_policy_matching
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief

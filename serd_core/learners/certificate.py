@@ -7,7 +7,7 @@ density, the ascent is taken at its word unless a direction is open
 (`serd_core.ascent.open_directions`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,13 +33,8 @@ FINAL_STEPS = 20
 _NO_EFFECT = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """Where the ascent ends and what that is worth; undetermined: directions nothing determines."""
-
-    parameters: Parameters
-    ascended: AscentResult
-    undetermined: tuple[str, ...] = ()
+#: Where an ascent ends, what that is worth, and directions that nothing determines.
+Certificate = tuple[Parameters, AscentResult, tuple[str, ...]]
 
 
 def certificate(
@@ -49,16 +44,13 @@ def certificate(
     ascended: AscentResult,
     on_step: StepCallback | None = None,
 ) -> Certificate:
-    """The end of the ascent, or the maximum nearby where that is not the same.
+    """The end of the ascent, or the maximum nearby, to which `on_step` is called once.
 
-    Numbers on which nothing in the problem depends may be anything.
-
-    on_step: called once where the fit moves on to that maximum. An ascent that did not converge
-    stays as it is. One that rounding ended, as with features of 1e6, is judged by Newton's method
-    alone. Policies over optimal Q-values have a log posterior with kinks.
+    Numbers on which nothing in the problem depends may be anything. An ascent that did not converge
+    stays as it is. One that rounding ended, as with features of 1e6, is judged by Newton's method.
     """
     if not (ascended.converged or ascended.by_rounding):
-        return Certificate(parameters, ascended)
+        return parameters, ascended, ()
     space = coordinates(posterior.problem, belief, parameters)
     objective = LogPosterior(posterior, space)
     start = space.of(parameters)
@@ -74,19 +66,18 @@ def certificate(
             counted = replace(counted, converged=True, message=AT_MAXIMUM)
         move = found.vector - start
         if float(np.sqrt(move @ -objective.hessian(found.vector) @ move)) <= CLOSE:
-            return Certificate(parameters, counted)
+            return parameters, counted, ()
         mean, number = found.objective / posterior.observations.n_decisions, ascended.n_steps + 1
         if on_step is not None:
             vector = space.table @ found.vector
             on_step(Step(number, mean, ascended.gradient_norm, counted.n_evaluations, vector))
         trace = np.append(ascended.objective_trace, mean)
-        return Certificate(
-            space.parameters(found.vector), replace(counted, n_steps=number, objective_trace=trace)
-        )
+        moved = replace(counted, n_steps=number, objective_trace=trace)
+        return space.parameters(found.vector), moved, ()
     if len(step.rising):
         bent = space.describe(step.rising[0])
         reason = f"the log posterior bends up along {bent} (a saddle point); start elsewhere"
-        return Certificate(parameters, _failed(counted, reason))
+        return parameters, _failed(counted, reason), ()
     failed = _failed(counted, f"Newton step of {step.standard_errors:.2g} standard errors")
     # Farther on, growth would be lost in rounding.
     growing = open_directions(objective, start).growing
@@ -101,7 +92,7 @@ def _judged(
     found: OpenDirections, space: Coordinates, parameters: Parameters, ascended: AscentResult
 ) -> Certificate:
     judged = found.judge(ascended, space.describe, "give these numbers a prior")
-    return Certificate(parameters, judged, tuple(map(space.describe, found.flat)))
+    return parameters, judged, tuple(map(space.describe, found.flat))
 
 
 def _with_kinks(

@@ -1,11 +1,16 @@
-"""Policy-matching IRL under given dynamics (Neu and Szepesvari; Eqs. 3.8 to 3.14).
+"""Learners that match the policy: behavioural cloning, and policy matching under given dynamics.
 
-The policy is Boltzmann over optimal Q-values with inverse temperature beta (3.11). On the loss,
+Cloning is the smoothed empirical policy (section 3.1, Fig. 3.3a), uniform in states never visited:
+
+    pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
+
+In policy-matching IRL (Neu and Szepesvari; Eqs. 3.8 to 3.14) the policy is Boltzmann over optimal
+Q-values with inverse temperature beta (3.11). It minimises the loss
 
     L = 1/2 sum_{s,a} mu_E(s) (pi_theta(a|s) - pi_E(a|s))^2                               (3.8)
 
-with mu_E and pi_E the empirical frequencies, or on the likelihood sum n(s,a) log pi_theta(a|s).
-Both gradients run through dQ*/dtheta, here by one adjoint solve.
+with mu_E and pi_E the empirical frequencies; the gradient runs through dQ*/dtheta, by one adjoint
+solve.
 """
 
 import numpy as np
@@ -16,11 +21,29 @@ from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bellman.bellman_solver import adjoint
 from serd_core.bellman.equations import boltzmann
 from serd_core.bellman.linear.automatic import Automatic
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_shown
+from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import PolicyMatchingPolicy
+
+
+def clone_behaviour(
+    problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
+) -> FloatArray:
+    """Clone the demonstrated policy: (S, A) smoothed shares of the actions taken in each state.
+
+    pseudo_count: c above 0, added to the count of every available action; states without decisions
+    get a uniform policy. SerdError where actions are hidden.
+
+        policy = sc.clone_behaviour(problem, decisions, pseudo_count=0.5)
+    """
+    require_positive("pseudo_count", pseudo_count)
+    require_shown(decisions, "cloning")
+    counts = observe_in(problem, decisions).state_action
+    smoothed = np.where(problem.mdp.available, counts + pseudo_count, 0.0)
+    return np.asarray(smoothed / smoothed.sum(axis=1, keepdims=True))
 
 
 def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:

@@ -56,7 +56,6 @@ def fit_relative_entropy_irl(
     *,
     samples: Decisions,
     sampling_policy: FloatArray,
-    baseline_policy: FloatArray | None = None,
     thresholds: FloatArray | None = None,
     confidence: float = 0.95,
     initial_weights: FloatArray | None = None,
@@ -72,7 +71,7 @@ def fit_relative_entropy_irl(
     Model-free: maximises g (3.43) with importance weights of the samples.
 
     samples: episodes made by `sampling_policy` (S, A), at least as long as demonstrations that were
-    cut off; `baseline_policy`: (S, A), uniform if None.
+    cut off. The baseline is the uniform policy.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
     dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
@@ -97,7 +96,7 @@ def fit_relative_entropy_irl(
             SampleGroup(
                 share,
                 scale * feature_counts(problem, each),
-                importance_log_weights(problem, each, sampling_policy, baseline_policy),
+                importance_log_weights(problem, each, sampling_policy),
             )
             for share, each in _as_long_as(problem, decisions, samples)
         ),
@@ -241,19 +240,22 @@ class _BoundedAscent(Ascent):
 
 
 def importance_log_weights(
-    problem: Problem,
-    samples: Decisions,
-    sampling_policy: FloatArray,
-    baseline_policy: FloatArray | None = None,
+    problem: Problem, samples: Decisions, sampling_policy: FloatArray
 ) -> FloatArray:
-    """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory."""
+    """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory, Q being uniform."""
     available = problem.mdp.available
-    uniform = available / available.sum(axis=1, keepdims=True)
-    baseline = uniform if baseline_policy is None else baseline_policy
-    made_by = _chosen("sampling_policy", sampling_policy, available.shape, samples)
-    wanted_by = _chosen("baseline_policy", baseline, available.shape, samples)
-    episodes = trajectories_of(samples)
-    return weighted_counts(episodes.of_decision, np.log(wanted_by) - np.log(made_by), len(episodes))
+    made_by = float_array("sampling_policy", sampling_policy, available.shape)
+    chosen = made_by[samples.state, samples.action]
+    if (bad := np.flatnonzero(~(chosen > 0))).size:
+        first = int(bad[0])
+        raise SerdError(
+            "sampling_policy must be above 0 wherever the samples went, got"
+            f" {chosen[first]} for state {samples.state[first]}, action {samples.action[first]};"
+            " smooth that policy"
+        )
+    episodes, n_available = trajectories_of(samples), available.sum(axis=1)[samples.state]
+    uniform = (available[samples.state, samples.action] / n_available).astype(np.float64)
+    return weighted_counts(episodes.of_decision, np.log(uniform) - np.log(chosen), len(episodes))
 
 
 def hoeffding_thresholds(
@@ -278,16 +280,3 @@ def hoeffding_thresholds(
     spread = np.max(np.outer(series, observable.max(axis=0)), axis=0)
     spread -= np.min(np.outer(series, observable.min(axis=0)), axis=0)
     return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))
-
-
-def _chosen(
-    name: str, policy: FloatArray, shape: tuple[int, ...], samples: Decisions
-) -> FloatArray:
-    chosen = float_array(name, policy, shape)[samples.state, samples.action]
-    if (bad := np.flatnonzero(~(chosen > 0))).size:
-        first = int(bad[0])
-        raise SerdError(
-            f"{name} must be above 0 wherever the samples went, got {chosen[first]} for state"
-            f" {samples.state[first]}, action {samples.action[first]}; smooth that policy"
-        )
-    return chosen

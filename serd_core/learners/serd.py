@@ -84,17 +84,15 @@ def fit_serd(
     objective = LogPosterior(posterior, space, divisor=observations.n_decisions)
     ascended = ascent.maximise(objective, belief.pack(start), on_step)
     reached = belief.unpack(ascended.vector, start)
-    found = certificate(posterior, belief, reached, ascended, on_step)
-    parameters, final = found.parameters, objective.at(found.parameters)
+    parameters, ascended, undetermined = certificate(posterior, belief, reached, ascended, on_step)
+    final = objective.at(parameters)
     truth, believed = (
         _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
     )
-    trace = found.ascended.objective_trace * observations.n_decisions
-    ascended = replace(found.ascended, objective=final.objective, objective_trace=trace)
+    trace = ascended.objective_trace * observations.n_decisions
+    ascended = replace(ascended, objective=final.objective, objective_trace=trace)
     tables = (truth, believed, moves)
-    return fit_result(
-        posterior, assumptions, parameters, final, ascended, tables, found.undetermined
-    )
+    return fit_result(posterior, assumptions, parameters, final, ascended, tables, undetermined)
 
 
 def fit_mdce_serd(

@@ -38,7 +38,7 @@ WRONG = {
     ),
     **dict.fromkeys(
         words("""
-        initial_weights reward_weights dynamics policy sampling_policy baseline_policy
+        initial_weights reward_weights dynamics policy sampling_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
         time_s state action next_state successors model_of available truth visits probability
         errors clusters matrix meat experts period

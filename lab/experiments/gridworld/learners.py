@@ -15,9 +15,9 @@ from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.learners.policy_matching import clone_behaviour
 from serd_core.learners.relative_entropy_irl import (
     fit_relative_entropy_irl,
     hoeffding_thresholds,

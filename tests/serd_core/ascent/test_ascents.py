@@ -8,7 +8,9 @@ from support.objectives import TOP, quadratic, valley
 
 QUADRATIC = FunctionObjective(quadratic)
 EACH_ASCENT = pytest.mark.parametrize(
-    "ascent", [sc.Lbfgs(), sc.TrustRegion(initial_radius=0.5)], ids=lambda each: type(each).__name__
+    "ascent",
+    [sc.Lbfgs(), sc.TrustRegion(initial_radius=0.5), sc.KinkedAscent()],
+    ids=lambda each: type(each).__name__,
 )
 KINDS = [sc.Lbfgs, sc.TrustRegion, sc.KinkedAscent]
 

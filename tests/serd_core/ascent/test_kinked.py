@@ -9,7 +9,6 @@ from serd_core.ascent.kinked import (
     STALLED,
     KinkedAscent,
     first_metric,
-    smallest_mean,
     updated_metric,
 )
 from serd_core.ascent.trust_region import TrustRegion
@@ -94,32 +93,12 @@ def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
     assert found.objective == pytest.approx(-best.fun, abs=1e-6)
 
 
-def test_a_smooth_objective_is_left_to_the_smooth_ascent():
-    bowl = FunctionObjective(lambda vector: (-float(vector @ vector), -2.0 * vector))
-    found, alone = (kind().maximise(bowl, np.ones(3)) for kind in (KinkedAscent, TrustRegion))
-    np.testing.assert_array_equal(found.vector, alone.vector)
-    assert found.message == alone.message
-
-
 def test_a_wrong_gradient_is_no_convergence():
     """Every direction goes down, but the gradient promises a rise: the message reports it."""
     wrong = FunctionObjective(lambda vector: (-float(np.abs(vector).sum()), np.ones(2)))
     found = KinkedAscent(max_steps=5).maximise(wrong, np.array([1e-9, 1e-9]))
     assert not found.converged
     assert found.message == STALLED
-
-
-@pytest.mark.parametrize(
-    ("gradients", "nearest"),
-    [
-        ([[1.0, 1.0], [1.0, -3.0]], [1.0, 0.0]),
-        ([[2.0, 1.0], [3.0, 1.0]], [2.0, 1.0]),
-        ([[1.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]], [0.0, 0.0]),
-        ([[0.0, 0.0], [0.0, 0.0]], [0.0, 0.0]),
-    ],
-)
-def test_the_smallest_mean_is_the_point_of_the_hull_next_to_the_origin(gradients, nearest):
-    np.testing.assert_allclose(smallest_mean(np.array(gradients)), nearest, atol=1e-8)
 
 
 def test_metrics_are_inverses_of_curvature():

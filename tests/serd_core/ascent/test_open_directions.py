@@ -5,7 +5,7 @@ import pytest
 
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.ascent.open_directions import described, judged_weights, open_directions
+from serd_core.ascent.open_directions import judged_weights, open_directions
 
 NAMES = ("first", "second", "third")
 ROWS = np.random.default_rng(0).normal(size=(40, 2))
@@ -90,7 +90,3 @@ def test_an_ascent_that_was_stopped_or_is_far_from_its_end_stays_as_it_is():
     short = Lbfgs(max_steps=1).maximise(objective, np.zeros(2))
     for end in (stopped, short):
         assert judged_weights(objective, end, np.ones(2), NAMES[:2], "stop") == (end, ())
-
-
-def test_a_direction_is_described_by_its_largest_parts():
-    assert described(np.array([0.1, -4.0, 2.0]), NAMES) == "-1.00 second, +0.50 third"

@@ -72,16 +72,6 @@ def test_the_evidence_of_dynamics_that_choices_inform_is_close_to_the_integral(s
     assert found.log_evidence == pytest.approx(exact, abs=0.15)
 
 
-def test_no_direction_is_wider_than_under_the_prior(gridworld):
-    """Where a maximum is about to vanish, its information would be 0 and its evidence infinite."""
-    few = gridworld.decisions.select(np.arange(6))
-    fit, found = approximated(gridworld.problem, few, belief=sc.FreeBelief())
-    assert fit.converged
-    objective = log_posterior_of(gridworld.problem, few, fit)
-    widths = found.root.T @ objective.prior_information(found.mode) @ found.root
-    assert np.linalg.eigvalsh(widths)[-1] <= 1.0 + 1e-9
-
-
 def test_a_belief_around_the_truth_does_not_bias_it():
     """Choices that depend on no dynamics leave the truth where counts have it, and the belief."""
     case = one_choice(9, 4)
@@ -167,12 +157,6 @@ def test_strengths_are_where_the_evidence_is_highest(gridworld, by_evidence):
     highest = worth(best)
     for move in ([0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]):
         assert worth(best + np.array(move)) < highest - 1e-3
-
-
-def test_fits_start_without_chance(gridworld, by_evidence):
-    rng = np.random.default_rng(1)
-    fit = sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, rng=rng, prior=BY_EVIDENCE)
-    np.testing.assert_array_equal(fit.reward_weights, by_evidence.reward_weights)
 
 
 def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():

@@ -86,15 +86,6 @@ def test_intervals_hold_the_mass_they_state(mass):
     assert found.median[place] == pytest.approx(exact.median(), abs=0.01)
 
 
-def test_where_all_outcomes_lead_to_one_state_nothing_is_learned_of_them():
-    own = np.zeros((2, 1), int)
-    models = sc.OutcomeModels(np.ones((2, 1, 2), int), own, np.ones((2, 1), bool), 1)
-    problem = sc.TabularProblem(sc.Mdp(models, 0.9), np.array([[[1.0]], [[0.0]]]), ("one",))
-    found = known(problem, apart(0, 0, np.ones(5, int)))
-    np.testing.assert_allclose(found.median, 0.5, atol=0.02)
-    np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
-
-
 def test_a_fit_of_rewards_alone_is_rejected(gridworld):
     options = {"dynamics": gridworld.probabilities, "prior": sc.GaussianPrior(2.0, sc.Block.REWARD)}
     fit = fit_of(gridworld, [0.0, 0.0], fit=sc.fit_mdce_irl_by_likelihood, **options)

@@ -68,14 +68,6 @@ def test_a_saddle_is_left_and_named_where_no_step_leaves_it(minimum_example, mon
     assert re.search(r"bends up along .*\(a saddle point\)", fit.message)
 
 
-def test_a_long_last_step_is_not_called_separable(gridworld, monkeypatch):
-    monkeypatch.setattr(certificate, "FINAL_STEPS", 1)
-    fit = fit_of(gridworld, [1.0, 1.0], fit=LIKELY, ascent=STAYS)
-    assert not fit.converged
-    assert "separable" not in fit.message
-    assert "standard errors" in fit.message
-
-
 def random_case(kind, seed=0):
     """Decisions by weights 1 and -1; other kinds differ in one way.
 
@@ -176,20 +168,6 @@ def test_a_feature_that_no_demonstration_has_is_no_convergence_and_is_named(lear
     fit = started(learner, *random_case("avoided"))
     assert not fit.converged
     assert "-1.00 reward third" in fit.message, fit.message
-
-
-@pytest.mark.parametrize("kind", ["separable", "avoided"])
-def test_what_the_messages_advise_gives_a_fit_that_converges(kind):
-    case, rewards = random_case(kind), SCALE + sc.GaussianPrior(3.0, sc.Block.REWARD)
-    for learner, advice in (
-        (LIKELY, {"prior": sc.PriorByEvidence()}),
-        (sc.fit_mdce_irl_by_entropy, {"slack": 0.001}),
-        (by_policy_matching_serd, {"prior": rewards}),
-        (by_relative_entropy, {"threshold": 0.1}),
-    ):
-        if learner is not by_relative_entropy or kind != "separable":
-            fit = started(learner, *case, **advice)
-            assert fit.converged, fit.message
 
 
 def test_the_scale_that_rewards_and_temperature_have_in_common_is_named():

@@ -5,7 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
-from serd_core.dynamics.transition_model import transitions_at, transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel
 from support.small_problems import sampled
 
@@ -79,15 +79,6 @@ def test_a_transition_of_probability_zero_counts_as_little_as_one_that_is_not_li
     assert one.converged
     np.testing.assert_array_equal(one.reward_weights, two.reward_weights)
     np.testing.assert_allclose(one.reward_weights, [np.log(73 / 27) / 0.1, 0.0], atol=1e-3)
-
-
-def test_what_cannot_be_reached_is_worth_nothing_however_large_its_reward():
-    problem = forked_problem(listed=True)
-    model = TrajectoryModel(problem, transitions_at(problem.mdp.transitions, np.zeros(0)))
-    for reward in (1.0, 1e6):
-        log_z, expected = model.partition(np.array([reward, 0.0]), np.eye(5)[1], 5)
-        assert log_z == 0.0
-        np.testing.assert_array_equal(expected, 0.0)
 
 
 @pytest.mark.parametrize("certain", [False, True])

@@ -146,18 +146,3 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     share = (onward + 2 * 1.5) / (len(moves) + 4 * 1.5)
     estimate = sc.estimate_dynamics(problem, decisions, pseudo_count=1.5)
     np.testing.assert_allclose(entries(estimate)[0], share, rtol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"prior": sc.UniformPrior()}, "initial_weights or rng must be given, got neither"),
-        ({"initial_weights": np.zeros(3)}, r"initial_weights must have shape \(2\), got \(3,\)"),
-        ({"initial_weights": [0.0, np.nan]}, r"initial_weights\[1\] must be finite, got nan"),
-        ({"dynamics": np.full((2, 5), 0.2)}, r"outcome probabilities must have shape \(9, 5\)"),
-        ({"dynamics": np.full((9, 5), 0.3)}, r"outcome probabilities\[0\] must sum to 1, got 1.5"),
-    ],
-)
-def test_wrong_starts_are_refused_by_name(gridworld, given, sentence):
-    with pytest.raises(sc.SerdError, match=sentence):
-        sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, **given)

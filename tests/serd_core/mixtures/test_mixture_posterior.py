@@ -77,13 +77,6 @@ def test_the_log_likelihood_is_that_of_each_expert_summed_over_types(mixed):
         np.testing.assert_allclose(at.responsibilities[place], expected, atol=1e-9)
 
 
-def test_one_type_has_the_log_posterior_of_a_plain_fit(mixed):
-    objective, vector = objective_of(mixed, n_types=1)
-    parameters = objective.at(vector).types[0][1]
-    plain = plain_posterior(mixed, mixed.decisions).evaluate(parameters)
-    assert objective.evaluate(vector)[0] == pytest.approx(plain.objective)
-
-
 def test_the_order_of_types_changes_nothing_but_the_order(mixed):
     objective, vector = objective_of(mixed, 3)
     other, order = vector.copy(), np.array([2, 0, 1])
@@ -103,10 +96,3 @@ def test_no_step_of_em_lowers_the_log_posterior(mixed):
         assert values[-1] > values[0]
         # It ends at the first rise of less than 0.02 nats, or after six steps.
         assert len(run) == 7 or np.all(np.diff(values)[:-1] >= 0.02)
-
-
-def test_a_unit_that_counts_twice_counts_as_two_units(mixed):
-    units = units_of(mixed.problem.mdp, mixed.decisions)
-    twice = units.weighted(np.full(len(units.labels), 2.0))
-    np.testing.assert_array_equal(twice.state_action, 2 * units.pooled.state_action)
-    np.testing.assert_array_equal(twice.group_count, 2 * units.pooled.group_count)

@@ -128,35 +128,6 @@ def test_a_prior_that_gives_no_second_derivatives_has_them_by_differences():
     np.testing.assert_allclose(table, np.diag([-12.0, -48.0] + [0.0] * 7), rtol=1e-6, atol=1e-6)
 
 
-def test_no_preference_has_the_value_and_the_derivatives_zero():
-    found = UniformPrior().evaluate(MODEL, at(reward=(1.0, 2.0)))
-    assert found.value == UniformPrior().log_constant(MODEL, at()) == 0.0
-    np.testing.assert_array_equal(found.gradient.vector, np.zeros(9))
-    np.testing.assert_array_equal(UniformPrior().hessian(MODEL, at()), np.zeros((9, 9)))
-
-
-WRONG = [
-    (KldPrior, (-1.0,), "weight of KldPrior must be finite and not negative, got -1.0"),
-    (KldPrior, (1.0, None, Block.REWARD), "block of KldPrior must be BELIEF or TRUTH"),
-    (GaussianPrior, (0.0, Block.REWARD), "^standard_deviation of GaussianPrior"),
-    (GaussianPrior, (1.0, Block.REWARD, np.inf), "mean of GaussianPrior"),
-    (GaussianPrior, ((1.0, 1e300), Block.REWARD), "must be from 1e-50 to 1e.50, got 1e+"),
-    (GaussianPrior, (1.0, "reward"), "^block of GaussianPrior .* Block object, got 'rewa"),
-    (GaussianAroundTruth, (1e-300,), "Truth must be from 1e-50 to 1e.50, got 1e-300"),
-    (GaussianAroundTruth, (0.0,), "^standard_deviation of GaussianAroundTruth must be"),
-    (DirichletPrior, (0.0,), "^pseudo_count of DirichletPrior must be finite and above 0"),
-    (DirichletPrior, (1.0, "truth"), "^block must be a Block object, got 'truth'"),
-    (DirichletPrior, (1.0, Block.REWARD), "must be BELIEF or TRUTH, got REWARD"),
-    (DirichletPrior(1.0).__add__, (3,), "^a term of a sum of priors must be a Prior object, got 3"),
-]
-
-
-@pytest.mark.parametrize(("make", "arguments", "sentence"), WRONG)
-def test_wrong_settings_are_refused_by_name(make, arguments, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        make(*arguments)
-
-
 @pytest.mark.parametrize(
     ("prior", "model", "sentence"),
     [
@@ -245,18 +216,6 @@ def test_a_dirichlet_prior_of_listed_transitions_counts_each_distinct_one(block)
     require_derivatives(prior, LISTED, of, vector)
     with pytest.raises(SerdError, match=r"^DirichletPrior is a prior of OutcomeModels, got Sparse"):
         prior.log_constant(LISTED, of(vector))
-
-
-def test_the_pseudo_count_of_transitions_that_occur_in_several_periods_is_of_all_together():
-    table = np.array([[[0.25, 0.75]], [[0.0, 1.0]]])
-    problem = sc.from_transitions(table, np.zeros((2, 1, 1)), discount=0.9, learned=True)
-    several = sc.finite_horizon(problem, 4)
-    place = Parameters(np.zeros(1), np.array([0.2]), np.array([-0.4]), np.zeros(0))
-    one, four = (
-        DirichletPrior(2.0).evaluate(each.mdp.transitions, place) for each in (problem, several)
-    )
-    assert four.value == pytest.approx(one.value)
-    np.testing.assert_allclose(four.gradient.truth, one.gradient.truth, atol=1e-12)
 
 
 def test_priors_that_are_no_densities_have_no_constant():

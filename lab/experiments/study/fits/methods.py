@@ -17,8 +17,8 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.draws import laplace_draws, posterior_policy
 from serd_core.bayes.laplace import laplace
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
+from serd_core.learners.policy_matching import clone_behaviour
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.selection.evaluation import fitted_policy
 
