@@ -219,38 +219,20 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
     return float(max(0.0, 0.5 * (own + others - together)))
 
 
-def expected_information_gain(
-    found: Laplace, *, task: Problem | None = None, longest: int = 200
-) -> FloatArray:
+def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArray:
     """Compute the (S,) nats that one more demonstration from each state is expected to add.
 
-    task: the problem it is made in, such as one with another goal; None for that of the fit. It
-    must have the features and outcome models of the fit. longest: decisions of a demonstration.
+    longest: decisions of a demonstration.
 
         start = sc.expected_information_gain(found).argmax()
     """
     require_laplace(found)
-    problem = found.problem if task is None else task
-    _require_same_numbers(found.problem, problem)
     if longest < 1:
         raise SerdError(f"longest must be at least 1 decision, got {longest}")
-    information = _information_of_starts(problem, found, longest)
+    information = _information_of_starts(found.problem, found, longest)
     added = found.root.T @ information @ found.root
     identity = np.eye(added.shape[1])
     return np.asarray(0.5 * np.linalg.slogdet(identity + added)[1])
-
-
-def _require_same_numbers(fitted: Problem, task: Problem) -> None:
-    if fitted.feature_names != task.feature_names:
-        raise SerdError(
-            f"task must have the features of the fit {fitted.feature_names}, got"
-            f" {task.feature_names}"
-        )
-    ours, theirs = (each.mdp.transitions.parameter_names for each in (fitted, task))
-    if ours != theirs:
-        raise SerdError(
-            f"task must have the outcome models of the fit, {len(ours)} numbers, got {len(theirs)}"
-        )
 
 
 def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> FloatArray:

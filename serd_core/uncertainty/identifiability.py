@@ -36,13 +36,12 @@ class Spectrum:
     values: FloatArray
     loadings: FloatArray
     directions: FloatArray
-    null_share: float
 
     @property
     def null(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """(m,) directions without information."""
         largest = max(float(self.values[-1]), np.finfo(np.float64).tiny)
-        return np.asarray(self.values <= self.null_share * largest)
+        return np.asarray(self.values <= NULL_SHARE * largest)
 
     @property
     def indefinite(self) -> bool:
@@ -56,9 +55,7 @@ class Spectrum:
         return np.asarray((known.T / self.values[~self.null]) @ known)
 
 
-def spectrum(
-    information: Information, matrix: FloatArray, null_share: float = NULL_SHARE
-) -> Spectrum:
+def spectrum(information: Information, matrix: FloatArray) -> Spectrum:
     """Directions of one of the information matrices, or of another over the same numbers."""
     n_free = len(information.names)
     chosen = float_array("matrix", matrix, (n_free, n_free))
@@ -69,7 +66,7 @@ def spectrum(
     loadings = (basis @ vectors).T
     gauge = information.gauge
     own_units = loadings * scale
-    return Spectrum(values, loadings, own_units - own_units @ gauge.T @ gauge, null_share)
+    return Spectrum(values, loadings, own_units - own_units @ gauge.T @ gauge)
 
 
 def _scale(information: Information, matrix: FloatArray) -> FloatArray:
@@ -111,18 +108,17 @@ class Identifiability:
 
 
 def identifiability(
-    information: Information, *, matrix: FloatArray | None = None, null_share: float = NULL_SHARE
+    information: Information, *, matrix: FloatArray | None = None
 ) -> Identifiability:
     """Find the combinations of numbers that the decisions of a fit do not determine.
 
     matrix: (n, n) information; None for the outer product, which has no prior in it.
-    null_share: eigenvalues below this share of the largest count as none.
 
         print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
     """
     require_information(information)
     chosen = information.outer_product if matrix is None else matrix
-    found = spectrum(information, chosen, null_share)
+    found = spectrum(information, chosen)
     null = tuple(
         NullDirection(float(value), _loadings(information.names, loadings))
         for value, loadings in zip(

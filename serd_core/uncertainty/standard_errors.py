@@ -7,7 +7,8 @@ it is the sandwich A^-1 B A^-1 of the observed information A and the outer produ
 summed by decision (White 1982) or by cluster (Liang and Zeger 1986). All this holds where J is
 smooth and its gradient 0.
 
-The bootstrap draws episodes with replacement (Efron and Tibshirani 1993). Nested fits without
+The bootstrap draws episodes with replacement, as decisions within one depend on each other (Efron
+and Tibshirani 1993). Nested fits without
 priors are compared by the likelihood ratio 2 (L1 - L0), which is chi-squared with one degree of
 freedom per restriction (Wilks 1938).
 """
@@ -39,7 +40,7 @@ from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import UniformPrior
 from serd_core.semi_markov.timed_decisions import TimedDecisions
-from serd_core.uncertainty.identifiability import NULL_SHARE, Spectrum, spectrum
+from serd_core.uncertainty.identifiability import Spectrum, spectrum
 from serd_core.uncertainty.information import Information, require_information
 
 #: Part of a null direction below which a parameter counts as not moved by it.
@@ -80,7 +81,6 @@ def standard_errors(
     problem: Problem,
     information: Information,
     matrix: FloatArray | None = None,
-    null_share: float = NULL_SHARE,
     *,
     meat: FloatArray | None = None,
     require_optimum: bool = True,
@@ -90,7 +90,6 @@ def standard_errors(
     matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
     meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it:
     `information.outer_product`, or that of `clustered_outer_product`.
-    null_share: eigenvalues below this share of the largest count as undetermined.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
 
         errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
@@ -99,7 +98,7 @@ def standard_errors(
     require_problem(problem)
     require_information(information)
     matrix = information.observed if matrix is None else matrix
-    found = spectrum(information, matrix, null_share)
+    found = spectrum(information, matrix)
     if found.indefinite:
         raise SerdError(
             "the information matrix must not have negative eigenvalues, got"
