@@ -12,13 +12,11 @@ decisions of a unit under a type, and the responsibilities r_ut = rho_t exp l_ut
 odds of the shares without gauge, the rewards of each type, and the dynamics, u = [shares | rewards
 1..T | dynamics], in units of `serd_core.posterior.coordinates`.
 
-Expectation maximisation (Babes et al., ICML 2011) takes one Newton step per M step, shortened until
-it rises (Lange, Journal of the Royal Statistical Society B 57, 1995). Newton's method on J finishes
-the best end. Starts assign units to units that are far apart (k-means++, Arthur and Vassilvitskii
-2007) in the scores of their decisions at the fit of one type (docs/mixed_experts.md).
+Newton's method climbs J from several starts, which assign units to units that are far apart
+(k-means++, Arthur and Vassilvitskii 2007) in the scores of their decisions at the fit of one type;
+the highest maximum is the mixture (docs/mixed_experts.md).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -28,8 +26,8 @@ from scipy.spatial.distance import cdist
 from scipy.special import log_softmax, logsumexp
 
 from serd_core.arrays import FloatArray, IntArray, floored, int_array, require_count
-from serd_core.ascent.ascent import Objective
-from serd_core.ascent.trust_region import NewtonAscent, quadratic_step
+from serd_core.ascent.ascent import AscentResult, Objective
+from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe, taken_transitions
@@ -51,12 +49,12 @@ TIED = TiedBelief()
 SHARE_COUNT = 1.0
 #: Types that are tried at most, and expected episodes that each must have.
 MOST_TYPES, MINIMUM_EPISODES = 5, 3.0
-#: Longest M step, in nats over the ranges of features; rise in nats at which EM ends.
-RADIUS, SHORTEST, RISE = 4.0, 1e-6, 0.02
-#: Starts, EM steps of each, how many of the best are continued, and most steps of these.
-N_STARTS, SHORT_RUN, N_CONTINUED, LONG_RUN = 8, 6, 2, 60
-#: Responsibility that a start assigns; information that is rounding; distance of equal units.
-CERTAINTY, ROUNDING, LEAST = 0.9, 1e-9, 1e-300
+#: Starts, Newton steps at given types, and those on J after which one start is chosen.
+N_STARTS, FIRST_STEPS, STEPS = 8, 6, 12
+#: Probability of the type that a start assigns; information that is rounding.
+CERTAINTY, ROUNDING = 0.9, 1e-9
+#: Squared distance of equal units.
+LEAST = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +282,7 @@ def fit_expert_types(
     """Fit a mixture of a given number of types of experts, who differ in their reward weights.
 
     experts: (N,) number of the expert who took each decision, whose episodes share their type; None
-    where each episode has a type of its own. seed: of the starts of EM.
+    where each episode has a type of its own. seed: of the starts.
     """
     require_count("n_types", n_types, 1, "2")
     start = _one_type(problem, decisions, experts)
@@ -340,7 +338,7 @@ def _one_type(
 
 
 def _mixture(one_type: MixtureLogPosterior, n_types: int, seed: int) -> ExpertTypes:
-    """EM from several starts, then Newton's method to the maximum; types in order of shares."""
+    """The highest maximum from several starts; types in order of shares."""
     problem, units = one_type.problem, one_type.units
     one = coordinates(problem, TIED, one_type.like)
     objective = mixture_of(problem, units, one_type.priors, one, n_types)
@@ -351,7 +349,8 @@ def _mixture(one_type: MixtureLogPosterior, n_types: int, seed: int) -> ExpertTy
     if n_types > 1:
         points, rng = unit_scores(one_type, begun), np.random.default_rng([seed, n_types])
         drawn = [drawn_partition(points, n_types, rng) for _ in range(N_STARTS)]
-        vector = best_start(objective, vector, drawn)
+        climbed = [_climbed(objective, partition, vector) for partition in drawn]
+        vector = max(climbed, key=lambda ended: ended.objective).vector
     ended = NewtonAscent().maximise(objective, vector)
     at = objective.at(ended.vector)
     order = np.argsort(-at.log_shares, kind="stable")
@@ -373,45 +372,15 @@ def _mixture(one_type: MixtureLogPosterior, n_types: int, seed: int) -> ExpertTy
     )
 
 
-def best_start(
-    objective: MixtureLogPosterior, equal: FloatArray, partitions: Sequence[IntArray]
-) -> FloatArray:
-    """(D,) of the highest log posterior that EM reaches from partitions (U,); equal: types (D,)."""
-    n_types, runs = len(objective.tables), []
-    for partition in partitions:
-        likely = CERTAINTY * np.eye(n_types)[partition] + (1.0 - CERTAINTY) / n_types
-        runs.append(expectation_maximisation(objective, m_step(objective, likely, equal)))
-    runs.sort(key=lambda run: -run[-1][0])
-    best = [run[-1][1] for run in runs[:N_CONTINUED]]
-    longer = [expectation_maximisation(objective, vector, LONG_RUN) for vector in best]
-    return max(longer, key=lambda run: run[-1][0])[-1][1]
-
-
-def expectation_maximisation(
-    objective: MixtureLogPosterior, start: FloatArray, n_steps: int = SHORT_RUN
-) -> list[tuple[float, FloatArray]]:
-    """The log posterior and (D,) vector before and after each step, until it rises too little."""
-    run = [(objective.evaluate(start)[0], start)]
-    while len(run) <= n_steps and not (len(run) > 1 and run[-1][0] - run[-2][0] < RISE):
-        vector = m_step(objective, objective.at(run[-1][1]).responsibilities, run[-1][1])
-        run.append((objective.evaluate(vector)[0], vector))
-    return run
-
-
-def m_step(
-    objective: MixtureLogPosterior, responsibilities: FloatArray, vector: FloatArray
-) -> FloatArray:
-    """(D,) after a Newton step that rose on the expected complete-data log posterior, if any."""
-    expected = replace(objective, responsibilities=responsibilities, _last=None)
-    value, gradient = expected.evaluate(vector)
-    curvatures, directions = np.linalg.eigh(-expected.hessian(vector))
-    radius = RADIUS
-    while radius > SHORTEST:
-        reached = vector + quadratic_step(gradient, curvatures, directions, radius)
-        if expected.evaluate(reached)[0] > value:
-            return np.asarray(reached)
-        radius /= 4.0
-    return vector
+def _climbed(
+    objective: MixtureLogPosterior, partition: IntArray, equal: FloatArray
+) -> AscentResult:
+    """A short climb of J from a partition (U,) of the units; equal: (D,) with all types alike."""
+    n_types = len(objective.tables)
+    likely = CERTAINTY * np.eye(n_types)[partition] + (1.0 - CERTAINTY) / n_types
+    expected = replace(objective, responsibilities=likely, _last=None)
+    apart = NewtonAscent(max_steps=FIRST_STEPS).maximise(expected, equal)
+    return NewtonAscent(max_steps=STEPS).maximise(objective, apart.vector)
 
 
 def drawn_partition(points: FloatArray, n_parts: int, rng: np.random.Generator) -> IntArray:
