@@ -8,8 +8,6 @@ from serd_core.ascent.ascent import AT_A_KINK, STOPPED, FunctionObjective
 from serd_core.ascent.kinked import (
     STALLED,
     KinkedAscent,
-    first_metric,
-    updated_metric,
 )
 from serd_core.ascent.trust_region import TrustRegion
 
@@ -99,11 +97,3 @@ def test_a_wrong_gradient_is_no_convergence():
     found = KinkedAscent(max_steps=5).maximise(wrong, np.array([1e-9, 1e-9]))
     assert not found.converged
     assert found.message == STALLED
-
-
-def test_metrics_are_inverses_of_curvature():
-    metric = first_metric(np.diag([-4.0, 2.0, 0.0]))
-    np.testing.assert_allclose(np.diag(metric), [0.25, 0.5, 1.0 / 4e-6])
-    moved, drop = np.array([1.0, 0.0, 2.0]), np.array([3.0, 1.0, 1.0])
-    np.testing.assert_allclose(updated_metric(metric, moved, drop) @ drop, moved, atol=1e-9)
-    np.testing.assert_array_equal(updated_metric(metric, moved, -drop), metric)

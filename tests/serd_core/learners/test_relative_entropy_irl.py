@@ -148,9 +148,6 @@ def test_demonstrations_are_compared_with_samples_that_are_cut_off_at_the_same_t
     ("change", "sentence"),
     [
         ({"sampling_policy": np.eye(5)[[0] * 16]}, "sampling_policy must be above 0 wherever"),
-        ({"thresholds": np.array([0.0, -1.0])}, "thresholds must not be negative, got -1"),
-        ({"largest_weight": -1.0}, "largest_weight must be above 0, got -1"),
-        ({"largest_weight": np.nan}, "largest_weight must be above 0, got nan"),
         ({"samples": sc.Decisions([0], [0.0], [0], [0], [99])}, r"samples\[0\] reaches state 99"),
         ({"samples": sc.Decisions(*[[]] * 5)}, "samples must hold at least one decision"),
     ],

@@ -75,13 +75,3 @@ def test_the_log_likelihood_is_that_of_each_expert_summed_over_types(mixed):
         assert at.log_marginals[place] == pytest.approx(logsumexp(by_type), rel=1e-9)
         expected = np.exp(by_type - logsumexp(by_type))
         np.testing.assert_allclose(at.responsibilities[place], expected, atol=1e-9)
-
-
-def test_the_order_of_types_changes_nothing_but_the_order(mixed):
-    objective, vector = objective_of(mixed, 3)
-    other, order = vector.copy(), np.array([2, 0, 1])
-    other[objective.rewards] = vector[objective.rewards[order]]
-    other[:2] = objective.share_table[:, :2].T @ (objective.share_table @ vector)[order]
-    assert objective.evaluate(other)[0] == pytest.approx(objective.evaluate(vector)[0], rel=1e-12)
-    moved, before = (objective.at(each).responsibilities for each in (other, vector))
-    np.testing.assert_allclose(moved, before[:, order], atol=1e-9)

@@ -17,12 +17,11 @@ from serd_core.posterior.beliefs import (
     TiedBelief,
 )
 from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
-from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import UniformPrior
 from support.random_posteriors import (
     assert_gradient_is_of_the_objective,
     assert_hessian_is_of_the_gradient,
@@ -30,7 +29,6 @@ from support.random_posteriors import (
     random_parameters,
     uniform_decisions,
 )
-from support.small_problems import sampled
 
 BELIEFS = [
     TiedBelief(),
@@ -111,22 +109,6 @@ def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
     assert found.dynamics_log_likelihood == pytest.approx(by_move)
     total = hidden + by_policy + by_move + found.log_prior
     assert found.objective == pytest.approx(total)
-
-
-def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_example):
-    """With certain outcomes of their own, states reveal the actions."""
-    mdp = minimum_example.mdp
-    uniform = mdp.available / mdp.available.sum(axis=1, keepdims=True)
-    table = np.array([[1.0, 0.0], [0.0, 1.0]])
-    decisions = sampled(minimum_example, uniform, table, 50, 3)
-    theta = mdp.transitions.fixed_parameters_of(table)
-    at = Parameters(np.array([0.4]), theta, theta, np.zeros(0))
-    shown, hidden = (
-        Posterior(minimum_example, observe(mdp, each), MdcePolicy(), UniformPrior()).evaluate(at)
-        for each in (decisions, decisions.with_hidden_actions())
-    )
-    assert hidden.hidden_log_likelihood == pytest.approx(shown.objective)
-    np.testing.assert_allclose(hidden.gradient.vector, shown.gradient.vector, atol=1e-9)
 
 
 def test_dynamics_that_do_not_explain_a_move_are_rejected(minimum_example):

@@ -76,22 +76,6 @@ def test_hessian_and_outer_product_agree_for_many_decisions_of_a_true_model(make
     assert sc.identifiability(information).identified
 
 
-def test_errors_are_how_much_estimates_scatter(make_gridworld):
-    """Monte Carlo: the spread of repeated estimates is the standard error."""
-    case = make_gridworld(side=3, n_episodes=1)
-    policy = sc.soft_policy(case.problem, case.weights, case.probabilities).probabilities
-    table = np.clip(case.probabilities, 1e-6, None)
-    table /= table.sum(axis=1, keepdims=True)
-    known = {"dynamics": table, "belief": sc.FixedBelief(), "prior": sc.UniformPrior()}
-    found, errors = [], []
-    for seed in range(20):
-        decisions = sampled(case.problem, policy, case.probabilities, 60, 20, seed)
-        fit, information = fitted(replace(case, decisions=decisions), case.weights, **known)
-        found.append(fit.reward_weights)
-        errors.append(sc.standard_errors(case.problem, information).reward)
-    np.testing.assert_allclose(np.std(found, axis=0), np.mean(errors, axis=0), rtol=0.25)
-
-
 def test_an_action_never_taken_and_its_reward_cannot_be_told_apart(minimum_example):
     """The minimum example: one likelihood, many explanations."""
     decisions = apart(0, 0, [1] * 20 + [0] * 10)
