@@ -12,7 +12,7 @@ import scipy.optimize
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.trust_region import SHORT, NewtonAscent
-from serd_core.bayes.laplace import Laplace, laplace_at
+from serd_core.bayes.laplace import laplace_at
 from serd_core.bayes.strengths import PriorByEvidence, Strengths
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
@@ -106,13 +106,6 @@ class EvidenceSearch:
             return replace(found, converged=False, message=STOPPED)
         return found
 
-    def laplace(self, objective: LogPosterior) -> Laplace:
-        """The approximation at the maximum; SerdError where the ascent does not reach it."""
-        found = self.maximise(objective, CLOSE)
-        if not found.converged:
-            raise SerdError(found.message)
-        return laplace_at(objective, self.mode)
-
     def _after_step(self, step: Step) -> bool:
         """Count the step; whether to stop there."""
         record, mean = self.record, step.objective / self.posterior.observations.n_decisions
@@ -144,7 +137,10 @@ class EvidenceOfStrengths:
             search.mode = search.mode + (logs - before) @ moves
         problem = search.posterior.problem
         objective = search.objective(strengths.whole_prior(problem, logs))
-        here = search.laplace(objective)
+        ended = search.maximise(objective, CLOSE)
+        if not ended.converged:
+            raise SerdError(ended.message)
+        here = laplace_at(objective, search.mode)
         pull = self._prior_pull(objective, here.mode)
         slope, moves = np.zeros(len(logs)), np.zeros((len(logs), len(here.mode)))
         for number, unit in enumerate(np.eye(len(logs)) * WIDTH):

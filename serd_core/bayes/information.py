@@ -229,15 +229,7 @@ def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArr
     require_laplace(found)
     if longest < 1:
         raise SerdError(f"longest must be at least 1 decision, got {longest}")
-    information = _information_of_starts(found.problem, found, longest)
-    added = found.root.T @ information @ found.root
-    identity = np.eye(added.shape[1])
-    return np.asarray(0.5 * np.linalg.slogdet(identity + added)[1])
-
-
-def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> FloatArray:
-    """(S, d, d) expected information of a demonstration from each state, by coordinates."""
-    space, model = found.coordinates, problem.mdp.transitions
+    problem, space, model = found.problem, found.coordinates, found.problem.mdp.transitions
     at = space.parameters(found.mode)
     table = space.belief.jacobian(at) @ space.table
     believed = transitions_at(model, at.belief)
@@ -263,7 +255,8 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
         if np.max(left, initial=0.0) < LEFT:
             break
         total = flat + remaining[:, None] * (going @ total)
-    return total.reshape(n_states, size, size)
+    added = found.root.T @ total.reshape(n_states, size, size) @ found.root
+    return np.asarray(0.5 * np.linalg.slogdet(np.eye(added.shape[1]) + added)[1])
 
 
 def _of_choices(

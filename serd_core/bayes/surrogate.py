@@ -10,7 +10,6 @@ and log N is quadratic, which the normal densities among priors are anyway. * is
 Points are (n, m) free numbers (`serd_core.posterior.coordinates`) of n chains.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +24,7 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.derivatives.posterior_hessian import sensitivities
-from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models
 from serd_core.priors.prior import SumOfPriors, terms_of
@@ -147,7 +146,12 @@ class Surrogate:
         log_policy, solved = (np.concatenate(each)[:n] for each in zip(*parts, strict=True))
         belief = self.space.belief
         at = [belief.unpack(point, self.space.like) for point in points]
-        return ExactPart(log_policy, solved, log_others_at(self.posterior, at))
+        prior, dwells = self.posterior.prior, self.posterior.observations.dwells
+        model = self.posterior.problem.mdp.transitions
+        log_others = np.array([prior.evaluate(model, each).value for each in at])
+        if dwells is not None:
+            log_others += dwells.by_decision(np.stack([each.truth for each in at])).sum(axis=1)
+        return ExactPart(log_policy, solved, log_others)
 
     def _solved(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
@@ -182,24 +186,6 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     return Mdp(copies, mdp.discount)
 
 
-def log_others_at(posterior: Posterior, at: Sequence[Parameters]) -> FloatArray:
-    """(n,) log N, of the given prior and of dwell times."""
-    model, dwells = posterior.problem.mdp.transitions, posterior.observations.dwells
-    found = np.array([posterior.prior.evaluate(model, each).value for each in at])
-    if dwells is not None:
-        found += dwells.by_decision(np.stack([each.truth for each in at])).sum(axis=1)
-    return found
-
-
-def others_gradient(posterior: Posterior, at: Parameters) -> Parameters:
-    """Gradient of log N by all blocks."""
-    found = posterior.prior.evaluate(posterior.problem.mdp.transitions, at).gradient
-    if posterior.observations.dwells is None:
-        return found
-    _, slope = posterior.observations.dwells.evaluate(at.truth)
-    return found + at.zeros().with_block(Block.TRUTH, slope)
-
-
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
     """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
 
@@ -215,8 +201,10 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     pairs = np.union1d(seen.key // mdp.n_states, np.flatnonzero(seen.state_action))
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)
     jacobian = belief.jacobian(at)
+    gradient = without.prior.evaluate(mdp.transitions, at).gradient
     hessian = without.prior.hessian(mdp.transitions, at)
     if seen.dwells is not None:
+        gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
     size = require_outcome_models(mdp.transitions, "this density").n_energies
     groups = [
@@ -234,7 +222,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         space=space,
         groups=tuple(groups),
         mode=belief.pack(at),
-        gradient=belief.pull_back(others_gradient(without, at), at),
+        gradient=belief.pull_back(gradient, at),
         hessian=jacobian.T @ hessian @ jacobian,
         value=solution.value,
         copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),

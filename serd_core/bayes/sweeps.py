@@ -147,7 +147,10 @@ class _Chains:
         self.near, self.rng, self.points = near, rng, start @ near.space.table.T
         self.counts = np.tile(seen.state_action.ravel()[near.pairs], (n, 1))
         self.set_counts = np.tile(sets.count, (n, 1))
-        self.shifted = _without_dirichlet_prior(near)
+        # Free numbers that are reward weights, or outcomes that have another prior.
+        self.shifted = np.ones(len(near.mode), dtype=np.bool_)
+        for group in near.groups:
+            self.shifted[group.place.start : group.laws.start] = group.pseudo_count == 0
         self.models = _models(near, root, precision, sets, self.shifted)
         laws = [np.arange(group.laws.start, group.laws.stop) for group in near.groups]
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
@@ -161,7 +164,9 @@ class _Chains:
         """Take all steps in random order, and all of them back where the sweep is not accepted."""
         if self.near.posterior.observations.hidden:
             self._draw_actions()
-        steps: list[Callable[[], None]] = [self._walk_weights]
+        steps: list[Callable[[], None]] = [
+            lambda: self._step(self.weights.step(self.points, self.rng))
+        ]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
             if model.group.pseudo_count:
@@ -258,14 +263,6 @@ class _Chains:
             self.counts[number] = complete.state_action.ravel()[near.pairs]
             self.set_counts[number] = outcome_sets(near.model, complete).count
         self.log_near = self._log_near(self.points)
-
-
-def _without_dirichlet_prior(near: Surrogate) -> BoolArray:
-    """(m,) which free numbers are reward weights, or outcomes that have another prior."""
-    found = np.ones(len(near.mode), dtype=np.bool_)
-    for group in near.groups:
-        found[group.place.start : group.laws.start] = group.pseudo_count == 0
-    return found
 
 
 def _models(
