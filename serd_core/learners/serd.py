@@ -57,12 +57,12 @@ def fit_serd(
 
     Other arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model.
     """
-    for name, given, kinds, example in (
+    for name, part, kinds, example in (
         ("belief", belief, (Belief,), "FreeBelief()"),
         ("prior", prior, (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),
         ("ascent", ascent, (Ascent,), "Lbfgs()"),
     ):
-        require_kind(name, given, kinds, example)
+        require_kind(name, part, kinds, example)
     observations = observe_in(problem, decisions)
     if isinstance(prior, PriorByEvidence):
         # Without parameters there are no dynamics to learn, or to have a prior.
