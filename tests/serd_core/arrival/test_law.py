@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import ks_2samp
 
 from serd_core.arrival.law import ArrivalLaw, steps_within
-from serd_core.arrival.scores import crps_s, largest_gap
-from serd_core.errors import SerdError
+from serd_core.arrival.scores import largest_gap
 
 
 def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
@@ -62,14 +61,3 @@ def test_a_delayed_law_has_the_same_steps_later_and_nothing_before():
     assert later.quantile_s(0.5) == 4.0
     assert later.arrival_probability == 0.9
     np.testing.assert_array_equal(later.cdf_draws, draws)
-
-
-@pytest.mark.parametrize(
-    ("times_s", "sentence"),
-    [([], "must hold at least one time"), ([1.0, np.nan], "must .* no NaN")],
-)
-def test_wrong_times_are_refused_by_name(times_s, sentence):
-    law = ArrivalLaw(np.array([0.0, 1.0]), np.array([0.0, 0.4]), 0.4)
-    for score in (largest_gap, crps_s):
-        with pytest.raises(SerdError, match=f"^arrival_times_s {sentence}"):
-            score(law, times_s)

@@ -2,6 +2,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import gamma, nbinom
 
 from serd_core import memory
@@ -12,8 +14,9 @@ from serd_core.arrival.semi_markov import (
     semi_markov_arrival,
 )
 from serd_core.errors import SerdError
+from serd_core.grid.grid import Action
 from support.arrival_twin import arrival_by_state
-from support.small_problems import room
+from support.small_problems import always, room
 
 
 def line(n_moves, dwell=None):
@@ -30,23 +33,6 @@ def one_step(step_s):
     return DwellTimes(step_s, np.array([[0.0, 1.0]]))
 
 
-def any_policy(problem, seed):
-    rng = np.random.default_rng(seed)
-    weights = np.where(problem.mdp.available, rng.gamma(1.0, size=problem.mdp.available.shape), 0)
-    return weights / weights.sum(axis=1, keepdims=True)
-
-
-def test_equal_periods_give_the_arrival_of_decision_periods():
-    seed = 2
-    problem = room(7, 3, 20)
-    table = np.random.default_rng(seed).dirichlet(np.ones(5), 4)
-    policy = any_policy(problem, seed)
-    expected = arrival_by_state(problem, policy, table, 60)
-    found = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(2.0), 60)
-    np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
-    np.testing.assert_allclose(found.arrival_probability, expected.arrival_probability)
-
-
 def test_moves_of_gamma_times_add_up_to_a_gamma_distribution():
     step_s, shape, scale_s = 0.05, 4.0, 0.25
     edges = (np.arange(400) + 0.5) * step_s
@@ -56,15 +42,6 @@ def test_moves_of_gamma_times_add_up_to_a_gamma_distribution():
     np.testing.assert_allclose(found, gamma(5 * shape, scale=scale_s).cdf(edges[:301]), atol=2e-4)
 
 
-def test_waits_of_chance_give_the_negative_binomial_distribution():
-    state, successor = np.repeat(np.arange(3), 2), np.array([0, 1, 1, 2, 2, 3])
-    chain = RenewalChain(
-        state, successor, np.tile([0.6, 0.4], 3), np.zeros(6, int), np.arange(4) == 3
-    )
-    found = semi_markov_arrival(chain, one_step(1.0), 40).cdf[:, 0]
-    np.testing.assert_allclose(found, nbinom(3, 0.4).cdf(np.arange(41) - 3), atol=3e-8)
-
-
 def test_each_class_of_moves_has_its_own_time():
     dwell = DwellTimes(1.0, np.array([[0, 1, 0, 0], [0, 0, 0, 1.0]]))
     found = semi_markov_arrival(line(3, [0, 1, 1]), dwell, 10).cdf
@@ -72,63 +49,107 @@ def test_each_class_of_moves_has_its_own_time():
     assert np.flatnonzero(found[:, 1] > 0.5)[0] == 6
 
 
+def case(seed):
+    """A 4 x 3 room with random flow, goal, policy and outcomes."""
+    rng = np.random.default_rng(seed)
+    problem = room(4, 3, int(rng.integers(12)), rng.integers(1, 5, 12))
+    policy = rng.dirichlet(np.ones(5), 12)
+    policy[problem.goal_states] = np.eye(5)[Action.WAIT]
+    return problem, policy, rng.dirichlet(np.ones(5), 4)
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.integers(0, 10_000))
+def test_equal_periods_give_the_chain_of_the_policy_run_backwards(seed):
+    problem, policy, table = case(seed)
+    expected = arrival_by_state(problem, policy, table, 60)
+    found = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(2.0), 60)
+    np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
+    np.testing.assert_allclose(found.arrival_probability, expected.arrival_probability)
+
+
+def test_the_remaining_time_through_a_corridor_is_negative_binomial():
+    problem, table = room(6, 1, 5), np.tile([0.6, 0.4, 0, 0, 0], (4, 1))
+    chain = renewal_chain(problem, always(problem, Action.NORTH), table)
+    found = semi_markov_arrival(chain, one_step(1.0), 40)
+    for state in range(5):
+        expected = nbinom(5 - state, 0.4).cdf(np.arange(41) - 5 + state)
+        np.testing.assert_allclose(found.cdf[:, state], expected, atol=3e-8)
+
+
+def test_a_trap_is_left_out_of_the_probability_of_ever_arriving():
+    """Forward 0.6, back 0.4; below cell 2 the policy stays: gambler's ruin."""
+    problem, table = room(6, 1, 5), np.tile([0, 0.6, 0, 0.4, 0], (4, 1))
+    policy, table[3] = always(problem, Action.NORTH), [1, 0, 0, 0, 0]
+    policy[:2] = np.eye(5)[Action.WAIT]
+    found = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(1.0), 700)
+    ratio = 0.4 / 0.6
+    assert found.arrival_probability[2] == pytest.approx((1 - ratio) / (1 - ratio**4))
+    assert found.cdf[-1, 2] == pytest.approx(found.arrival_probability[2], abs=1e-4)
+
+
 def test_classes_follow_the_outcome_models():
-    problem = room(7, 3, 20)
-    policy, table = any_policy(problem, 1), np.random.default_rng(1).dirichlet(np.ones(5), 4)
+    problem, policy, table = case(1)
     classes = np.tile([1, 0, 0, 0, 0], (4, 1))
-    dwell = DwellTimes(1.0, np.array([[0, 1.0, 0], [0, 0, 1.0]]))
-    chain = renewal_chain(problem, policy, table, classes)
-    found = semi_markov_arrival(chain, dwell, 200)
-    slower = semi_markov_arrival(
-        renewal_chain(problem, policy, table), DwellTimes(1.0, np.array([[0, 0, 1.0]])), 200
+    both = DwellTimes(1.0, np.array([[0, 1.0, 0], [0, 0, 1.0]]))
+    found = semi_markov_arrival(renewal_chain(problem, policy, table, classes), both, 200)
+    faster, slower = (
+        semi_markov_arrival(renewal_chain(problem, policy, table), times, 200)
+        for times in (one_step(1.0), DwellTimes(1.0, np.array([[0, 0, 1.0]])))
     )
-    faster = semi_markov_arrival(renewal_chain(problem, policy, table), one_step(1.0), 200)
     assert np.all(found.cdf <= faster.cdf + 1e-7)
     assert np.all(found.cdf >= slower.cdf - 1e-7)
-    assert found.mean_steps[0] > faster.mean_steps[0] + 0.1
+    away = np.arange(12) != problem.goal_states[0]
+    assert np.all(found.mean_steps[away] > faster.mean_steps[away] + 0.1)
+
+
+def test_a_goal_that_can_be_left_counts_as_arrived_all_the_same():
+    there_and_back = RenewalChain([0, 1], [1, 0], [1.0, 1.0], [0, 0], [False, True])
+    found = semi_markov_arrival(there_and_back, one_step(1.0), 2)
+    np.testing.assert_allclose(found.cdf, [[0, 1], [1, 1], [1, 1]], atol=3e-8)
 
 
 def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    problem = room(7, 3, 20)
-    chain = renewal_chain(
-        problem,
-        problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True),
-        np.tile([0.1, 0.9, 0, 0, 0], (4, 1)),
-    )
-    monkeypatch.setattr(memory, "memory_limit", lambda: 60_000)
-    with pytest.raises(SerdError, match="within 100 steps from each of 21 states must fit into"):
+    chain = renewal_chain(*case(0))
+    monkeypatch.setattr(memory, "memory_limit", lambda: 30_000)
+    with pytest.raises(SerdError, match="within 100 steps from each of 12 states must fit into"):
         semi_markov_arrival(chain, one_step(1.0), 100)
-    assert semi_markov_arrival(chain, one_step(1.0), 50).cdf.shape == (51, 21)
-
-
-def test_a_certain_loop_that_takes_no_time_is_rejected():
-    chain = RenewalChain([0, 1], [0, 1], [1.0, 1.0], [0, 0], [False, True])
-    with pytest.raises(SerdError, match="moves of the chain must take time"):
-        semi_markov_arrival(chain, DwellTimes(1.0, np.array([[1.0]])), 5)
+    assert semi_markov_arrival(chain, one_step(1.0), 50).cdf.shape == (51, 12)
 
 
 @pytest.mark.parametrize("goals", [[2], [False, False, True]])
 def test_goals_are_numbers_or_a_mask(goals):
-    problem = room(3, 1, 2)
-    given = SimpleNamespace(mdp=problem.mdp, goal_states=goals)
-    outcomes = np.full((4, 5), 0.2)
-    chain = renewal_chain(given, any_policy(problem, 0), outcomes)
+    given = SimpleNamespace(mdp=room(3, 1, 2).mdp, goal_states=goals)
+    chain = renewal_chain(given, always(room(3, 1, 2), Action.NORTH), np.full((4, 5), 0.2))
     assert chain.goal.tolist() == [False, False, True]
 
 
+LAST = np.arange(3) == 2
+LOOP = RenewalChain([0, 1], [0, 1], [1.0, 1.0], [0, 0], [False, True])
+ROOM, OUTCOMES = room(6, 1, 5), np.full((4, 5), 0.2)
+POLICY = always(ROOM, Action.NORTH)
+
+
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("call", "sentence"),
     [
-        ({"probability": [1.0, 0.5]}, r"moves from state 1 must sum to 1, got 0\.5"),
+        (lambda: semi_markov_arrival(LOOP, DwellTimes(1.0, [[1.0]]), 5), "moves of the chain must"),
+        (lambda: semi_markov_arrival(line(2), one_step(1.0), -1), "n_steps must not be negative"),
+        (lambda: semi_markov_arrival(line(1, [1]), one_step(1.0), 1), "must be a class of dwell"),
+        (lambda: RenewalChain([0, 1], [1, 2], [1, 0.5], [0, 0], LAST), "from state 1 must sum to"),
+        (lambda: RenewalChain([0, 0], [1, 2], [2, -1], [0, 0], LAST), "ility.1. must not be neg"),
+        (lambda: DwellTimes(0.1, [[0, 1.0], [0.7, 0.7]]), r"mass\[1\] must be probabilities"),
+        (lambda: DwellTimes(0.0, [[0, 1.0]]), "step_s must be above 0 and finite"),
         (
-            {"state": [0, 0], "probability": [1.5, -0.5]},
-            r"probability\[1\] must not be negative, got",
+            lambda: renewal_chain(ROOM, np.tile(np.eye(5)[1], (6, 1)), OUTCOMES),
+            r"policy\[5, 1\] mu",
+        ),
+        (
+            lambda: renewal_chain(ROOM, POLICY * 0.5, OUTCOMES),
+            r"policy\[0\] must sum to 1, got 0.5",
         ),
     ],
 )
-def test_moves_that_are_no_distribution_are_rejected(change, sentence):
-    given = {"state": [0, 1], "successor": [1, 2], "dwell": [0, 0], "goal": np.arange(3) == 2}
+def test_moves_and_times_that_are_no_distribution_are_rejected(call, sentence):
     with pytest.raises(SerdError, match=sentence):
-        RenewalChain(**{key: np.array(value) for key, value in (given | change).items()})
-    with pytest.raises(SerdError, match=r"mass\[1\] must be probabilities"):
-        DwellTimes(0.1, np.array([[0, 1.0], [0.7, 0.7]]))
+        call()

@@ -18,12 +18,6 @@ def test_arrows_that_all_lead_to_the_goal_leave_no_trap() -> None:
     assert not trap_states(CORRIDOR, np.full(6, LEFT), np.array([0, 5])).any()
 
 
-def test_waiting_and_walking_to_and_fro_are_traps() -> None:
-    greedy = np.array([STAY, LEFT, RIGHT, LEFT, RIGHT, STAY])
-    trapped = trap_states(CORRIDOR, greedy, np.array([5]))
-    assert trapped.tolist() == [True, True, True, True, False, False]
-
-
 def test_actions_that_are_drawn_lead_to_the_goal_by_some_chance_or_by_none() -> None:
     probabilities = np.tile([0.6, 0.4, 0.0], (6, 1))
     probabilities[3:, RIGHT] = 1e-9
@@ -43,17 +37,6 @@ def test_it_agrees_with_walking_along_the_arrows(seed: int, n_states: int) -> No
             if state != goal:
                 state = int(successor[state])
         assert trapped[first] == (state != goal)
-
-
-def test_a_loop_that_chance_leaves_and_an_unlikely_arrival_are_told_apart() -> None:
-    greedy = np.array([STAY, LEFT, LEFT, RIGHT, RIGHT, STAY])
-    likely = np.array([0.9, 0.9, 0.2, 0.2, 1.0, 1.0])
-    traps = find_traps(CORRIDOR, greedy, np.array([5]), likely, threshold=0.5)
-    assert np.flatnonzero(traps.looping).tolist() == [0, 1, 2]
-    assert np.flatnonzero(traps.unlikely).tolist() == [2, 3]
-    assert traps.states.tolist() == [0, 1, 2, 3]
-    assert 3 in traps
-    assert 4 not in traps
 
 
 def test_a_state_is_unlikely_below_the_threshold_and_not_at_it() -> None:

@@ -31,27 +31,14 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
     assert np.all(ended.state == 0)
 
 
-def test_one_seed_gives_one_sample(make_gridworld):
-    np.testing.assert_array_equal(
-        make_gridworld(seed=5).decisions.state, make_gridworld(seed=5).decisions.state
-    )
-
-
 def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
     """One state that both actions keep: nothing leaves it, but the choice there is informative."""
     mdp = Mdp(
         OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
         0.9,
     )
-    decisions = sample_decisions(
-        mdp,
-        np.array([[0.25, 0.75]]),
-        np.ones((1, 1)),
-        np.ones(1),
-        n_episodes=400,
-        n_steps=10,
-        rng=np.random.default_rng(0),
-    )
+    problem = sc.TabularProblem(mdp, np.ones((1, 2, 1)), ("constant",))
+    decisions = sampled(problem, np.array([[0.25, 0.75]]), np.ones((1, 1)), 400, 10)
     assert len(decisions) == 4000
     assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
 

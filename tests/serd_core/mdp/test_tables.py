@@ -97,48 +97,38 @@ def test_wrong_tables_are_rejected_with_a_sentence(change, message):
         sc.from_transitions(**given | change)
 
 
-def test_an_environment_without_a_table_is_rejected():
-    with pytest.raises(sc.SerdError, match="environment must have a table P"):
-        sc.from_gymnasium(object(), discount=0.9)
-    with pytest.raises(sc.SerdError, match="features must be given where outcome models"):
-        sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.9, model_of=0)
+END = (1.0, 0, 0.0, False)
+LAKE = gymnasium.make("FrozenLake-v1")
+KNOWN = {"features": np.ones((16, 1)), "discount": 0.9}
+
+
+def environment(table):
+    return type("Environment", (), {"P": table})()
 
 
 @pytest.mark.parametrize(
-    ("table", "name"),
+    ("given", "options", "message"),
     [
-        ({0: {0: [(1.0, 0, 0.0, False)], 2: [(1.0, 1, 0.0, True)]}, 1: {0: []}}, r"P\[0\]"),
-        ({1: {0: [(1.0, 1, 0.0, False)]}}, "P"),
-        ({0: {0: [(1.0, 0, 0.0, False)]}, "a": {}}, "P"),
+        (object(), {}, "environment must have a table P"),
+        (LAKE, {"features": None, "model_of": 0}, "features must be given where outcome models"),
+        (LAKE, {"model_of": np.zeros((3, 3))}, "model_of must have shape"),
+        (LAKE, {"model_of": "a"}, "model_of must be an array of numbers"),
+        (environment({0: {0: [END], 2: [END]}, 1: {0: []}}), {}, r"keys of P\[0\] must be 0 to"),
+        (environment({1: {0: [END]}}), {}, "keys of P must be 0 to "),
+        (environment({0: {0: [END]}, "a": {}}), {}, "keys of P must be 0 to "),
+        (environment({}), {}, r"P must list at least one outcome, got \{\}"),
+        (environment({0: {0: []}}), {}, "P must list at least one outcome"),
+        (environment([[[END]]]), {}, "P must be a dictionary, got"),
+        (environment({0: [[END]]}), {}, r"P\[0\] must be a dictionary, got"),
+        (
+            environment({0: {0: [END[:3]]}}),
+            {},
+            r"P\[0\]\[0\] must list outcomes \(probability, next",
+        ),
+        (environment({0: {0: [("1", *END[1:])]}}), {}, r"P\[0\]\[0\] must list outcomes"),
+        (environment({0: {0: [(1.0, 0.5, 0.0, False)]}}), {}, r"P\[0\]\[0\] must list outcomes"),
     ],
 )
-def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
-    environment = type("Environment", (), {"P": table})()
-    with pytest.raises(sc.SerdError, match=f"the keys of {name} must be 0 to "):
-        sc.from_gymnasium(environment, discount=0.9)
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({}, r"P must list at least one outcome, got \{\}"),
-        ({0: {}}, "P must list at least one outcome"),
-        ({0: {0: []}}, "P must list at least one outcome"),
-        ([[[(1.0, 0, 0.0, False)]]], "P must be a dictionary, got"),
-        ({0: [[(1.0, 0, 0.0, False)]]}, r"P\[0\] must be a dictionary, got"),
-        ({0: {0: [(1.0, 0, 0.0)]}}, r"P\[0\]\[0\] must list outcomes \(probability, next state"),
-        ({0: {0: [("1", 0, 0.0, False)]}}, r"P\[0\]\[0\] must list outcomes"),
-        ({0: {0: [(1.0, 0.5, 0.0, False)]}}, r"P\[0\]\[0\] must list outcomes"),
-    ],
-)
-def test_tables_of_another_form_than_gymnasium_s_are_rejected(table, message):
-    environment = type("Environment", (), {"P": table})()
+def test_tables_of_another_form_than_gymnasium_s_are_rejected(given, options, message):
     with pytest.raises(sc.SerdError, match=message):
-        sc.from_gymnasium(environment, discount=0.9)
-
-
-@pytest.mark.parametrize("model_of", [np.zeros((3, 3)), [0, 0, 0, 0], "a"])
-def test_models_of_another_shape_than_the_pairs_are_rejected(model_of):
-    lake, features = gymnasium.make("FrozenLake-v1"), np.ones((16, 1))
-    with pytest.raises(sc.SerdError, match="model_of must"):
-        sc.from_gymnasium(lake, discount=0.9, features=features, model_of=model_of)
+        sc.from_gymnasium(given, **KNOWN | options)

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import gamma
 
 import serd_core as sc
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.semi_markov.arrival import dwell_steps, timed_arrival
-from support.arrival_twin import arrival_by_state
 from support.semi_markov import timed_ring
 from support.small_problems import room
 
@@ -22,20 +20,6 @@ def timed_room(log_pace=None):
         problem, np.ones(len(problem.feature_names)), model.local_probabilities(truth)
     )
     return problem, truth, policy.probabilities
-
-
-def test_where_every_decision_takes_a_second_it_is_the_number_of_decisions():
-    problem = room(7, 3, 20)
-    rng = np.random.default_rng(2)
-    table = rng.dirichlet(np.ones(5), 4)
-    policy = rng.gamma(1.0, size=problem.mdp.available.shape) * problem.mdp.available
-    policy /= policy.sum(axis=1, keepdims=True)
-    none = np.full((4, 5), -1)
-    timed = sc.semi_markov_problem(problem, law_of=none)
-    truth = timed.mdp.transitions.parameters_from(table, 1.0, 1.0)
-    found = timed_arrival(timed, policy, truth, 1.0, 60)
-    expected = arrival_by_state(problem, policy, table, 60)
-    np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
 
 
 def test_drawn_drives_arrive_as_predicted_with_stays_waits_and_places():
@@ -70,14 +54,6 @@ def test_steps_keep_the_mean_of_a_time_also_where_it_varies_less_than_a_step():
     np.testing.assert_allclose(0.2 * mass[:6] @ np.arange(101), mean_s[:6], rtol=1e-6)
     np.testing.assert_allclose(mass[:6].sum(axis=1), 1.0, atol=1e-9)
     assert mass[6].sum() < 1e-9
-
-
-def test_within_a_step_a_law_has_its_mean_probability_up_to_the_next():
-    mass, law = dwell_steps(np.array([2.0]), np.array([5.0]), 0.1, 100)[0], gamma(5.0, scale=0.4)
-    for j in (1, 7, 20, 60):
-        between = np.linspace(0.1 * j, 0.1 * (j + 1), 2001)
-        expected = np.trapezoid(law.cdf(between), between) / 0.1
-        assert mass[: j + 1].sum() == pytest.approx(expected, abs=1e-8)
 
 
 def test_times_that_do_not_vary_are_the_steps_beside_them():
