@@ -30,10 +30,9 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, shown, unrepeated
-from serd_core.bellman.engine import Engine
+from serd_core.arrays import FloatArray, float_array, is_number, require_each, shown
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -57,21 +56,12 @@ class BellmanProblem:
 
     def __post_init__(self) -> None:
         available = self.mdp.available
-        if unrepeated(available).all():
-            allowed = rewards = self.rewards
-        else:
-            allowed = np.where(available, self.rewards, 0.0)
-            rewards = np.where(available, self.rewards, -np.inf)
+        allowed = np.where(available, self.rewards, 0.0)
         largest = LARGEST_VALUE * (1.0 - self.contraction)
-        once = unrepeated(allowed)
-        if not max(float(once.max()), -float(once.min())) <= largest:
-            state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
-            raise SerdError(
-                f"rewards[{state}, {action}] must be finite and at most {largest:.3g} in size, got"
-                f" {allowed[state, action]}; use smaller weights or features, and mark forbidden"
-                " actions unavailable"
-            )
-        object.__setattr__(self, "rewards", rewards)
+        rule = f"be finite and at most {largest:.3g} in size"
+        fix = "use smaller weights or features, and mark forbidden actions unavailable"
+        require_each("rewards", allowed, np.abs(allowed) <= largest, rule, fix)
+        object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
 
     @property
     def discount(self) -> float:
@@ -84,31 +74,15 @@ class BellmanProblem:
         filled = self.transitions
         return self.discount * filled.model.largest_sum(filled.local_probabilities)
 
-    @property
-    def engine(self) -> Engine:
-        """Who applies T."""
-        return self.mdp.engine
-
 
 @dataclass(frozen=True, eq=False)
 class Backup:
-    """T V at one V: (S,) value = V, target = T V, and residual, the largest |T V - V|.
+    """T V at one V: (S,) value = V, target = T V, (S, A) Q of V, and the largest |T V - V|."""
 
-    kept_q: Q, or None where it is computed when it is asked for.
-    """
-
-    problem: BellmanProblem
     value: FloatArray
     target: FloatArray
+    q: FloatArray
     residual: float
-    kept_q: FloatArray | None
-
-    @property
-    def q(self) -> FloatArray:
-        """(S, A) Q-function of V."""
-        if self.kept_q is None:
-            return self.problem.engine.q(self.problem, self.value)
-        return self.kept_q
 
     @cached_property
     def gap(self) -> FloatArray:
@@ -123,10 +97,12 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    target, q = problem.engine.backup(problem, value)
+    q = problem.transitions.expected(value)
+    q *= problem.discount
+    q += problem.rewards
+    target = problem.equation.maximum(q)
     gap = target - value
-    residual = max(float(gap.max()), -float(gap.min()))
-    return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)
+    return Backup(value, target, q, max(float(gap.max()), -float(gap.min())))
 
 
 def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
@@ -266,16 +242,20 @@ def adjoint(
     linear_solver: LinearSolver,
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
-    engine, policy = mdp.engine, solution.policy
-    system = engine.system(transitions, policy, mdp.discount, linear_solver)
-    flow = engine.flow(transitions, q_gradient)
-    state_gradient = system.solve(mdp.discount * flow, transposed=True)
-    del system
+    policy = solution.policy
+    system = policy_system(transitions, policy, mdp.discount, linear_solver)
+    flow = mdp.discount * transitions.flow(q_gradient)
+    state_gradient = system.solve(flow, transposed=True)
+    del system  # frees the memory of its factor
     reward_gradient = policy * state_gradient[:, None]
     reward_gradient += q_gradient
-    by_local = engine.local_gradient(transitions, reward_gradient, solution.value)
-    return Adjoint(
-        reward_gradient=reward_gradient,
-        local_gradient=mdp.discount * by_local,
-        state_gradient=state_gradient,
-    )
+    by_local = transitions.local_gradient(reward_gradient, solution.value)
+    return Adjoint(reward_gradient, mdp.discount * by_local, state_gradient)
+
+
+def policy_system(
+    transitions: Transitions, policy: FloatArray, discount: float, solver: LinearSolver
+) -> LinearSystem:
+    """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
+    pattern = transitions.model.policy_pattern
+    return solver.prepare(pattern, pattern.system_data(policy, transitions.entries, discount))

@@ -24,7 +24,6 @@ from serd_core.arrays import (
     require_index,
     require_positive,
     shown,
-    unrepeated,
     weighted_counts,
 )
 from serd_core.dynamics.transition_model import RowEntries, TransitionModel
@@ -34,8 +33,6 @@ from serd_core.errors import SerdError
 SUM_TOLERANCE = 1e-9
 #: Scaled energy, below that of a certain outcome, at which exp() is exactly 0: it is from 746 on.
 IMPOSSIBLE = 1000.0
-#: States from which indices have four bytes, which halves the memory of large problems.
-SMALL_INDICES_FROM = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +60,10 @@ class OutcomeModels(TransitionModel):
     n_others: int = 0
 
     def __post_init__(self) -> None:
-        successors = int_array("successors", self.successors, (None, None, None), dtype=None)
+        successors = int_array("successors", self.successors, (None, None, None))
         pairs = successors.shape[:2]
         available = bool_array("available", self.available, pairs)
-        model_of = int_array("model_of", self.model_of, pairs, dtype=None)
+        model_of = int_array("model_of", self.model_of, pairs)
         require_positive("beta", self.beta, "use 1.0")
         if not successors.size:
             raise SerdError(
@@ -85,8 +82,8 @@ class OutcomeModels(TransitionModel):
             intended = int_array("intended", self.intended, (self.n_models,))
             require_index("intended", intended, successors.shape[2], "an outcome")
             object.__setattr__(self, "intended", intended)
-        object.__setattr__(self, "successors", _stored(successors))
-        object.__setattr__(self, "model_of", _stored(model_of))
+        object.__setattr__(self, "successors", successors)
+        object.__setattr__(self, "model_of", model_of)
         object.__setattr__(self, "available", available)
 
     @property
@@ -107,17 +104,16 @@ class OutcomeModels(TransitionModel):
     @cached_property
     def row_length(self) -> IntArray:
         """(S, A) K for available pairs, else 0."""
-        length = unrepeated(self.available) * np.int64(self.n_outcomes)
-        return np.broadcast_to(length, self.available.shape)
+        return self.available * np.int64(self.n_outcomes)
 
     def row_entries(self, row: IntArray) -> RowEntries:
         """Entries of the given rows, one after the other, without a list of all."""
         row = row[self.available.ravel()[row]]
         pair, outcomes = np.divmod(row, self.n_actions), np.arange(self.n_outcomes)
-        first = self.model_of[pair].astype(np.int64) * self.n_outcomes
+        first = self.model_of[pair] * self.n_outcomes
         return RowEntries(
             row=np.repeat(row, self.n_outcomes),
-            successor=self.successors[pair].astype(np.int64).ravel(),
+            successor=self.successors[pair].ravel(),
             local_index=np.asarray((first[:, None] + outcomes).ravel()),
         )
 
@@ -139,11 +135,11 @@ class OutcomeModels(TransitionModel):
     @cached_property
     def successor(self) -> IntArray:
         """(E,) next state of each entry."""
-        return self.successors[self.available].ravel().astype(np.int64, copy=False)
+        return self.successors[self.available].ravel()
 
     @cached_property
     def _model_of_pair(self) -> IntArray:
-        return self.model_of[self.available].astype(np.int64, copy=False)
+        return self.model_of[self.available]
 
     @cached_property
     def local_index(self) -> IntArray:
@@ -277,9 +273,3 @@ class OutcomeModels(TransitionModel):
                 f"outcome probabilities must have shape {expected} (models, outcomes),"
                 f" got {np.shape(table)}; pass one row per local model"
             )
-
-
-def _stored(indices: IntArray) -> IntArray:
-    """Indices of four bytes for many states, of eight for few."""
-    kind = np.int32 if SMALL_INDICES_FROM <= len(indices) <= 2**31 else np.int64
-    return np.broadcast_to(unrepeated(indices).astype(kind, copy=False), indices.shape)

@@ -33,11 +33,15 @@ from serd_core.arrays import (
     differences,
     floored,
     gradient_differences,
-    matrix_index_type,
     number_array,
     weighted_counts,
 )
-from serd_core.bellman.linear.policy_pattern import with_numbers
+from serd_core.bellman.linear.policy_pattern import (
+    PolicyPattern,
+    index_type,
+    policy_pattern,
+    with_numbers,
+)
 from serd_core.errors import SerdError
 
 #: By which a probability or a sum of them may be off.
@@ -231,10 +235,15 @@ class TransitionModel(ABC):
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
         shape = (self.n_states * self.n_actions, self.n_states)
-        kind = matrix_index_type(max(self.n_entries, self.n_states))
+        kind = index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
         return scipy.sparse.csr_array((ones, *places), shape=shape)
+
+    @cached_property
+    def policy_pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
+        return policy_pattern(self.row, self.successor, self.n_states, self.n_actions)
 
     def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
@@ -279,6 +288,16 @@ class Transitions:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""
         expected: FloatArray = self.matrix @ values
         return expected.reshape(self.model.available.shape)
+
+    def flow(self, weights: FloatArray) -> FloatArray:
+        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
+        return np.asarray(self.matrix.T @ weights.ravel())
+
+    def local_gradient(self, weights: FloatArray, values: FloatArray) -> FloatArray:
+        """Gradient of sum weights(s, a) P(s' | s, a) values(s') by the local probabilities."""
+        by_entry = np.take(weights.ravel(), self.model.row)
+        by_entry *= np.take(values, self.model.successor)
+        return self.model.gather(by_entry)
 
 
 def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transitions:

@@ -1,4 +1,4 @@
-"""Iterative solution of the linear systems where an LU factor would no longer fit.
+"""Iterative solution of the linear systems where an LU factor would take long or not fit.
 
 BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
 by rounding. An incomplete LU factor may precondition; discounts near one and grids with long ways
@@ -41,15 +41,12 @@ class Krylov(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
-        matrix = pattern.matrix(data)
-        return KrylovSystem(self, matrix, self._incomplete(matrix))
-
-    def _incomplete(self, matrix: Any) -> Any:
-        if self.fill <= 0:
-            return None
-        return scipy.sparse.linalg.spilu(
-            matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
-        )
+        matrix, incomplete = pattern.matrix(data), None
+        if self.fill > 0:
+            incomplete = scipy.sparse.linalg.spilu(
+                matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
+            )
+        return KrylovSystem(self, matrix, incomplete)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +68,23 @@ class KrylovSystem(LinearSystem):
         return np.stack(columns, axis=1)
 
     def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
+        matrix = self._transposed if transposed else self.matrix
         size = float(np.linalg.norm(right_side))
         solution, left = np.zeros_like(right_side), right_side
         for _ in range(self.settings.max_runs):
             length = float(np.linalg.norm(left))
             if length <= target * size:
                 return solution
-            gain = max(0.5 * target * size / length, GAIN_PER_RUN)
-            improved = self._run(left, transposed, gain)
+            improved, _ = scipy.sparse.linalg.bicgstab(
+                matrix,
+                left,
+                atol=0.0,
+                maxiter=self.settings.max_iterations,
+                M=self._preconditioner("T" if transposed else "N"),
+                **{_BOUND: max(0.5 * target * size / length, GAIN_PER_RUN)},
+            )
             improved += solution
-            remaining = right_side - self._product(improved, transposed)
+            remaining = right_side - matrix @ improved
             if not np.linalg.norm(remaining) < length:
                 break
             solution, left = improved, remaining
@@ -96,30 +100,11 @@ class KrylovSystem(LinearSystem):
     def _transposed(self) -> Any:
         return self.matrix.T.tocsr()
 
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        """(S,) product with the matrix or its transpose."""
-        return np.asarray((self._transposed if transposed else self.matrix) @ vector)
-
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        """(S,) result of one run of BiCGSTAB from zero, converged or not."""
-        found, _ = scipy.sparse.linalg.bicgstab(
-            self._transposed if transposed else self.matrix,
-            right_side,
-            atol=0.0,
-            maxiter=self.settings.max_iterations,
-            M=self._preconditioner("T" if transposed else "N"),
-            **{_BOUND: relative_residual},
-        )
-        return np.asarray(found)
-
     def _preconditioner(self, trans: str) -> Any:
         if self.incomplete is None:
             return None
-        factor = self.incomplete
         return scipy.sparse.linalg.LinearOperator(
             self.matrix.shape,
-            matvec=lambda vector: factor.solve(vector, trans=trans),
+            matvec=lambda vector: self.incomplete.solve(vector, trans=trans),
             dtype=np.float64,
         )
