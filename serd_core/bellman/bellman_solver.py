@@ -113,7 +113,8 @@ def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
     best one have large errors in Q, and a weight that makes up for them.
     """
     largest_value = last.scale + last.residual
-    n_terms = problem.transitions.model.longest_row + problem.transitions.model.n_actions + 3
+    model = problem.transitions.model
+    n_terms = int(model.row_length.max()) + model.n_actions + 3
     return n_terms * EPSILON * largest_value
 
 

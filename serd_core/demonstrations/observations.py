@@ -97,15 +97,15 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     candidates = explaining_transitions(mdp, hidden.select(first))
     move, column = np.nonzero(candidates >= 0)
     keys = np.unique(np.concatenate([observed, candidates[move, column]]))
-    entries = mdp.transitions.moves.row_entries(np.unique(keys // mdp.n_states))
-    entry_group = places_of(entries.row * mdp.n_states + entries.successor, keys)
+    model = mdp.transitions.moves
+    entry_group = places_of(model.row * mdp.n_states + model.successor, keys)
     kept = entry_group >= 0
     place = places_of(candidates[move, column], keys)
     return Observations(
         state_action=counts,
         key=keys,
         group_count=np.bincount(places_of(observed, keys), minlength=len(keys)).astype(np.float64),
-        local_index=entries.local_index[kept],
+        local_index=model.local_index[kept],
         entry_group=entry_group[kept],
         hidden=HiddenMoves(moves.astype(np.float64), place, move),
         dwells=dwell_times(mdp, decisions, name),
@@ -162,10 +162,8 @@ def _found(mdp: Mdp, state: IntArray, action: IntArray, following: IntArray) -> 
         np.where(inside, state, 0) * mdp.n_actions + np.clip(action, 0, mdp.n_actions - 1),
         np.where(inside, following, 0),
     )
-    entries = mdp.transitions.row_entries(np.unique(row))
-    present = np.unique(entries.row * mdp.n_states + entries.successor)
     key = row * mdp.n_states + successor
-    return np.where(inside & (places_of(key, present) >= 0), key, -1)
+    return np.where(inside & (mdp.transitions.groups.places(key) >= 0), key, -1)
 
 
 def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:

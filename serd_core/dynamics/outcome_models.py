@@ -26,7 +26,7 @@ from serd_core.arrays import (
     shown,
     weighted_counts,
 )
-from serd_core.dynamics.transition_model import RowEntries, TransitionModel
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
 #: How far the sum of a row may be from 1: rounding, no more.
@@ -106,45 +106,15 @@ class OutcomeModels(TransitionModel):
         """(S, A) K for available pairs, else 0."""
         return self.available * np.int64(self.n_outcomes)
 
-    def row_entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, one after the other, without a list of all."""
-        row = row[self.available.ravel()[row]]
-        pair, outcomes = np.divmod(row, self.n_actions), np.arange(self.n_outcomes)
-        first = self.model_of[pair] * self.n_outcomes
-        return RowEntries(
-            row=np.repeat(row, self.n_outcomes),
-            successor=self.successors[pair].ravel(),
-            local_index=np.asarray((first[:, None] + outcomes).ravel()),
-        )
-
-    @cached_property
-    def absorbing(self) -> BoolArray:
-        """(S,) states that no available action can leave, for any parameters."""
-        own, leaves = np.arange(self.n_states), np.zeros(self.n_states, dtype=np.bool_)
-        for action in range(self.n_actions):
-            for outcome in range(self.n_outcomes):
-                moves = self.successors[:, action, outcome] != own
-                leaves |= moves & self.available[:, action]
-        return ~leaves
-
-    @property
-    def n_entries(self) -> int:
-        """K per available pair."""
-        return int(np.count_nonzero(self.available)) * self.n_outcomes
-
     @cached_property
     def successor(self) -> IntArray:
         """(E,) next state of each entry."""
         return self.successors[self.available].ravel()
 
     @cached_property
-    def _model_of_pair(self) -> IntArray:
-        return self.model_of[self.available]
-
-    @cached_property
     def local_index(self) -> IntArray:
         """(E,) place of each entry's probability in the flattened (M, K) table."""
-        first = self._model_of_pair * self.n_outcomes
+        first = self.model_of[self.available] * self.n_outcomes
         return np.asarray((first[:, None] + np.arange(self.n_outcomes)).ravel())
 
     @property
@@ -209,7 +179,7 @@ class OutcomeModels(TransitionModel):
     def entries(self, local_probabilities: FloatArray) -> FloatArray:
         """(E,) entries for the given (M, K) outcome probabilities."""
         self._require_table(local_probabilities)
-        return np.take(local_probabilities, self._model_of_pair, axis=0).ravel()
+        return np.ravel(local_probabilities)[self.local_index]
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """(M, K) sum of the entry gradients over all pairs that share a model."""
@@ -245,13 +215,6 @@ class OutcomeModels(TransitionModel):
         table = np.asarray(known, dtype=np.float64)
         self.require_distributions(table)
         return table
-
-    def require_transitions(self, local_probabilities: FloatArray) -> None:
-        """SerdError naming the first (s, a) whose probabilities are no distribution."""
-        self._require_table(local_probabilities)
-        sums = np.sum(local_probabilities, axis=1)
-        if not (np.all(local_probabilities >= 0) and np.all(np.abs(sums - 1.0) <= SUM_TOLERANCE)):
-            super().require_transitions(local_probabilities)
 
     def require_distributions(self, table: FloatArray) -> None:
         """SerdError naming the first local model whose row of an (M, K) table is no distribution.

@@ -33,8 +33,7 @@ class SparseModel(TransitionModel):
     n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order.
     probabilities: parameters (n_parameters,) -> (E,) entries in that order.
     vector_jacobian: (parameters, (E,) gradient) -> (n_parameters,) gradient.
-    Pairs without entries are not available. n_copies: how often each parameterised entry occurs, as
-    in the periods of a finite horizon; pseudo-counts are of all copies together.
+    Pairs without entries are not available.
     """
 
     n_pairs: tuple[int, int]
@@ -44,7 +43,6 @@ class SparseModel(TransitionModel):
     parameter_count: int
     probabilities: Callable[[FloatArray], FloatArray]
     vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray]
-    n_copies: int = 1
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))

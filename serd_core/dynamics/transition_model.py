@@ -80,15 +80,6 @@ def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
     return np.where(keys[place] == wanted, place, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class RowEntries:
-    """Entries of some rows: (n,) row and successor, and place in the flat local probabilities."""
-
-    row: IntArray
-    successor: IntArray
-    local_index: IntArray
-
-
 class TransitionModel(ABC):
     """Sparse P(s' | s, a) as a smooth function of a parameter vector.
 
@@ -105,14 +96,7 @@ class TransitionModel(ABC):
     @cached_property
     def row_start(self) -> IntArray:
         """(S*A + 1,) first entry of each row."""
-        return np.concatenate([[0], np.cumsum(self.row_length, dtype=np.int64)])
-
-    def row_entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, one after the other."""
-        first, length = self.row_start[row], self.row_length.ravel()[row]
-        start = np.repeat(first - (np.cumsum(length) - length), length)
-        entry = start + np.arange(len(start))
-        return RowEntries(np.repeat(row, length), self.successor[entry], self.local_index[entry])
+        return np.concatenate([[0], np.cumsum(self.row_length)])
 
     @property
     @abstractmethod
@@ -209,13 +193,7 @@ class TransitionModel(ABC):
     @cached_property
     def row(self) -> IntArray:
         """(E,) row s * n_actions + a of each entry."""
-        lengths = np.diff(self.row_start)
-        return np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)
-
-    @cached_property
-    def longest_row(self) -> int:
-        """Most entries of a row."""
-        return int(self.row_length.max())
+        return np.repeat(np.arange(self.available.size), self.row_length.ravel())
 
     @cached_property
     def groups(self) -> TransitionGroups:
@@ -228,9 +206,7 @@ class TransitionModel(ABC):
     def absorbing(self) -> BoolArray:
         """(S,) states that no available action can leave, for any parameters."""
         state = self.row // self.n_actions
-        leaves = np.zeros(self.n_states, dtype=np.bool_)
-        leaves[state[self.successor != state]] = True
-        return ~leaves
+        return ~np.isin(np.arange(self.n_states), state[self.successor != state])
 
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
@@ -254,9 +230,9 @@ class TransitionModel(ABC):
         entries = self.entries(local_probabilities)
         if (bad := np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))).size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
-        lengths = np.diff(self.row_start)
-        sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
-        if (wrong := np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > _ROUNDING))).size:
+        sums = weighted_counts(self.row, entries, self.available.size)
+        given = self.row_length.ravel() > 0
+        if (wrong := np.flatnonzero(given & (np.abs(sums - 1.0) > _ROUNDING))).size:
             self._reject(int(wrong[0]), f"sums to {sums[wrong[0]]}")
 
     def _reject(self, row: int, problem: str) -> None:

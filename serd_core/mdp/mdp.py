@@ -31,7 +31,7 @@ class Mdp:
     """A discounted Markov decision process whose transitions may still have parameters to learn.
 
     transitions: P(s' | s, a), such as `OutcomeModels`; discount: gamma in [0, 1) per decision.
-    Raises SerdError where a state has no action or a pair no successor.
+    Raises SerdError where a state has no action.
     """
 
     transitions: TransitionModel
@@ -55,12 +55,6 @@ class Mdp:
             raise SerdError(
                 f"state {stuck[0]} must have at least one available action, got none"
                 "; give an absorbing state one action that stays"
-            )
-        wrong = first_index((self.transitions.row_length == 0) & self.available)
-        if wrong is not None:
-            raise SerdError(
-                f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
-                "; add one or mark the action unavailable"
             )
 
     @property

@@ -6,7 +6,6 @@ from scipy.special import logsumexp
 
 import serd_core as sc
 from serd_core.errors import SerdError
-from serd_core.posterior.parameters import Parameters
 
 WEIGHTS = np.array([1.5, -0.7])
 TRUTH = np.array([[0.7, 0.2, 0.1], [0.1, 0.3, 0.6]])
@@ -60,35 +59,6 @@ def test_policies_are_those_of_backward_induction(seed):
         assert np.all(found.mdp.final[-problem.mdp.n_states :])
 
 
-def test_parameters_of_a_sparse_model_are_shared_by_all_periods():
-    """Two states; action 1 changes the state with the probability that is learned."""
-    change = np.array([0, 1, -1, 0, 1, -1])
-
-    def chance(parameters):
-        return 1.0 / (1.0 + np.exp(-parameters[0]))
-
-    def entries(parameters):
-        return np.where(change == 0, 1.0, change * chance(parameters) + (change < 0))
-
-    def vector_jacobian(parameters, gradient):
-        p = chance(parameters)
-        return np.array([p * (1.0 - p) * (gradient @ change)])
-
-    places = [0, 0, 0, 1, 1, 1], [0, 1, 1, 0, 1, 1], [0, 1, 0, 1, 0, 1]
-    model = sc.SparseModel((2, 2), *map(np.array, places), 1, entries, vector_jacobian)
-    features = np.zeros((2, 2, 1))
-    features[1] = 1.0
-    problem = sc.finite_horizon(sc.TabularProblem(sc.Mdp(model, 0.9), features, ("in 1",)), 6)
-    unrolled, at = problem.mdp.transitions, np.array([0.8])
-    weights = np.random.default_rng(0).normal(size=unrolled.n_entries)
-    slopes = [weights @ unrolled.local_probabilities(at + step) for step in (1e-6, -1e-6)]
-    np.testing.assert_allclose(unrolled.pull_back(at, weights), np.diff(slopes[::-1]) / 2e-6)
-    table = unrolled.local_probabilities(at)
-    p, one = chance(at), table.reshape(-1)[:6]
-    np.testing.assert_allclose(one, [1, p, 1 - p, 1, p, 1 - p])
-    np.testing.assert_allclose(table, [*np.tile(one, 6), 1, 1])
-
-
 def test_rewards_and_dynamics_are_learned_from_episodes_of_a_few_periods():
     problem, n_periods = outcome_problem(n_states=8), 4
     whole = sc.finite_horizon(problem, n_periods)
@@ -120,12 +90,14 @@ def test_decisions_may_state_their_period():
 
 
 PROBLEM = outcome_problem()
+UNKNOWN = sc.from_transitions(np.ones((2, 1, 2)), np.ones((2, 1)), discount=0.9, learned=True)
 EPISODE = sc.decisions_from_episodes([([0, 1, 2], [0, 0])])
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: sc.finite_horizon(UNKNOWN, 2), "OutcomeModels or known to get a finite horizon"),
         (lambda: sc.finite_horizon(PROBLEM, 0), "n_periods must be a whole number of at least 1"),
         (lambda: sc.finite_horizon(PROBLEM, 10**15), "must fit into memory, but needs"),
         (lambda: sc.finite_horizon(PROBLEM, 2, features=PROBLEM.features), "features must have sh"),
@@ -150,26 +122,3 @@ def test_a_final_state_goes_on_paying_for_the_one_action_it_has():
         quality = features[:, :, 0] * 2.0 + 0.9 * table @ value
         value = logsumexp(np.where(problem.mdp.available, quality, -np.inf), axis=1)
     np.testing.assert_allclose(ended.value[:3], value, rtol=1e-12)
-
-
-def test_pseudo_counts_are_of_all_periods_together():
-    rng = np.random.default_rng(0)
-    table, features = rng.dirichlet(np.ones(3), size=(3, 2)), rng.normal(size=(3, 2, 1))
-    problem = sc.from_transitions(table, features, discount=0.9, learned=True)
-    known = sc.from_transitions(table, features, discount=0.9)
-    policy = sc.soft_policy(known, [1.0]).probabilities
-    decisions = sc.sample_decisions(known.mdp, policy, n_episodes=30, n_steps=4, rng=rng)
-    several = sc.finite_horizon(problem, 4)
-    moved = sc.decisions_in_periods(decisions, 3, 4)
-    np.testing.assert_allclose(
-        sc.estimate_dynamics(several, moved), sc.estimate_dynamics(problem, decisions), atol=1e-8
-    )
-    parameters = rng.normal(size=problem.mdp.transitions.n_parameters)
-    at = Parameters(np.zeros(1), parameters, parameters, np.zeros(0))
-    of_one, of_several = (
-        sc.DirichletPrior(2.0).evaluate(each.mdp.transitions, at) for each in (problem, several)
-    )
-    assert of_several.value == pytest.approx(of_one.value)
-    np.testing.assert_allclose(of_several.gradient.truth, of_one.gradient.truth, atol=1e-12)
-    with pytest.raises(SerdError, match="one period to count transitions in, got 4"):
-        sc.counted_transitions(several, moved)

@@ -3,26 +3,8 @@
 import gymnasium
 import numpy as np
 import pytest
-import scipy.sparse
 
 import serd_core as sc
-
-
-def random_table(seed=3, n_states=5, n_actions=2):
-    rng = np.random.default_rng(seed)
-    table = rng.dirichlet(np.ones(n_states), size=(n_states, n_actions))
-    table[table < 0.1] = 0.0
-    return table / table.sum(axis=2, keepdims=True), rng.normal(size=(n_states, n_actions, 2))
-
-
-def test_every_form_of_the_table_is_the_same_problem():
-    table, features = random_table()
-    forms = (table, [scipy.sparse.csr_array(table[:, a]) for a in range(2)])
-    values = [
-        sc.soft_policy(sc.from_transitions(form, features, discount=0.9), [1.0, -2.0]).value
-        for form in forms
-    ]
-    np.testing.assert_allclose(values[1], values[0], rtol=1e-12)
 
 
 def test_the_feature_of_a_terminal_state_counts_once():
@@ -84,7 +66,7 @@ def test_outcome_models_of_an_environment_have_its_transitions():
     ("change", "message"),
     [
         ({"transitions": np.ones((2, 1, 3))}, r"must have shape \(states, actions, states\)"),
-        ({"transitions": {"state": [0]}}, "transitions must be an .*; pass one of these"),
+        ({"transitions": {"state": [0]}}, "transitions must be an array of numbers"),
         ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
         ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
         ({"features": np.zeros((2, 0))}, "at least one feature, got none"),

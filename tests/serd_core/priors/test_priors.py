@@ -420,19 +420,6 @@ def test_a_dirichlet_prior_of_listed_transitions_counts_each_distinct_one(block)
     np.testing.assert_allclose(prior.hessian(model, of(vector)), numeric, atol=1e-8)
 
 
-def test_the_pseudo_count_of_transitions_that_occur_in_several_periods_is_of_all_together():
-    problem = sc.from_transitions(
-        np.array([[[0.25, 0.75]], [[0.0, 1.0]]]), np.zeros((2, 1, 1)), discount=0.9, learned=True
-    )
-    several = sc.finite_horizon(problem, 4)
-    place = Parameters(np.zeros(1), np.array([0.2]), np.array([-0.4]), np.zeros(0))
-    one, four = (
-        DirichletPrior(2.0).evaluate(each.mdp.transitions, place) for each in (problem, several)
-    )
-    assert four.value == pytest.approx(one.value)
-    np.testing.assert_allclose(four.gradient.truth, one.gradient.truth, atol=1e-12)
-
-
 def test_priors_of_outcome_models_name_what_they_are_given_instead():
     place = Parameters(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(0))
     dirichlet_prior, around_truth = DirichletPrior(1.0), GaussianAroundTruth(1.0)
