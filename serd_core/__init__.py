@@ -32,6 +32,7 @@ _LEFT = {
     "save": "pickle the record",
     "score_test": "use likelihood_ratio_test of two fits",
     "two_step_standard_errors": "use bootstrap with both steps in the estimate",
+    "with_choice_cost": "append the feature -log |A(s)| to those of the problem",
     "vuong_test": "use likelihood_ratio_test of two fits",
 }
 

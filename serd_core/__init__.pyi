@@ -50,7 +50,6 @@ from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_pe
 from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
-from serd_core.mdp.problem import with_choice_cost as with_choice_cost
 from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
 from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types

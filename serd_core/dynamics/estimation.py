@@ -43,7 +43,7 @@ from serd_core.dynamics.transition_model import (
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem, require_problem
-from serd_core.semi_markov.counted import counted_parameters
+from serd_core.semi_markov.dwell_prior import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
 EPSILON = float(np.finfo(np.float64).eps)

@@ -108,7 +108,6 @@ class OutcomeModels(TransitionModel):
 
     @cached_property
     def successor(self) -> IntArray:
-        """(E,) next state of each entry."""
         return self.successors[self.available].ravel()
 
     @cached_property
@@ -119,7 +118,6 @@ class OutcomeModels(TransitionModel):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(M*K,) one name per energy."""
         return tuple(
             f"model {m} outcome {k}" for m in range(self.n_models) for k in range(self.n_outcomes)
         )
@@ -177,12 +175,10 @@ class OutcomeModels(TransitionModel):
         return padded(by_energy.ravel(), (self.n_parameters,))
 
     def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries for the given (M, K) outcome probabilities."""
         self._require_table(local_probabilities)
         return np.ravel(local_probabilities)[self.local_index]
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
-        """(M, K) sum of the entry gradients over all pairs that share a model."""
         size = self.n_models * self.n_outcomes
         sums = weighted_counts(self.local_index, entry_gradient, size)
         return sums.reshape(self.n_models, self.n_outcomes)

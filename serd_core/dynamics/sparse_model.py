@@ -84,18 +84,15 @@ class SparseModel(TransitionModel):
 
     @cached_property
     def row_length(self) -> IntArray:
-        """(S, A) number of entries of each row."""
         row = self.state * self.n_pairs[1] + self.action
         return np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1]).reshape(self.n_pairs)
 
     @cached_property
     def successor(self) -> IntArray:
-        """(E,) next state of each entry, row by row."""
         return np.asarray(self.next_state[self.local_index])
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(n_parameters,) numbered."""
         return tuple(f"parameter {i}" for i in range(self.parameter_count))
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:

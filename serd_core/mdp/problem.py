@@ -65,19 +65,6 @@ class TabularProblem:
         object.__setattr__(self, "features", float_array("features", given, shape))
 
 
-def with_choice_cost(problem: TabularProblem, name: str = "choice_cost") -> TabularProblem:
-    """The same problem with the feature -log |A(s)|, the log number of choices of each state.
-
-    Weight 0 is the soft Bellman equation, weight 1 that with the mean of exp Q over the choices in
-    place of their sum, so that a decision among many is no gain in itself; a learned weight lets
-    demonstrations decide (docs/semi_markov.md).
-    """
-    choices = np.log(problem.mdp.available.sum(axis=1))
-    column = np.broadcast_to(-choices[:, None, None], (*problem.mdp.available.shape, 1))
-    features = np.concatenate([problem.features, column], axis=2)
-    return TabularProblem(problem.mdp, features, (*problem.feature_names, name))
-
-
 def require_problem(
     problem: object, has: str = "feature_names", example: str = "TabularProblem"
 ) -> None:

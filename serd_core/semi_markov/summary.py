@@ -35,9 +35,8 @@ from serd_core.bayes.laplace import Laplace
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import terms_of
-from serd_core.semi_markov.counted import counted_parameters
 from serd_core.semi_markov.dwell_likelihood import DwellObservations
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_prior import DwellPrior, counted_parameters
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
 
 #: Draws that the mean takes unless another number is asked for.

@@ -31,7 +31,6 @@ class Automatic(LinearSolver):
     largest_lu_states: int = 5_000
 
     def for_systems(self, *, right_sides: int) -> LinearSolver:
-        """The choice for systems of so many right-hand sides."""
         return (
             replace(self, largest_lu_states=LARGEST_SHARED_LU) if right_sides > MANY_SIDES else self
         )
@@ -48,7 +47,6 @@ class Automatic(LinearSolver):
         return Krylov()
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Prepare with the chosen solver."""
         solver = self.choose(pattern)
         system = solver.prepare(pattern, data)
         if isinstance(solver, Krylov):

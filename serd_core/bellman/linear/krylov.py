@@ -1,8 +1,7 @@
 """Iterative solution of the linear systems where an LU factor would take long or not fit.
 
 BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
-by rounding. An incomplete LU factor may precondition; discounts near one and grids with long ways
-need it, others do without.
+by rounding.
 """
 
 from dataclasses import dataclass
@@ -30,32 +29,22 @@ class Krylov(LinearSolver):
 
     relative_residual: |b - A x| / |b| to reach, unless `solve` allows more.
     max_iterations: of each run; max_runs: bound of the restarts.
-    fill, drop: size and threshold of the incomplete factor; fill 0 goes without one.
     """
 
     relative_residual: float = 1e-11
     max_iterations: int = 10_000
     max_runs: int = 10
-    fill: float = 0.0
-    drop: float = 1e-3
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Keep the matrix, and an incomplete factor of it where one is used."""
-        matrix, incomplete = pattern.matrix(data), None
-        if self.fill > 0:
-            incomplete = scipy.sparse.linalg.spilu(
-                matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
-            )
-        return KrylovSystem(self, matrix, incomplete)
+        return KrylovSystem(self, pattern.matrix(data))
 
 
 @dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix by rows, without a preconditioner or with an incomplete factor."""
+    """One matrix by rows."""
 
     settings: Krylov
     matrix: Any
-    incomplete: Any
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
@@ -80,7 +69,6 @@ class KrylovSystem(LinearSystem):
                 left,
                 atol=0.0,
                 maxiter=self.settings.max_iterations,
-                M=self._preconditioner("T" if transposed else "N"),
                 **{_BOUND: max(0.5 * target * size / length, GAIN_PER_RUN)},
             )
             improved += solution
@@ -92,19 +80,10 @@ class KrylovSystem(LinearSystem):
         if share <= target:
             return solution
         raise SerdError(
-            f"Krylov must reach a relative residual of {target}, got {share}; raise fill or"
+            f"Krylov must reach a relative residual of {target}, got {share}; raise"
             " max_iterations, or use SparseLu"
         )
 
     @cached_property
     def _transposed(self) -> Any:
         return self.matrix.T.tocsr()
-
-    def _preconditioner(self, trans: str) -> Any:
-        if self.incomplete is None:
-            return None
-        return scipy.sparse.linalg.LinearOperator(
-            self.matrix.shape,
-            matvec=lambda vector: self.incomplete.solve(vector, trans=trans),
-            dtype=np.float64,
-        )

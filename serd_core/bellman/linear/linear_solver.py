@@ -56,7 +56,6 @@ class WithFallback(LinearSystem):
         return self.fallback.prepare(self.pattern, self.data)
 
     def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
-        """The fallback from the first failure on."""
         return self.fallback if "_other" in vars(self) else solver
 
     def solve(

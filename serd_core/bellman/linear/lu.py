@@ -28,7 +28,6 @@ class SparseLu(LinearSolver):
     """Solves linear systems of sparse graphs by SuperLU, on the symmetrically reordered matrix."""
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Factorise the matrix with the given numbers."""
         factor = scipy.sparse.linalg.splu(
             pattern.matrix(data).tocsc(),
             permc_spec="MMD_AT_PLUS_A",
@@ -47,7 +46,6 @@ class LuFactor(LinearSystem):
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        """Solve to rounding."""
         del relative_residual
         return np.asarray(self.factor.solve(right_side, trans="T" if transposed else "N"))
 
@@ -81,7 +79,6 @@ class BandedFactor(LinearSystem):
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        """Solve to rounding."""
         del relative_residual
         band, given = self.band, right_side[self.band.order]
         reordered, _ = scipy.linalg.lapack.dgbtrs(

@@ -83,19 +83,6 @@ def test_laws_of_rows_have_given_durations_where_nothing_moves_and_means_at_thei
     assert np.all(kernel[~given] > expected[~given])
 
 
-def test_the_choice_cost_of_weight_one_takes_the_mean_over_choices():
-    problem = sc.with_choice_cost(ring())
-    found = sc.soft_policy(problem, np.append(WEIGHTS, 1.0), OUTCOMES)
-    available = problem.mdp.available
-    mean = np.log(np.where(available, np.exp(found.q), 0.0).sum(axis=1))
-    # Q holds the cost of its own decision, so that the sum over choices is their mean.
-    np.testing.assert_allclose(found.value, mean, rtol=1e-12)
-    q = found.q + np.log(available.sum(axis=1))[:, None]
-    mean = np.log(np.where(available, np.exp(q), 0.0).sum(axis=1) / available.sum(axis=1))
-    np.testing.assert_allclose(found.value, mean, rtol=1e-12)
-    assert problem.feature_names[-1] == "choice_cost"
-
-
 def test_short_moves_keep_the_certificate_of_the_solution():
     timed, truth = timed_ring()
     truth[timed.mdp.transitions.means] = np.log(0.05)
