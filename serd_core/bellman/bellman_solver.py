@@ -1,15 +1,13 @@
-"""What every Bellman solver returns, with its certificate, and when a residual is small enough.
+"""Bellman solvers: what they return, with a certificate, and the gradient by the result.
 
 T is a gamma-contraction in the largest norm. Arithmetic gives T V only up to some rounding d, so
 the computed T V, which is the returned value, satisfies
 
-    max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma),
+    max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma)
 
-which holds for every solver: the bound needs the residual and the size of numbers only. V* solves
-the equation as given: with these rewards and transitions, whose rows sum to 1. Where moves take
-time, gamma times the largest sum of a row stands for gamma (`BellmanProblem.contraction`).
-
-(Soft) value iteration is V <- T V until the residual certifies the accuracy.
+for every solver. V* solves the equation as given: with these rewards and transitions, whose rows
+sum to 1. Where moves take time, gamma times the largest sum of a row stands for gamma
+(`BellmanProblem.contraction`). (Soft) value iteration is V <- T V until that suffices.
 
 The gradient by every reward and every transition probability takes one transposed solve. For an
 objective J with g(s, a) = dJ/dQ(s, a) at the converged Q and the policy pi along which the
@@ -20,8 +18,6 @@ equation propagates gradients (Boltzmann for soft, greedy for hard):
 
 This is the transpose of the Q-gradient (4.21), (4.66) of the thesis: its cost does not grow with
 the number of parameters.
-
-`Backup` is one application of the Bellman operator: T V and what comes with it.
 """
 
 from abc import ABC, abstractmethod
@@ -159,9 +155,8 @@ class BellmanSolver(ABC):
 def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
     """Whether a solver may stop, for an error of accuracy * max(1, max |V|).
 
-    The residual wanted is never less than rounding lets residuals fall to. Near a discount of 1
-    that is more than the accuracy asks for, and the rounding of the backup comes on top: how near
-    V* the solution is certified to be is in its error bound, not in the accuracy.
+    The residual wanted is never less than rounding lets residuals fall to, which near a discount of
+    1 is more than the accuracy asks for; the error bound of the solution counts both.
     """
     share = max(accuracy * (1.0 - problem.contraction), SMALLEST_SHARE)
     return last.residual <= last.scale * share
@@ -215,14 +210,11 @@ class ValueIteration(BellmanSolver):
     def solve(
         self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
-        """Sweep until certified or out of sweeps."""
-        latest = backup(problem, starting_value(problem.mdp, initial_value))
-        sweeps = 1
-        while not (done := is_accurate(problem, self.accuracy, latest)):
-            if sweeps >= self.max_sweeps:
-                break
-            latest = backup(problem, latest.target)
-            sweeps += 1
+        latest, sweeps = backup(problem, starting_value(problem.mdp, initial_value)), 1
+        while (
+            not (done := is_accurate(problem, self.accuracy, latest)) and sweeps < self.max_sweeps
+        ):
+            latest, sweeps = backup(problem, latest.target), sweeps + 1
         return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
 
 

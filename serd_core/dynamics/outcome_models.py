@@ -24,7 +24,6 @@ from serd_core.arrays import (
     require_index,
     require_positive,
     shown,
-    weighted_counts,
 )
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -90,6 +89,10 @@ class OutcomeModels(TransitionModel):
     def n_outcomes(self) -> int:
         """Number of outcomes K."""
         return int(self.successors.shape[2])
+
+    @property
+    def local_shape(self) -> tuple[int, ...]:
+        return self.n_models, self.n_outcomes
 
     @cached_property
     def n_energies(self) -> int:
@@ -174,19 +177,9 @@ class OutcomeModels(TransitionModel):
         by_energy = self.beta * probabilities * (local_gradient - mean)
         return padded(by_energy.ravel(), (self.n_parameters,))
 
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        self._require_table(local_probabilities)
-        return np.ravel(local_probabilities)[self.local_index]
-
-    def gather(self, entry_gradient: FloatArray) -> FloatArray:
-        size = self.n_models * self.n_outcomes
-        sums = weighted_counts(self.local_index, entry_gradient, size)
-        return sums.reshape(self.n_models, self.n_outcomes)
-
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
-        probabilities = np.asarray(initial, dtype=np.float64)
-        self.require_distributions(probabilities)
+        probabilities = self.known_probabilities(initial)
         rule = "be above 0 to have a finite energy"
         fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
         require_each("probabilities", probabilities, probabilities > 0, rule, fix)
@@ -199,8 +192,7 @@ class OutcomeModels(TransitionModel):
 
         Such energies suit dynamics that are not learned: their gradient is 0, too.
         """
-        probabilities = np.asarray(known, dtype=np.float64)
-        self.require_distributions(probabilities)
+        probabilities = self.known_probabilities(known)
         possible = probabilities > 0
         scaled = np.log(probabilities, out=np.full_like(probabilities, -IMPOSSIBLE), where=possible)
         mean = np.mean(scaled, axis=1, keepdims=True, where=possible)
@@ -226,9 +218,8 @@ class OutcomeModels(TransitionModel):
         require_each(name, sums, is_one, "sum to 1", "normalise that row")
 
     def _require_table(self, table: FloatArray) -> None:
-        expected = (self.n_models, self.n_outcomes)
-        if np.shape(table) != expected:
+        if np.shape(table) != self.local_shape:
             raise SerdError(
-                f"outcome probabilities must have shape {expected} (models, outcomes),"
+                f"outcome probabilities must have shape {self.local_shape} (models, outcomes),"
                 f" got {np.shape(table)}; pass one row per local model"
             )

@@ -67,15 +67,16 @@ class SparseModel(TransitionModel):
 
     @property
     def n_parameters(self) -> int:
-        """Length of the user's parameter vector."""
         return self.parameter_count
+
+    @property
+    def local_shape(self) -> tuple[int, ...]:
+        return self.state.shape
 
     @cached_property
     def available(self) -> BoolArray:  # type: ignore[override]  # derived here, given elsewhere
         """(S, A) pairs that have entries."""
-        mask = np.zeros(self.n_pairs, dtype=np.bool_)
-        mask[self.state, self.action] = True
-        return mask
+        return self.row_length > 0
 
     @cached_property
     def local_index(self) -> IntArray:
@@ -99,22 +100,14 @@ class SparseModel(TransitionModel):
         """(E,) the user's probabilities, in the user's order."""
         # Copies, so that functions that write into arguments or reuse an array change nothing here.
         given = np.array(self.probabilities(np.array(parameters)), dtype=np.float64)
-        if given.shape != self.state.shape:
-            raise SerdError(
-                f"probabilities(parameters) must return {self.state.shape} numbers, one per entry,"
-                f" got {given.shape}"
-            )
+        _require_shape("probabilities(parameters)", given, self.state.shape, "entry")
         return given
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) the user's vector-Jacobian product."""
         product = self.vector_jacobian(np.array(parameters), np.array(local_gradient))
         gradient = np.array(product, dtype=np.float64)
-        if gradient.shape != (self.parameter_count,):
-            raise SerdError(
-                f"vector_jacobian must return ({self.parameter_count},) numbers, one per"
-                f" parameter, got {gradient.shape}"
-            )
+        _require_shape("vector_jacobian", gradient, (self.parameter_count,), "parameter")
         bad = first_index(~np.isfinite(gradient))
         if bad is not None and np.isfinite(local_gradient).all():
             raise SerdError(
@@ -122,21 +115,6 @@ class SparseModel(TransitionModel):
                 f" {bad[0]}; correct the function, or start from other parameters"
             )
         return gradient
-
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries row by row."""
-        if np.shape(local_probabilities) != self.state.shape:
-            raise SerdError(
-                f"probabilities must have shape {self.state.shape}, one per entry, got"
-                f" {np.shape(local_probabilities)}; pass them in the order of state and action"
-            )
-        return np.asarray(local_probabilities[self.local_index])
-
-    def gather(self, entry_gradient: FloatArray) -> FloatArray:
-        """(E,) gradient in the user's order."""
-        local = np.empty_like(entry_gradient)
-        local[self.local_index] = entry_gradient
-        return local
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """The given (n_parameters,) vector: the inverse of the map is not available."""
@@ -147,6 +125,19 @@ class SparseModel(TransitionModel):
                 f" its entries, got shape {vector.shape}"
             )
         return vector
+
+    def _require_table(self, table: FloatArray) -> None:
+        if np.shape(table) != self.state.shape:
+            raise SerdError(
+                f"probabilities must have shape {self.state.shape}, one per entry, got"
+                f" {np.shape(table)}; pass them in the order of state and action"
+            )
+
+
+def _require_shape(name: str, given: FloatArray, shape: tuple[int, ...], what: str) -> None:
+    """SerdError where a function of the user returns another shape."""
+    if given.shape != shape:
+        raise SerdError(f"{name} must return {shape} numbers, one per {what}, got {given.shape}")
 
 
 def known_entries(entries: FloatArray, parameters: FloatArray) -> FloatArray:
@@ -176,6 +167,10 @@ class LogOdds:
         """(E,) entries that are not the first of their row."""
         return np.asarray(np.diff(self.row, prepend=-1) == 0)
 
+    @cached_property
+    def _starts(self) -> IntArray:
+        return np.flatnonzero(~self.free)
+
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """(E,) the entries."""
         energies = np.zeros(len(self.row))
@@ -193,10 +188,6 @@ class LogOdds:
         """(E - R,) log odds of positive (E,) entries."""
         logs = np.log(entries)
         return np.asarray((logs - logs[self._starts][self.row])[self.free])
-
-    @cached_property
-    def _starts(self) -> IntArray:
-        return np.flatnonzero(~self.free)
 
 
 def learned_transitions(

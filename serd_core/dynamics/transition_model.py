@@ -116,13 +116,24 @@ class TransitionModel(ABC):
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) vector-Jacobian product of `local_probabilities`."""
 
+    @property
     @abstractmethod
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries for given local probabilities (linear)."""
+    def local_shape(self) -> tuple[int, ...]:
+        """Shape of the local probabilities."""
 
     @abstractmethod
+    def _require_table(self, table: FloatArray) -> None:
+        """SerdError where local probabilities have another shape."""
+
+    def entries(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries for given local probabilities (linear)."""
+        self._require_table(local_probabilities)
+        return np.ravel(local_probabilities)[self.local_index]
+
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """Gradient by local probabilities of a function with the given (E,) entry gradient."""
+        size = int(np.prod(self.local_shape))
+        return weighted_counts(self.local_index, entry_gradient, size).reshape(self.local_shape)
 
     @abstractmethod
     def parameters_of(self, initial: FloatArray) -> FloatArray:
@@ -210,11 +221,10 @@ class TransitionModel(ABC):
 
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
-        shape = (self.n_states * self.n_actions, self.n_states)
         kind = index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
-        return scipy.sparse.csr_array((ones, *places), shape=shape)
+        return scipy.sparse.csr_array((ones, *places), shape=(self.available.size, self.n_states))
 
     @cached_property
     def policy_pattern(self) -> PolicyPattern:

@@ -131,8 +131,7 @@ def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> 
     if len(episodes) < LEAST_EPISODES:
         raise SerdError(
             f"decisions must hold at least {LEAST_EPISODES} episodes to compare those left out,"
-            f" got {len(episodes)};"
-            " record more"
+            f" got {len(episodes)}; record more"
         )
     one = semi_markov_problem(problem, law_of=np.minimum(model.law_of, 0))
     by_episode, n_dwells = np.zeros((3, len(episodes))), 0
@@ -142,13 +141,12 @@ def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> 
         known = estimate_dynamics(problem, train)
         pace = fit_places(problem, train, known).log_pace
         number = np.searchsorted(episodes, test.episode)
-        for row, (tested, theta) in enumerate(
-            (
-                (one, estimate_dynamics(one, train)),
-                (problem, known),
-                (semi_markov_problem(problem, log_pace=pace), known),
-            )
-        ):
+        fits = (
+            (one, estimate_dynamics(one, train)),
+            (problem, known),
+            (semi_markov_problem(problem, log_pace=pace), known),
+        )
+        for row, (tested, theta) in enumerate(fits):
             found = dwell_times(tested.mdp, test)
             assert found is not None
             n_dwells += len(found.row) * (row == 0)
