@@ -56,11 +56,6 @@ def driven_by(problem, learned, outcomes, n_steps=N_STEPS):
     return arriving_policy(problem, learned, outcomes, one_second(problem), arrival_of, n_steps)
 
 
-def loves_walls(problem, outcomes):
-    """State 0 is the nearest to a wall: the best is to go there and stay."""
-    return optimal_policy(problem, np.array([0.1, 5.0]), outcomes)
-
-
 def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
     problem = problem_of(np.ones((1, 6)), [5])
     for chance, close in ((0.25, 1e-6), (1e-6, 0.01)):
@@ -114,19 +109,6 @@ def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_the
     periods = -least_time(problem, outcomes_of(SURE)).value
     assert periods[:2].tolist() == pytest.approx([1.0, 0.0])
     assert (periods[2:] > 0.99 * NEVER).all()
-
-
-def test_where_staying_at_a_wall_is_best_the_way_of_least_time_leads_to_the_goal():
-    problem, outcomes = problem_of(np.ones((3, 4)), [11]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
-    learned = loves_walls(problem, outcomes)
-    found = driven_by(problem, learned, outcomes)
-    assert found.learned_traps.looping.sum() > 5
-    assert np.array_equal(found.by_time, found.learned_traps.looping)
-    assert not len(found.traps.states)
-    assert (found.arrival.within(N_STEPS) > 0.99).all()
-    fastest = least_time(problem, outcomes)
-    assert np.array_equal(found.policy.greedy[found.by_time], fastest.greedy[found.by_time])
-    assert np.array_equal(found.policy.value, learned.value)
 
 
 def test_a_soft_policy_that_arrives_by_chance_is_left_as_it_is():

@@ -43,21 +43,21 @@ def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
     assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
 
 
+ENDED = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9).mdp
+GIVEN = {"mdp": ENDED, "policy": np.ones((2, 1)), "start_distribution": [1.0, 0.0]}
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"n_episodes": 0}, "n_episodes must be a whole number of at least 1, got 0"),
-        ({"n_episodes": True}, "n_episodes must be a whole number of at least 1, got True"),
-        ({"n_episodes": 3.0}, "n_episodes must be a whole number of at least 1, got 3.0"),
+        *[({"n_episodes": n}, "n_episodes must be a whole number of at") for n in (0, True, 3.0)],
         ({"n_steps": "5"}, "n_steps must be a whole number of at least 1, got '5'"),
         ({"mdp": None}, "mdp must be a Mdp object, got None; use for example problem.mdp"),
         ({"start_distribution": None}, "mdp must have a state that is not final .* got 2 final"),
     ],
 )
 def test_wrong_arguments_are_refused_by_name(change, sentence):
-    ended = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9)
-    given = {"mdp": ended.mdp, "policy": np.ones((2, 1)), "start_distribution": [1.0, 0.0]}
-    given |= {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
+    given = GIVEN | {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
     assert len(sample_decisions(**given)) == 0
     with pytest.raises(SerdError, match=sentence):
         sample_decisions(**given | change)

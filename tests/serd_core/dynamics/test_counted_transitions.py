@@ -3,7 +3,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.estimation import LogLikelihood, most_likely_parameters, outcome_models_of
+from serd_core.dynamics.estimation import most_likely_parameters, outcome_models_of
 from serd_core.dynamics.sparse_model import SparseModel
 from support.small_problems import sampled
 
@@ -55,15 +55,6 @@ def test_the_estimate_is_the_mean_of_the_dirichlet_posterior(pseudo_count):
     np.testing.assert_allclose(dense_of(listed, estimate), wanted, rtol=1e-12)
     known = sc.counted_transitions(listed, decisions, pseudo_count)
     np.testing.assert_allclose(dense_of(known, np.zeros(0)), wanted, rtol=1e-12)
-
-
-def test_the_estimate_is_the_mode_over_log_odds():
-    listed, _, decisions, _ = ring_problems()
-    model, seen = listed.mdp.transitions, observe(listed.mdp, decisions)
-    at = most_likely_parameters(model, seen, 0.7)
-    by_odds = LogLikelihood(model, seen.counts(model) + 0.7)
-    np.testing.assert_allclose(by_odds.evaluate(at)[1], 0.0, atol=1e-10)
-    assert np.all(np.linalg.eigvalsh(by_odds.hessian(at)) < 0.0)
 
 
 def with_functions(listed, n_parameters, *functions):
@@ -122,9 +113,8 @@ def test_wrong_arguments_are_rejected_by_name():
             estimate(listed, decisions, 0)
     nothing = np.zeros(len(listed.mdp.transitions.state))
     improper = with_functions(listed, 1, lambda _: nothing, lambda *_: np.zeros(1))
-    seen = observe(listed.mdp, decisions)
     with pytest.raises(sc.SerdError, match=r"state 0, action 0 must be .* sums to 0"):
-        most_likely_parameters(improper, seen)
+        most_likely_parameters(improper, observe(listed.mdp, decisions))
     with pytest.raises(sc.SerdError, match="PriorByEvidence is a prior of OutcomeModels, got"):
         sc.fit_mdce_serd(listed, decisions)
     with pytest.raises(sc.SerdError, match="dynamics must be OutcomeModels here, got Sp"):

@@ -145,31 +145,6 @@ SETS = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1
 COUNTS = np.array([30.0, 12.0, 2.0, 5.0])
 
 
-@pytest.mark.parametrize("pseudo_count", [0.25, 4.0])
-def test_a_newton_step_solves_the_equations_of_the_objective(pseudo_count):
-    """Sums outcome by outcome, and differences of the objective along the step."""
-    counts = OutcomeCounts(SETS, COUNTS, pseudo_count)
-    probabilities = np.array([0.5, 0.2, 0.3])
-    value = sum(
-        n * np.log(probabilities[each > 0].sum()) for n, each in zip(COUNTS, SETS, strict=True)
-    )
-    value += pseudo_count * np.log(probabilities).sum()
-    assert counts.objective(probabilities) == pytest.approx(value)
-    curvature, wanted = pseudo_count * np.eye(3), np.full(3, pseudo_count)
-    for n, each in zip(COUNTS, SETS, strict=True):
-        share = each * probabilities / probabilities[each > 0].sum()
-        curvature, wanted = curvature + n * np.outer(share, share), wanted + n * share
-    move, size, slope = counts.newton(probabilities)
-    assert probabilities @ move == pytest.approx(0.0, abs=1e-12)
-    rest = (curvature @ move - wanted) / probabilities
-    np.testing.assert_allclose(rest, rest[0])
-    assert size == pytest.approx(move @ curvature @ move)
-    assert slope == pytest.approx(size)
-    along = [counts.objective(probabilities * (1.0 + t * move)) for t in (-1e-4, 0.0, 1e-4)]
-    assert (along[2] - along[0]) / 2e-4 == pytest.approx(slope, rel=1e-5)
-    assert (2.0 * along[1] - along[2] - along[0]) / 1e-8 == pytest.approx(size, rel=1e-4)
-
-
 @pytest.mark.parametrize("start", [(1e-9, 1e-9), (1e-9, 0.5), (0.5, 1e-9), (0.999, 5e-4)])
 def test_newtons_method_reaches_the_maximum_from_far_away_without_a_loss(start):
     counts = OutcomeCounts(SETS, COUNTS, 0.25)

@@ -185,27 +185,6 @@ def test_robots_plan_with_the_mean_of_discounted_outcomes(learned):
     assert robot.greedy[10] == 0
 
 
-def test_a_belief_of_its_own_has_durations_of_its_own():
-    rng = np.random.default_rng(14)
-    timed, truth = timed_ring()
-    model = timed.mdp.transitions
-    believed, place = truth.copy(), model.means.start + AGAINST
-    believed[place] += 1.2
-    policy = sc.soft_policy(timed, WEIGHTS, model.local_probabilities(believed)).probabilities
-    starts = np.isin(np.arange(PLACES), np.arange(1, 6)) / 5.0
-    decisions = sc.sample_timed_decisions(
-        timed.mdp, policy, truth, starts, n_episodes=80, n_steps=60, rng=rng
-    )
-    fit = sc.fit_mdce_serd(timed, decisions, belief=sc.FreeBelief())
-    assert fit.converged
-    assert abs(fit.parameters.truth[place] - truth[place]) < 0.2
-    assert fit.parameters.belief[place] - fit.parameters.truth[place] > 0.5
-    found = sc.laplace(timed, decisions, fit)
-    laws = sc.dwell_summary(found, sc.laplace_draws(found, np.random.default_rng(0), 100))
-    # Choices by a belief of its own say nothing of the durations of the world.
-    assert np.all(laws.from_choices < 0.15)
-
-
 def test_a_posterior_needs_a_density_of_dwell_times(learned):
     timed, _, decisions, fit = learned
     prior = sc.GaussianPrior(6.0, sc.Block.REWARD) + sc.DirichletPrior(1.0)
