@@ -101,19 +101,6 @@ def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     return Backup(value, target, q, max(float(gap.max()), -float(gap.min())))
 
 
-def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
-    """Bound of |computed T V - T V|, for K transitions in the longest row and A actions.
-
-    With the unit u = eps / 2: a row of P V, its discount and reward cost (K + 2) u max |V|, the
-    sum of exponentials (A + log A + 4) u, and adding its logarithm u max |V|. Actions far below the
-    best one have large errors in Q, and a weight that makes up for them.
-    """
-    largest_value = last.scale + last.residual
-    model = problem.transitions.model
-    n_terms = int(model.row_length.max()) + model.n_actions + 3
-    return n_terms * EPSILON * largest_value
-
-
 @dataclass(frozen=True, eq=False)
 class BellmanSolution:
     """The end of a Bellman iteration, converged or not.
@@ -180,8 +167,16 @@ def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:
 def solution_from(
     problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
 ) -> BellmanSolution:
-    """Record of a finished iteration; the value is T V, no further from V* than V was."""
-    certified = last.residual + backup_rounding(problem, last)
+    """Record of a finished iteration; the value is T V, no further from V* than V was.
+
+    For K transitions in the longest row, A actions and the unit u = eps / 2, a row of P V, its
+    discount and reward cost (K + 2) u max |V|, the sum of exponentials (A + log A + 4) u, and
+    adding its logarithm u max |V|. Actions far below the best one have large errors in Q, and a
+    weight that makes up for them.
+    """
+    model = problem.transitions.model
+    n_terms = int(model.row_length.max()) + model.n_actions + 3
+    certified = last.residual + n_terms * EPSILON * (last.scale + last.residual)
     return BellmanSolution(
         value=last.target,
         q=last.q,

@@ -286,13 +286,11 @@ class LogLikelihood(Objective):
     counts: FloatArray
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n_parameters,) gradient."""
         probability = transition_probabilities(self.model, vector)
         gradient = dynamics_gradient(self.model, vector, self.counts / probability)
         return float(self.counts @ np.log(probability)), gradient
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """(n_parameters, n_parameters) second derivatives."""
         return log_transition_hessian(self.model, vector, self.counts)
 
 

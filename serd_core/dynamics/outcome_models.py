@@ -106,7 +106,6 @@ class OutcomeModels(TransitionModel):
 
     @cached_property
     def row_length(self) -> IntArray:
-        """(S, A) K for available pairs, else 0."""
         return self.available * np.int64(self.n_outcomes)
 
     @cached_property

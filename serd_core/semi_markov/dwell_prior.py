@@ -45,11 +45,9 @@ class DwellPrior(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """None."""
         return ()
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value and gradient."""
         timed = require_timed(model)
         away, pull = parameters.block(self.block) - self.mean(timed), np.zeros(timed.n_parameters)
         means, shapes = away[timed.means], away[timed.shapes]
@@ -58,11 +56,9 @@ class DwellPrior(Prior):
         return LogPrior(-0.5 * float(away @ pull), parameters.zeros().with_block(self.block, -pull))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Minus the precision, in the part of the block."""
         return parameters.placed(self.block, -self.precision(require_timed(model)))
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """That of the normal densities."""
         del parameters
         n, variance = require_timed(model).n_laws, self.deviation**2
         log_det = (n - 1) * np.log(variance) + np.log(variance + n * WIDE**2)
@@ -101,7 +97,6 @@ class _LawPosterior(Objective):
     prior: DwellPrior
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (2D,) gradient."""
         theta = np.concatenate([self.energies, vector])
         away = theta - self.prior.mean(self.model)
         pull = self.prior.precision(self.model) @ away
@@ -109,7 +104,6 @@ class _LawPosterior(Objective):
         return value - 0.5 * float(away @ pull), (slope - pull)[len(self.energies) :]
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """(2D, 2D) second derivatives."""
         bend = self.dwells.hessian(np.concatenate([self.energies, vector]))
         laws = slice(len(self.energies), None)
         return (bend - self.prior.precision(self.model))[laws, laws]

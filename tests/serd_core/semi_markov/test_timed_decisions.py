@@ -52,6 +52,10 @@ def test_sampled_dwell_times_have_the_laws_they_are_drawn_from():
     often = demonstrations(timed, truth, rng, n_episodes=150, until_command_s=1.0)
     assert often.censored.mean() == pytest.approx(0.6, abs=0.12)
     assert np.all(often.next_state[often.censored] == often.state[often.censored])
+    at_the_goal = np.eye(timed.mdp.n_states)[0]
+    size = {"n_episodes": 2, "n_steps": 3, "rng": rng}
+    policy = timed.mdp.available / timed.mdp.available.sum(axis=1, keepdims=True)
+    assert len(sc.sample_timed_decisions(timed.mdp, policy, truth, at_the_goal, **size)) == 0
 
 
 @pytest.mark.parametrize(
