@@ -83,7 +83,7 @@ GRAPHS = [
     ("grid", 5_041, Krylov(), SparseLu()),
     ("random graph", 400, SparseLu(), SparseLu()),
     ("random graph", 2_500, Krylov(), Krylov()),
-    ("small world", 2_500, Krylov(), Krylov()),
+    ("tree", 4_900, Krylov(), Krylov()),
     ("cube", 3_375, SparseLu(), SparseLu()),
 ]
 
