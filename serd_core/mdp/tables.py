@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from serd_core.arrays import (
+    FloatArray,
     IntArray,
     chosen_indices,
     float_array,
@@ -63,8 +64,9 @@ def from_transitions(
             f"terminal must list states, got {shown(terminal)}; use for example [0]"
         ) from error
     ends = np.unique(chosen_indices("terminal", listed, len(dense), "a state"))
-    places = np.nonzero(dense)
-    mdp = _mdp(dense.shape[:2], *places, dense[places], ends, discount, learned=learned)
+    state, action, following = np.nonzero(dense)
+    chances, pairs = dense[state, action, following], (dense.shape[0], dense.shape[1])
+    mdp = _mdp(pairs, (state, action, following), chances, ends, discount, learned=learned)
     return _problem(mdp, features, feature_names, ends)
 
 
@@ -111,31 +113,29 @@ def from_gymnasium(
         paid = float_array("rewards", reward) * probability
         np.add.at(features[..., 0], (state, action), paid)
         features[ends] = 0.0
-    mdp = _mdp(pairs, state, action, following, probability, ends, discount)
+    mdp = _mdp(pairs, (state, action, following), probability, ends, discount)
     return _problem(mdp, features, feature_names, ends)
 
 
 def _mdp(
-    n_pairs: tuple[int, ...],
-    state: IntArray,
-    action: IntArray,
-    following: IntArray,
-    probability: Any,
+    n_pairs: tuple[int, int],
+    places: tuple[IntArray, IntArray, IntArray],
+    probability: FloatArray,
     ends: IntArray,
     discount: float,
     *,
     learned: bool = False,
 ) -> Mdp:
     """The MDP of (E,) transitions, of which those from terminal states are not used."""
-    kept = (probability != 0) & ~np.isin(state, ends)
-    added = ends, np.zeros_like(ends), ends
-    columns = zip((state, action, following), added, strict=True)
-    listed = [np.concatenate([column[kept], more]) for column, more in columns]
-    shape = int(n_pairs[0]), int(n_pairs[1])
+    kept = (probability != 0) & ~np.isin(places[0], ends)
+    state, action, following = (
+        np.concatenate([column[kept], added])
+        for column, added in zip(places, (ends, np.zeros_like(ends), ends), strict=True)
+    )
     if learned:
-        return Mdp(learned_transitions(shape, *listed), discount)
+        return Mdp(learned_transitions(n_pairs, state, action, following), discount)
     known = np.concatenate([probability[kept], np.ones(len(ends))])
-    return Mdp(fixed_transitions(shape, *listed, known), discount)
+    return Mdp(fixed_transitions(n_pairs, state, action, following, known), discount)
 
 
 def _problem(
