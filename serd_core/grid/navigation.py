@@ -98,7 +98,6 @@ def build_navigation_problem(
     goal_states: Sequence[int] | IntArray,
     wall_distance_m: FloatArray,
     discount: float,
-    beta: float = 1.0,
     features: Sequence[str] | None = None,
 ) -> NavigationProblem:
     """Assemble the problem of section 5.1 on a grid.
@@ -113,7 +112,7 @@ def build_navigation_problem(
     features = features_of_flow(flow) if features is None else features
     goals = _checked_goals(goal_states, grid.n_states)
     distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
-    outcome_models = _outcome_models(grid, flow, goals, beta)
+    outcome_models = _outcome_models(grid, flow, goals)
     table = _feature_table(flow, goals, distance_m)
     return NavigationProblem(
         grid=grid,
@@ -153,7 +152,7 @@ def features_of_flow(flow: IntArray, names: Sequence[str] = FEATURE_NAMES) -> tu
     return tuple(name for name in names if has_flow or name != SOCIAL_NORM)
 
 
-def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) -> OutcomeModels:
+def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray) -> OutcomeModels:
     actions, states = np.arange(len(Action))[None, :], np.arange(grid.n_states)[:, None]
     # What FORWARD means: the action, or the flow when waiting, north without one.
     along = np.where(flow == NO_FLOW, int(Action.NORTH), flow)[:, None]
@@ -170,7 +169,6 @@ def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) ->
         model_of=_models_of_actions(flow),
         available=available,
         n_models=len(MODEL_NAMES),
-        beta=beta,
         intended=INTENDED_OUTCOMES,
     )
 

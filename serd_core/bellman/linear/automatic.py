@@ -21,7 +21,7 @@ MANY_SIDES, LARGEST_SHARED_LU = 10, 300_000
 
 @dataclass(frozen=True)
 class Automatic(LinearSolver):
-    """Banded LU, sparse LU or BiCGSTAB, whichever fits; sparse LU is the fallback of BiCGSTAB.
+    """Banded LU, sparse LU or BiCGSTAB, whichever fits; LU is its fallback up to 300,000 states.
 
     widest_band: off-diagonals on either side up to which a band is factorised.
     largest_lu_states: sparse LU up to this number of states, BiCGSTAB beyond.
@@ -31,9 +31,9 @@ class Automatic(LinearSolver):
     largest_lu_states: int = 5_000
 
     def for_systems(self, *, right_sides: int) -> LinearSolver:
-        return (
-            replace(self, largest_lu_states=LARGEST_SHARED_LU) if right_sides > MANY_SIDES else self
-        )
+        if right_sides <= MANY_SIDES:
+            return self
+        return replace(self, largest_lu_states=LARGEST_SHARED_LU)
 
     def choose(self, pattern: PolicyPattern) -> LinearSolver:
         """The solver for the systems of a pattern."""
@@ -49,6 +49,6 @@ class Automatic(LinearSolver):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         solver = self.choose(pattern)
         system = solver.prepare(pattern, data)
-        if isinstance(solver, Krylov):
+        if isinstance(solver, Krylov) and pattern.n_states <= LARGEST_SHARED_LU:
             return WithFallback(system, SparseLu(), pattern, data)
         return system
