@@ -21,6 +21,12 @@ def drawn(law, n, seed):
     return np.append(law.times_s, np.inf)[np.minimum(place, len(law.times_s))]
 
 
+def test_the_score_is_the_integral_of_the_squared_difference_of_both_functions():
+    law = ArrivalLaw(np.array([0.0, 1.0, 10.0]), np.array([0.0, 0.4, 1.0]), 1.0)
+    assert crps_s(law, [5.0]) == pytest.approx(4 * 0.4**2 + 5 * 0.6**2)
+    assert crps_s(law, [0.5, np.inf]) == pytest.approx((0.5 + 9 * 0.6**2 + 9 * 0.4**2) / 2)
+
+
 def test_the_score_is_proper():
     truth = gamma_law()
     measured = drawn(truth, 4000, 3)
