@@ -89,7 +89,7 @@ def arrival_by_chain(
     energies = model.outcomes.parameters_of(outcomes)[: model.means.start]
     parameters = np.concatenate([energies, laws])
     found = timed_arrival(study.timed, policy, parameters, STEP_S, n_steps(study.scenario))
-    times_s: FloatArray = STEP_S * np.arange(len(found.cdf))
+    times_s = np.asarray(STEP_S * np.arange(len(found.cdf)), dtype=np.float64)
     return ArrivalLaw(times_s, found.cdf @ starts, float(found.arrival_probability @ starts))
 
 
