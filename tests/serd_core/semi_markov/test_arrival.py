@@ -10,7 +10,6 @@ from scipy.stats import gamma, nbinom
 
 import serd_core as sc
 from serd_core import memory
-from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.semi_markov.arrival import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
@@ -151,16 +150,6 @@ def test_steps_keep_the_mean_of_a_time_also_where_it_varies_less_than_a_step():
     expected = np.zeros((4, 101))
     expected[0, 13], expected[1, 13:15], expected[2, :2] = 1.0, (0.6, 0.4), (0.7, 0.3)
     np.testing.assert_allclose(fixed, expected, atol=1e-12)
-
-
-def test_the_mean_is_that_of_the_law_cut_off_at_the_horizon_as_are_probabilities():
-    cdf = np.array([[0.0, 1.0], [0.25, 1.0], [0.75, 1.0]])
-    found = ArrivalByState(cdf, np.array([0.9, 1.0]))
-    np.testing.assert_allclose(found.mean_steps, [0.25 * 1 + 0.5 * 2 + 0.25 * 2, 0.0])
-    assert [found.within(n).tolist() for n in (-1, 1, 99)] == cdf[[0, 1, 2]].tolist()
-    both = ArrivalByState.average([found, ArrivalByState(np.ones((3, 2)), np.ones(2))])
-    np.testing.assert_allclose(both.cdf, (cdf + 1.0) / 2.0)
-    np.testing.assert_allclose(both.arrival_probability, [0.95, 1.0])
 
 
 PROBLEM, POLICY, TABLE = random_case(0)
