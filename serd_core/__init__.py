@@ -17,6 +17,10 @@ __version__ = "0.3.0"
 _LAB = "the authors' lab has it"
 #: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
 _LEFT = {
+    **dict.fromkeys(
+        ("DwellTimes", "arrival_time_distribution", "renewal_chain", "semi_markov_arrival"),
+        "use timed_arrival, which takes problems without dwell times too",
+    ),
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
     "EntropyPrior": _LAB,
     "GradientAscent": _LAB,
@@ -32,6 +36,7 @@ _LEFT = {
     "save": "pickle the record",
     "score_test": "use likelihood_ratio_test of two fits",
     "two_step_standard_errors": "use bootstrap with both steps in the estimate",
+    "with_choice_cost": "append the feature -log |A(s)| to those of the problem",
     "vuong_test": "use likelihood_ratio_test of two fits",
 }
 

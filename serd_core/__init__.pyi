@@ -1,12 +1,8 @@
 """Names of the flat interface; docs/library.md describes them."""
 
-from serd_core.arrival.chain import arrival_time_distribution as arrival_time_distribution
 from serd_core.arrival.scores import crps_s as crps_s
 from serd_core.arrival.scores import detectable_delay as detectable_delay
 from serd_core.arrival.scores import gap_probability as gap_probability
-from serd_core.arrival.semi_markov import DwellTimes as DwellTimes
-from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
-from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
 from serd_core.ascent.trust_region import NewtonAscent as NewtonAscent
@@ -53,7 +49,6 @@ from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_pe
 from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
-from serd_core.mdp.problem import with_choice_cost as with_choice_cost
 from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
 from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types

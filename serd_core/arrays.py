@@ -1,11 +1,10 @@
-"""Array types and the checks every frozen record of the package makes on its arrays.
+"""Array types and the checks at the border of the package.
 
-Arrays kept in records are private read-only copies, so a record cannot change after its checks. An
-axis along which a given array repeats (`numpy.broadcast_to`) stays one: the copy has no repeats.
+Arrays kept in records are private read-only copies, so a record cannot change after its checks.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,6 @@ from serd_core.errors import SerdError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-Number = TypeVar("Number", bound=np.generic)
 Shape = Sequence[int | None]
 
 #: Probabilities below this count as this in logarithms.
@@ -27,25 +24,28 @@ LONGEST_SHOWN = 80
 
 def float_array(name: str, values: Any, shape: Shape | None = None) -> FloatArray:
     """Read-only float copy of `values`; SerdError where it is not finite or misshapen."""
-    array, full = _converted(name, values, np.float64)
-    _require_shape(name, full, shape)
-    require_finite(name, array)
-    return _frozen(array, full)
+    array = _frozen(name, np.array(number_array(name, values), dtype=np.float64), shape)
+    require_each(name, array, np.isfinite(array), "be finite", "remove or repair that value")
+    return array
 
 
-def int_array(
-    name: str, values: Any, shape: Shape | None = None, dtype: Any = np.int64
-) -> IntArray:
-    """Read-only integer copy of `values`; SerdError where a value is no whole number.
-
-    dtype: None to keep that of integers.
-    """
-    given, full = _converted(name, values, None)
+def int_array(name: str, values: Any, shape: Shape | None = None) -> IntArray:
+    """Read-only integer copy of `values`; SerdError where a value is no whole number."""
+    given = number_array(name, values)
     if given.dtype == np.bool_ or not np.can_cast(given.dtype, np.int64):
-        _require_whole(name, np.asarray(given, dtype=np.float64))
-        given = given.astype(np.int64)
-    _require_shape(name, full, shape)
-    return _frozen(given.astype(dtype or given.dtype, copy=False), full)
+        given = np.array(float_array(name, given))
+        require_each(name, given, given == np.floor(given), "be a whole number", "round it")
+        small = np.abs(given) < 2.0**63
+        require_each(name, given, small, "be below 2**63 in size", "number from 0")
+    return _frozen(name, np.array(given, dtype=np.int64), shape)
+
+
+def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
+    """Read-only boolean copy of `values` (zeros and ones are taken as booleans)."""
+    given = number_array(name, values)
+    if not np.all((given == 0) | (given == 1)):
+        raise SerdError(f"{name} must hold booleans, got values of type {given.dtype}; use a mask")
+    return _frozen(name, np.array(given, dtype=np.bool_), shape)
 
 
 def number_array(name: str, values: Any) -> NDArray[Any]:
@@ -85,20 +85,6 @@ def chosen_indices(name: str, values: Any, size: int, what: str) -> IntArray:
     return chosen
 
 
-def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
-    """Read-only boolean copy of `values` (zeros and ones are taken as booleans)."""
-    given, full = _converted(name, values, None)
-    if not np.all((given == 0) | (given == 1)):
-        raise SerdError(f"{name} must hold booleans, got values of type {given.dtype}; use a mask")
-    _require_shape(name, full, shape)
-    return _frozen(given.astype(np.bool_, copy=False), full)
-
-
-def require_finite(name: str, array: FloatArray) -> None:
-    """SerdError naming the first index of `array` that is NaN or infinite."""
-    require_each(name, array, np.isfinite(array), "be finite", "remove or repair that value")
-
-
 def require_each(
     name: str, array: NDArray[Any], holds: BoolArray | np.bool_, rule: str, fix: str
 ) -> None:
@@ -114,9 +100,6 @@ def require_index(
 
     where: mask of the entries that count, of a shape that broadcasts; None for all.
     """
-    once = unrepeated(array)
-    if once.size and once.min() >= 0 and once.max() < size:
-        return
     holds = (array >= 0) & (array < size) | (False if where is None else ~where)
     rule, fix = f"be {what} from 0 to {size - 1}", "drop it or use the problem it was made for"
     require_each(name, array, holds, rule, fix)
@@ -172,22 +155,6 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"one of type {type(value).__name__}"
 
 
-def unrepeated(array: NDArray[Number]) -> NDArray[Number]:
-    """The array with one element along each axis on which it repeats (a stride of 0)."""
-    repeats = zip(array.strides, array.shape, strict=True)
-    return array[tuple(slice(0, 1) if not step and n > 1 else slice(None) for step, n in repeats)]
-
-
-def once_per_state(table: NDArray[Number]) -> NDArray[Number]:
-    """(S, 1, ...) part of an (S, A, ...) table that repeats along the actions, else the table."""
-    return table[:, :1] if not table.strides[1] else table
-
-
-def matrix_index_type(largest: int) -> Any:
-    """Type of the index arrays of SciPy's sparse matrices that hold indices up to `largest`."""
-    return np.int32 if largest < 2**31 else np.int64
-
-
 def floored(probabilities: FloatArray) -> FloatArray:
     """Probabilities with a positive floor, so that logarithms stay finite."""
     return np.maximum(probabilities, SMALLEST_PROBABILITY)
@@ -200,11 +167,10 @@ def weighted_counts(index: IntArray, weights: FloatArray, size: int) -> FloatArr
 
 def padded(table: FloatArray | NDArray[np.floating[Any]], shape: tuple[int, ...]) -> FloatArray:
     """The table in the first places of one of a larger shape, which is 0 elsewhere."""
-    if table.shape == shape:
-        return np.asarray(table, dtype=np.float64)
-    whole = np.zeros(shape)
-    whole[tuple(slice(size) for size in table.shape)] = table
-    return whole
+    return np.pad(
+        np.asarray(table, dtype=np.float64),
+        [(0, whole - size) for whole, size in zip(shape, table.shape, strict=True)],
+    )
 
 
 def largest_per_row(table: FloatArray) -> FloatArray:
@@ -243,30 +209,14 @@ def gradient_differences(
     return np.asarray((table + table.T) / 2.0)
 
 
-def _converted(name: str, values: Any, dtype: Any) -> tuple[NDArray[Any], tuple[int, ...]]:
-    """A copy without repeats, and the whole shape."""
-    given = number_array(name, values)
-    return np.array(unrepeated(given), dtype=dtype), given.shape
-
-
-def _require_whole(name: str, array: FloatArray) -> None:
-    require_finite(name, array)
-    require_each(name, array, array == np.floor(array), "be a whole number", "round it")
-    small = np.abs(array) < 2.0**63
-    require_each(name, array, small, "be below 2**63 in size", "number from 0")
-
-
-def _require_shape(name: str, given: tuple[int, ...], shape: Shape | None) -> None:
-    if shape is None:
-        return
-    fits = len(given) == len(shape) and all(
-        wanted is None or wanted == size for wanted, size in zip(shape, given, strict=True)
+def _frozen(name: str, array: NDArray[Any], shape: Shape | None) -> NDArray[Any]:
+    """The array, which cannot be written to; SerdError where it has another shape."""
+    fits = shape is None or (
+        array.ndim == len(shape)
+        and all(wanted in (None, size) for wanted, size in zip(shape, array.shape, strict=True))
     )
     if not fits:
-        wanted_text = ", ".join("any" if size is None else str(size) for size in shape)
-        raise SerdError(f"{name} must have shape ({wanted_text}), got {given}; reshape it")
-
-
-def _frozen(array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+        sizes = ", ".join("any" if size is None else str(size) for size in shape or ())
+        raise SerdError(f"{name} must have shape ({sizes}), got {array.shape}; reshape it")
     array.flags.writeable = False
-    return array if array.shape == shape else np.broadcast_to(array, shape)
+    return array

@@ -14,19 +14,10 @@ from serd_core.errors import SerdError
 
 #: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
 BYTES_PER_ENTRY = 90
-#: The same where compiled code sums over the entries of outcome models, which it does not list.
-COMPILED_BYTES_PER_ENTRY = 15
 #: The same where a model is given entry by entry.
 LISTED_BYTES_PER_ENTRY = 200
 #: Bytes per pair (s, a): mask and places of its entries.
 BYTES_PER_PAIR = 25
-
-
-def bytes_of_transitions(n_entries: int, *, listed: bool, compiled: bool) -> float:
-    """Bytes that transitions need at the peak of a gradient; listed: given entry by entry."""
-    if listed:
-        return LISTED_BYTES_PER_ENTRY * float(n_entries)
-    return (COMPILED_BYTES_PER_ENTRY if compiled else BYTES_PER_ENTRY) * float(n_entries)
 
 
 def memory_limit() -> int:

@@ -37,8 +37,7 @@ sys.path.insert(0, folder)
 root = importlib.import_module(package)
 assert root.__file__.startswith(folder), root.__file__
 for module in pkgutil.walk_packages(root.__path__, f"{package}."):
-    if ".compiled." not in module.name:  # of the extra `fast`
-        importlib.import_module(module.name)
+    importlib.import_module(module.name)
 exec(statement)
 """
 

@@ -123,7 +123,7 @@ def cost_case(
     value = rng.normal(size=n_states)
     solution = BellmanSolution(value, np.log(policy), SoftBellman(), 1, 0, 0.0, 0.0, converged=True)
     immediate = rng.normal(size=(n_states * n_actions, n_parameters))
-    mdp.engine.pattern.elimination  # noqa: B018  set up once per MDP, not timed
+    mdp.transitions.policy_pattern  # noqa: B018  set up once per MDP, not timed
     dense = transitions.matrix.toarray()
     chain = (dense[:, :, None] * policy[None]).reshape(len(dense), -1)
     return CostCase(mdp, transitions, solution, dense, chain, immediate)

@@ -24,7 +24,11 @@ def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray)
 
     chain: (S, S) transition probabilities; goal: (S,) states that count, which absorb.
     """
-    onward = _ways_onward(chain, goal)
+    steps = scipy.sparse.coo_array(chain)
+    steps.sum_duplicates()
+    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
+    places = steps.row[kept], steps.col[kept]
+    onward = scipy.sparse.csr_array((steps.data[kept], places), shape=steps.shape)
     lost = ~can_reach(onward, goal)
     open_states = np.flatnonzero(can_reach(onward, lost) & ~lost)
     arriving = np.where(lost, 0.0, 1.0)
@@ -33,26 +37,15 @@ def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray)
     return arriving
 
 
-def _ways_onward(chain: scipy.sparse.csr_array, goal: BoolArray) -> scipy.sparse.csr_array:
-    # The possible steps from one state that is no goal to another.
-    steps = scipy.sparse.coo_array(chain)
-    steps.sum_duplicates()
-    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
-    row, successor = steps.row[kept], steps.col[kept]
-    return scipy.sparse.csr_array((steps.data[kept], (row, successor)), shape=steps.shape)
-
-
 def can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
     """(S,) whether a target (S,) can be reached by the steps of a graph (S, S), or is there."""
-    # One extra node in front of all targets makes this a single search on the reversed graph.
     reversed_graph = scipy.sparse.csr_array(onward.T)
-    source = scipy.sparse.csr_array(target[None, :].astype(np.float64))
-    corner = scipy.sparse.csr_array((len(target), 1))
-    graph = scipy.sparse.csr_array(scipy.sparse.bmat([[None, source], [corner, reversed_graph]]))
-    found = scipy.sparse.csgraph.breadth_first_order(graph, 0, return_predecessors=False)
-    reaches = np.zeros(len(target) + 1, dtype=np.bool_)
-    reaches[found] = True
-    return reaches[1:]
+    reaches, new = np.array(target, dtype=np.bool_), np.flatnonzero(target)
+    while len(new):
+        before = np.unique(reversed_graph[new].indices)
+        new = before[~reaches[before]]
+        reaches[new] = True
+    return reaches
 
 
 def _arriving_of_open_states(

@@ -63,26 +63,25 @@ def arriving_policy(
     the learned policy alone arrives, but not where it meets such a way, takes that way too.
     """
 
-    def traps_of(policy: Policy, arrival: ArrivalByState) -> Traps:
-        return find_traps(
-            problem.grid.neighbours,
-            policy.probabilities,
-            problem.goal_states,
-            arrival.within(n_steps),
-            TRAP_PROBABILITY,
-        )
+    def arrives(policy: Policy) -> tuple[ArrivalByState, Traps]:
+        arrival = arrival_of(policy)
+        cells, likely = problem.grid.neighbours, arrival.within(n_steps)
+        goals = problem.goal_states
+        return arrival, find_traps(cells, policy.probabilities, goals, likely, TRAP_PROBABILITY)
 
-    driven, arrival = learned, arrival_of(learned)
-    traps = learned_traps = traps_of(learned, arrival)
-    by_time = np.zeros(len(learned.greedy), dtype=np.bool_)
+    driven, (arrival, traps) = learned, arrives(learned)
+    learned_traps, by_time = traps, np.zeros(len(learned.greedy), dtype=np.bool_)
     if not len(traps.states):
         return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
     fastest = least_time_policy(problem, outcome_probabilities, seconds)
     while (more := (traps.looping | traps.unlikely) & ~by_time).any():
         by_time |= more
-        driven = _switched(learned, fastest, by_time)
-        arrival = arrival_of(driven)
-        traps = traps_of(driven, arrival)
+        driven = replace(
+            learned,
+            probabilities=np.where(by_time[:, None], fastest.probabilities, learned.probabilities),
+            greedy=np.where(by_time, fastest.greedy, learned.greedy),
+        )
+        arrival, traps = arrives(driven)
     lost = traps.unlikely
     if lost.any():
         lost = lost & (arrival_of(fastest).within(n_steps) < TRAP_PROBABILITY)
@@ -108,12 +107,3 @@ def least_time_policy(
     cost = np.where(goal_mask(problem)[:, None], 0.0, -np.asarray(seconds))
     timed = TabularProblem(mdp, cost[:, :, None], ("seconds",))
     return optimal_policy(timed, np.ones(1), outcome_probabilities)
-
-
-def _switched(learned: Policy, fastest: Policy, by_time: BoolArray) -> Policy:
-    """The learned policy with the actions of the fastest one in some states."""
-    return replace(
-        learned,
-        probabilities=np.where(by_time[:, None], fastest.probabilities, learned.probabilities),
-        greedy=np.where(by_time, fastest.greedy, learned.greedy),
-    )

@@ -1,14 +1,8 @@
-"""Time of arrival predicted by the absorbing chain of a policy (Fig. 5.10).
+"""The absorbing chain of a policy, and the arrival from each of its states (Fig. 5.10).
 
-The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision at a
-time; what has reached a goal state has arrived. Goals absorb under every policy.
-
-Run backwards it gives the arrival from every state at once, index order [n, s]:
-
-    F_0(s) = 1[s is a goal],  F_n(s) = sum_s' P_pi[s, s'] F_(n-1)(s'),  F_n(goal) = 1
-
-F_n(s) is the probability of having arrived n decisions after being in s. Since the chain has no
-memory, that is the law of the remaining time given all that has happened so far.
+The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves one decision at a time; what has reached a
+goal state has arrived. Goals absorb under every policy. Since the chain has no memory, the arrival
+from a state is the law of the remaining time given all that has happened so far.
 """
 
 from collections.abc import Iterable
@@ -19,10 +13,9 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, chosen_indices, require_count
-from serd_core.arrival.absorption import probability_of_ever_arriving
+from serd_core.arrays import BoolArray, FloatArray, IntArray, chosen_indices
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
+from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import require_problem
 
 
@@ -36,51 +29,6 @@ class GoalProblem(Protocol):
     @property
     def goal_states(self) -> IntArray:
         """Indices of the states that count as arrived."""
-
-
-@dataclass(frozen=True, eq=False)
-class ArrivalTimes:
-    """Predicted arrival.
-
-    decisions: (n_decisions + 1,) 0, 1, ...; cdf: probability of having arrived after each.
-    arrival_probability: probability of ever arriving.
-    """
-
-    decisions: IntArray
-    cdf: FloatArray
-    arrival_probability: float
-
-
-def arrival_time_distribution(
-    problem: GoalProblem,
-    policy: FloatArray,
-    outcome_probabilities: FloatArray | None,
-    start_distribution: FloatArray,
-    n_decisions: int,
-) -> ArrivalTimes:
-    """Distribution of the number of decisions until a goal state is reached.
-
-    policy: (S, A) probabilities; outcome_probabilities: None for transitions without parameters;
-    start_distribution: (S,) probabilities.
-    """
-    goal = goal_mask(problem)
-    chain = policy_chain(problem.mdp, policy, outcome_probabilities)
-    share = checked_distribution("start_distribution", start_distribution, problem.mdp.n_states)
-    require_count("n_decisions", n_decisions, 0, "the time-out's")
-    cdf = np.empty(n_decisions + 1)
-    moving, arrived = np.where(goal, 0.0, share), float(share[goal].sum())
-    cdf[0] = arrived
-    onward = chain.T.tocsr()
-    for decision in range(1, n_decisions + 1):
-        moving = onward @ moving
-        arrived += float(moving[goal].sum())
-        moving[goal] = 0.0
-        cdf[decision] = arrived
-    return ArrivalTimes(
-        decisions=np.arange(n_decisions + 1),
-        cdf=np.minimum(cdf, 1.0),
-        arrival_probability=float(np.dot(share, probability_of_ever_arriving(chain, goal))),
-    )
 
 
 def goal_mask(problem: GoalProblem) -> BoolArray:

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.absorption import can_reach
-from serd_core.errors import SerdError
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +45,9 @@ def find_traps(
 ) -> Traps:
     """Both kinds of trap states. policy: see `trap_states`; arrival_probability: (S,) within the
     horizon that matters."""
-    if not 0.0 <= threshold <= 1.0:
-        raise SerdError(f"threshold must be a probability, got {threshold}; use for example 0.5")
-    likely = float_array("arrival_probability", arrival_probability, (len(policy),))
     return Traps(
         looping=trap_states(neighbours, policy, goal_states),
-        unlikely=np.asarray(likely < threshold),
+        unlikely=np.asarray(arrival_probability < threshold),
         threshold=threshold,
     )
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.bellman.bellman_solver import BellmanProblem
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
@@ -173,7 +173,7 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     model = mdp.transitions
     assert isinstance(model, OutcomeModels)
     number = np.arange(n)[:, None, None]
-    once, (n_states, n_actions, size) = once_per_state(model.successors), model.successors.shape
+    once, (n_states, n_actions, size) = model.successors, model.successors.shape
     successors = once + mdp.n_states * number[..., None]
     shape = n * n_states, n_actions, size
     copies = OutcomeModels(

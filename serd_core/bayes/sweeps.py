@@ -28,7 +28,7 @@ from functools import partial
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, once_per_state
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
 from serd_core.dynamics.estimation import OutcomeSets, outcome_sets
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -66,7 +66,7 @@ def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
         return False
     if model.n_others:
         return True
-    following = np.sort(once_per_state(model.successors), axis=2)
+    following = np.sort(model.successors, axis=2)
     changes = np.count_nonzero(np.diff(following, axis=2), axis=2)
     shared = (changes > 0) & (changes < model.n_outcomes - 1) & model.available
     return bool(posterior.observations.hidden) or bool(shared.any())

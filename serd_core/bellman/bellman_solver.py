@@ -1,15 +1,13 @@
-"""What every Bellman solver returns, with its certificate, and when a residual is small enough.
+"""Bellman solvers: what they return, with a certificate, and the gradient by the result.
 
 T is a gamma-contraction in the largest norm. Arithmetic gives T V only up to some rounding d, so
 the computed T V, which is the returned value, satisfies
 
-    max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma),
+    max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma)
 
-which holds for every solver: the bound needs the residual and the size of numbers only. V* solves
-the equation as given: with these rewards and transitions, whose rows sum to 1. Where moves take
-time, gamma times the largest sum of a row stands for gamma (`BellmanProblem.contraction`).
-
-(Soft) value iteration is V <- T V until the residual certifies the accuracy.
+for every solver. V* solves the equation as given: with these rewards and transitions, whose rows
+sum to 1. Where moves take time, gamma times the largest sum of a row stands for gamma
+(`BellmanProblem.contraction`). (Soft) value iteration is V <- T V until that suffices.
 
 The gradient by every reward and every transition probability takes one transposed solve. For an
 objective J with g(s, a) = dJ/dQ(s, a) at the converged Q and the policy pi along which the
@@ -20,8 +18,6 @@ equation propagates gradients (Boltzmann for soft, greedy for hard):
 
 This is the transpose of the Q-gradient (4.21), (4.66) of the thesis: its cost does not grow with
 the number of parameters.
-
-`Backup` is one application of the Bellman operator: T V and what comes with it.
 """
 
 from abc import ABC, abstractmethod
@@ -30,10 +26,9 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, shown, unrepeated
-from serd_core.bellman.engine import Engine
+from serd_core.arrays import FloatArray, float_array, is_number, require_each, shown
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -57,21 +52,12 @@ class BellmanProblem:
 
     def __post_init__(self) -> None:
         available = self.mdp.available
-        if unrepeated(available).all():
-            allowed = rewards = self.rewards
-        else:
-            allowed = np.where(available, self.rewards, 0.0)
-            rewards = np.where(available, self.rewards, -np.inf)
+        allowed = np.where(available, self.rewards, 0.0)
         largest = LARGEST_VALUE * (1.0 - self.contraction)
-        once = unrepeated(allowed)
-        if not max(float(once.max()), -float(once.min())) <= largest:
-            state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
-            raise SerdError(
-                f"rewards[{state}, {action}] must be finite and at most {largest:.3g} in size, got"
-                f" {allowed[state, action]}; use smaller weights or features, and mark forbidden"
-                " actions unavailable"
-            )
-        object.__setattr__(self, "rewards", rewards)
+        rule = f"be finite and at most {largest:.3g} in size"
+        fix = "use smaller weights or features, and mark forbidden actions unavailable"
+        require_each("rewards", allowed, np.abs(allowed) <= largest, rule, fix)
+        object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
 
     @property
     def discount(self) -> float:
@@ -84,31 +70,15 @@ class BellmanProblem:
         filled = self.transitions
         return self.discount * filled.model.largest_sum(filled.local_probabilities)
 
-    @property
-    def engine(self) -> Engine:
-        """Who applies T."""
-        return self.mdp.engine
-
 
 @dataclass(frozen=True, eq=False)
 class Backup:
-    """T V at one V: (S,) value = V, target = T V, and residual, the largest |T V - V|.
+    """T V at one V: (S,) value = V, target = T V, (S, A) Q of V, and the largest |T V - V|."""
 
-    kept_q: Q, or None where it is computed when it is asked for.
-    """
-
-    problem: BellmanProblem
     value: FloatArray
     target: FloatArray
+    q: FloatArray
     residual: float
-    kept_q: FloatArray | None
-
-    @property
-    def q(self) -> FloatArray:
-        """(S, A) Q-function of V."""
-        if self.kept_q is None:
-            return self.problem.engine.q(self.problem, self.value)
-        return self.kept_q
 
     @cached_property
     def gap(self) -> FloatArray:
@@ -123,22 +93,12 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    target, q = problem.engine.backup(problem, value)
+    q = problem.transitions.expected(value)
+    q *= problem.discount
+    q += problem.rewards
+    target = problem.equation.maximum(q)
     gap = target - value
-    residual = max(float(gap.max()), -float(gap.min()))
-    return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)
-
-
-def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
-    """Bound of |computed T V - T V|, for K transitions in the longest row and A actions.
-
-    With the unit u = eps / 2: a row of P V, its discount and reward cost (K + 2) u max |V|, the
-    sum of exponentials (A + log A + 4) u, and adding its logarithm u max |V|. Actions far below the
-    best one have large errors in Q, and a weight that makes up for them.
-    """
-    largest_value = last.scale + last.residual
-    n_terms = problem.transitions.model.longest_row + problem.transitions.model.n_actions + 3
-    return n_terms * EPSILON * largest_value
+    return Backup(value, target, q, max(float(gap.max()), -float(gap.min())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,9 +142,8 @@ class BellmanSolver(ABC):
 def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
     """Whether a solver may stop, for an error of accuracy * max(1, max |V|).
 
-    The residual wanted is never less than rounding lets residuals fall to. Near a discount of 1
-    that is more than the accuracy asks for, and the rounding of the backup comes on top: how near
-    V* the solution is certified to be is in its error bound, not in the accuracy.
+    The residual wanted is never less than rounding lets residuals fall to, which near a discount of
+    1 is more than the accuracy asks for; the error bound of the solution counts both.
     """
     share = max(accuracy * (1.0 - problem.contraction), SMALLEST_SHARE)
     return last.residual <= last.scale * share
@@ -208,8 +167,16 @@ def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:
 def solution_from(
     problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
 ) -> BellmanSolution:
-    """Record of a finished iteration; the value is T V, no further from V* than V was."""
-    certified = last.residual + backup_rounding(problem, last)
+    """Record of a finished iteration; the value is T V, no further from V* than V was.
+
+    For K transitions in the longest row, A actions and the unit u = eps / 2, a row of P V, its
+    discount and reward cost (K + 2) u max |V|, the sum of exponentials (A + log A + 4) u, and
+    adding its logarithm u max |V|. Actions far below the best one have large errors in Q, and a
+    weight that makes up for them.
+    """
+    model = problem.transitions.model
+    n_terms = int(model.row_length.max()) + model.n_actions + 3
+    certified = last.residual + n_terms * EPSILON * (last.scale + last.residual)
     return BellmanSolution(
         value=last.target,
         q=last.q,
@@ -238,14 +205,11 @@ class ValueIteration(BellmanSolver):
     def solve(
         self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
-        """Sweep until certified or out of sweeps."""
-        latest = backup(problem, starting_value(problem.mdp, initial_value))
-        sweeps = 1
-        while not (done := is_accurate(problem, self.accuracy, latest)):
-            if sweeps >= self.max_sweeps:
-                break
-            latest = backup(problem, latest.target)
-            sweeps += 1
+        latest, sweeps = backup(problem, starting_value(problem.mdp, initial_value)), 1
+        while (
+            not (done := is_accurate(problem, self.accuracy, latest)) and sweeps < self.max_sweeps
+        ):
+            latest, sweeps = backup(problem, latest.target), sweeps + 1
         return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
 
 
@@ -266,16 +230,20 @@ def adjoint(
     linear_solver: LinearSolver,
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
-    engine, policy = mdp.engine, solution.policy
-    system = engine.system(transitions, policy, mdp.discount, linear_solver)
-    flow = engine.flow(transitions, q_gradient)
-    state_gradient = system.solve(mdp.discount * flow, transposed=True)
-    del system
+    policy = solution.policy
+    system = policy_system(transitions, policy, mdp.discount, linear_solver)
+    flow = mdp.discount * transitions.flow(q_gradient)
+    state_gradient = system.solve(flow, transposed=True)
+    del system  # frees the memory of its factor
     reward_gradient = policy * state_gradient[:, None]
     reward_gradient += q_gradient
-    by_local = engine.local_gradient(transitions, reward_gradient, solution.value)
-    return Adjoint(
-        reward_gradient=reward_gradient,
-        local_gradient=mdp.discount * by_local,
-        state_gradient=state_gradient,
-    )
+    by_local = transitions.local_gradient(reward_gradient, solution.value)
+    return Adjoint(reward_gradient, mdp.discount * by_local, state_gradient)
+
+
+def policy_system(
+    transitions: Transitions, policy: FloatArray, discount: float, solver: LinearSolver
+) -> LinearSystem:
+    """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
+    pattern = transitions.model.policy_pattern
+    return solver.prepare(pattern, pattern.system_data(policy, transitions.entries, discount))

@@ -59,7 +59,6 @@ class SoftBellman(BellmanEquation):
         return boltzmann(q, 1.0)
 
     def policy_at(self, q: FloatArray, maximum: FloatArray) -> FloatArray:
-        """(S, A) exp(Q - V)."""
         policy = q - maximum[:, None]
         return np.exp(policy, out=policy)
 

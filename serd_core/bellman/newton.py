@@ -6,11 +6,6 @@ T is convex and monotone, so from the second step on V grows towards V* at least
 value iteration, and close to V* quadratically. A few value-iteration sweeps before the first step
 make a cold start cheaper, and a sweep replaces every step that went wrong numerically. While steps
 shrink the residual well, the policy hardly changes, and the next step keeps the last one's matrix.
-
-A step moves the states in which the policy is still wrong by a few transitions only, as it takes
-the policy of the values before it: around each goal of a large grid 20 steps are needed where a
-few states are left. Where the engine has them, nonlinear Gauss-Seidel sweeps follow the
-steps from the first that shrinks the residual too little, soon over these states alone.
 """
 
 from dataclasses import dataclass, field
@@ -25,6 +20,7 @@ from serd_core.bellman.bellman_solver import (
     BellmanSolver,
     backup,
     is_accurate,
+    policy_system,
     require_limits,
     solution_from,
     starting_value,
@@ -39,16 +35,6 @@ FORCING = 3e-2
 FALL = 1e-2
 #: A step that shrinks the residual to this share was good enough to keep its matrix.
 KEEP = 0.03
-#: A step that shrinks the residual to this share needs no sweeps after it.
-WELL = 0.1
-#: Sweeps leave alone what is settled: where nothing near moved by more than this share of the
-#: residual before the step.
-SETTLED = 1e-2
-#: FORCING and KEEP with sweeps: with 1e-2 single states can be so far off that a step is rejected,
-#: and a matrix costs a third of a solution.
-SWEPT_FORCING, SWEPT_KEEP = 3e-3, 1e-2
-#: Residual below which steps converge quadratically and are not swept; the temperature is 1.
-QUADRATIC = 0.1
 
 
 @dataclass(frozen=True)
@@ -76,8 +62,6 @@ class Newton(BellmanSolver):
         latest = backup(problem, starting_value(problem.mdp, initial_value))
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
-        swept, unsettled = problem.engine.sweeps and problem.equation.curved, False
-        forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
         solver = self.linear_solver
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
@@ -87,20 +71,14 @@ class Newton(BellmanSolver):
                 continue
             linear_solves += 1
             system = system or _prepared(solver, problem, latest)
-            value = latest.value + system.solve(latest.gap, relative_residual=forcing)
+            step = system.solve(latest.gap, relative_residual=FORCING)
             solver = system.solver_of_next(solver)
-            if unsettled:
-                value = problem.engine.settled(problem, value, SETTLED * latest.residual)
-            proposed = backup(problem, value)
-            good = proposed.residual <= WELL * latest.residual
-            kept = proposed.residual <= keep * latest.residual and not unsettled
-            system = system if kept else None
-            unsettled = swept and (unsettled or not good) and proposed.residual > QUADRATIC
-            if good or _acceptable(proposed, latest):
+            proposed = backup(problem, latest.value + step)
+            system = system if proposed.residual <= KEEP * latest.residual else None
+            if _acceptable(proposed, latest):
                 latest = proposed
             else:
                 latest, sweeps_due = backup(problem, latest.target), self.cold_sweeps
-        del system  # frees its memory for the table of Q
         return solution_from(
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )
@@ -108,7 +86,7 @@ class Newton(BellmanSolver):
 
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
     policy = problem.equation.policy_at(latest.q, latest.target)
-    return problem.engine.system(problem.transitions, policy, problem.discount, solver)
+    return policy_system(problem.transitions, policy, problem.discount, solver)
 
 
 def _acceptable(proposed: Backup, latest: Backup) -> bool:

@@ -81,10 +81,8 @@ class CellTracker:
     @staticmethod
     def _is_in(cell: tuple[int, int], place: tuple[float, float], margin: float) -> bool:
         """Whether no border is passed, walls or not."""
-        (column, row), (east, north) = cell, place
-        return (
-            column - margin <= east <= column + 1 + margin
-            and row - margin <= north <= row + 1 + margin
+        return all(
+            low - margin <= at <= low + 1 + margin for low, at in zip(cell, place, strict=True)
         )
 
     def _first_border(
@@ -99,16 +97,13 @@ class CellTracker:
         for axis in (0, 1):
             for side in (-1, 1):
                 border = cell[axis] + (side > 0) + side * margin
-                if side * (after[axis] - border) <= 0 or self._is_wall(cell, axis, side):
+                beyond = cell[0] + side * (axis == 0), cell[1] + side * (axis == 1)
+                if side * (after[axis] - border) <= 0 or self._state(*beyond) < 0:
                     continue
                 moved = after[axis] - before[axis]
                 share = (border - before[axis]) / moved if moved * side > 0 else 0.0
                 passed.append((min(max(share, 0.0), 1.0), axis, side))
         return min(passed) if passed else None
-
-    def _is_wall(self, cell: tuple[int, int], axis: int, side: int) -> bool:
-        column, row = cell[0] + side * (axis == 0), cell[1] + side * (axis == 1)
-        return self._state(column, row) < 0
 
     def _state(self, column: int, row: int) -> int:
         rows, columns = self._grid.walkable.shape

@@ -20,7 +20,6 @@ from serd_core.arrays import (
     require_each,
     require_kind,
     shown,
-    weighted_counts,
 )
 from serd_core.errors import SerdError
 
@@ -110,8 +109,8 @@ def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> 
     _require_below("state", decisions.state, n_states)
     _require_below("action", decisions.action, n_actions)
     pair = decisions.state * n_actions + decisions.action
-    counts = weighted_counts(pair, np.ones(len(pair)), n_states * n_actions)
-    return counts.reshape(n_states, n_actions)
+    counts = np.bincount(pair, minlength=n_states * n_actions)
+    return counts.astype(np.float64).reshape(n_states, n_actions)
 
 
 def require_shown(decisions: Decisions, purpose: str) -> None:
@@ -173,13 +172,13 @@ def decisions_from_columns(table: Any, source: str = "") -> Decisions:
         decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
     """
     try:
-        columns = [np.asarray(table[name]) for name in COLUMNS]
+        columns = {name: np.asarray(table[name]) for name in COLUMNS}
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise SerdError(
             f"table must have the columns {', '.join(COLUMNS)}, got an error for one: {error};"
             " rename it"
         ) from error
-    return Decisions(**dict(zip(COLUMNS, columns, strict=True)), source=source)
+    return Decisions(**columns, source=source)
 
 
 def decisions_from_episodes(

@@ -87,25 +87,23 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     state_counts(decisions, mdp.n_states)
     shown, ended = np.flatnonzero(~decisions.hidden), reached(decisions)
     counts = state_action_counts(decisions.select(shown), mdp.n_states, mdp.n_actions)
-    _require_available(mdp, decisions, name)
-    taken = taken_transitions(mdp, decisions)
-    _require_explained(decisions, _explained(mdp, decisions, taken), name)
-    observed = taken[shown[ended[shown]]]
+    _require_possible(mdp, decisions, name)
+    observed = taken_transitions(mdp, decisions)[shown[ended[shown]]]
     hidden = decisions.select(decisions.hidden & ended)
     pairs = np.stack([hidden.state, hidden.next_state], axis=1)
     _, first, moves = np.unique(pairs, axis=0, return_index=True, return_counts=True)
     candidates = explaining_transitions(mdp, hidden.select(first))
     move, column = np.nonzero(candidates >= 0)
     keys = np.unique(np.concatenate([observed, candidates[move, column]]))
-    entries = mdp.transitions.moves.row_entries(np.unique(keys // mdp.n_states))
-    entry_group = places_of(entries.row * mdp.n_states + entries.successor, keys)
+    model = mdp.transitions.moves
+    entry_group = places_of(model.row * mdp.n_states + model.successor, keys)
     kept = entry_group >= 0
     place = places_of(candidates[move, column], keys)
     return Observations(
         state_action=counts,
         key=keys,
         group_count=np.bincount(places_of(observed, keys), minlength=len(keys)).astype(np.float64),
-        local_index=entries.local_index[kept],
+        local_index=model.local_index[kept],
         entry_group=entry_group[kept],
         hidden=HiddenMoves(moves.astype(np.float64), place, move),
         dwells=dwell_times(mdp, decisions, name),
@@ -120,11 +118,8 @@ def observe_in(problem: Problem, decisions: Decisions) -> Observations:
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     """(N,) which decisions the MDP allows; every learner rejects the others."""
-    return _explained(mdp, decisions, taken_transitions(mdp, decisions))
-
-
-def _explained(mdp: Mdp, decisions: Decisions, taken: IntArray) -> BoolArray:
-    found, hidden = (taken >= 0) | ~reached(decisions), decisions.hidden & reached(decisions)
+    ended = reached(decisions)
+    found, hidden = (taken_transitions(mdp, decisions) >= 0) | ~ended, decisions.hidden & ended
     found[hidden] = np.any(explaining_transitions(mdp, decisions.select(hidden)) >= 0, axis=1)
     return np.asarray(found)
 
@@ -162,29 +157,22 @@ def _found(mdp: Mdp, state: IntArray, action: IntArray, following: IntArray) -> 
         np.where(inside, state, 0) * mdp.n_actions + np.clip(action, 0, mdp.n_actions - 1),
         np.where(inside, following, 0),
     )
-    entries = mdp.transitions.row_entries(np.unique(row))
-    present = np.unique(entries.row * mdp.n_states + entries.successor)
     key = row * mdp.n_states + successor
-    return np.where(inside & (places_of(key, present) >= 0), key, -1)
+    return np.where(inside & (mdp.transitions.groups.places(key) >= 0), key, -1)
 
 
-def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
+def _require_possible(mdp: Mdp, decisions: Decisions, name: str) -> None:
     given = mdp.available[decisions.state, decisions.action] | decisions.hidden
     if (wrong := np.flatnonzero(~given)).size:
-        first = int(wrong[0])
         raise SerdError(
-            f"{name}[{first}] takes action {decisions.action[first]} in state"
-            f" {decisions.state[first]}, where it is not available; drop that decision"
+            f"{name}[{wrong[0]}] takes action {decisions.action[wrong[0]]} in state"
+            f" {decisions.state[wrong[0]]}, where it is not available; drop that decision"
         )
-
-
-def _require_explained(decisions: Decisions, possible: BoolArray, name: str) -> None:
-    if (wrong := np.flatnonzero(~possible)).size:
+    if (wrong := np.flatnonzero(~explained(mdp, decisions))).size:
         first = int(wrong[0])
-        hidden = decisions.hidden[first]
-        action = "any action" if hidden else f"action {decisions.action[first]}"
+        action = f"action {decisions.action[first]}"
         raise SerdError(
             f"{name}[{first}] reaches state {decisions.next_state[first]} from state"
-            f" {decisions.state[first]} by {action}, which no outcome"
-            " explains; drop that decision or extend the model"
+            f" {decisions.state[first]} by {'any action' if decisions.hidden[first] else action},"
+            " which no outcome explains; drop that decision or extend the model"
         )

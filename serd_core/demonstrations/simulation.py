@@ -74,11 +74,12 @@ def _draw(probabilities: FloatArray, rng: np.random.Generator) -> IntArray:
 
 def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generator) -> IntArray:
     model = transitions.model
-    entries, pair = model.row_entries(row), np.divmod(row, model.n_actions)
-    last = np.cumsum(model.row_length[pair], dtype=np.int64)
-    first = np.concatenate([[0], last[:-1]])
-    probabilities = np.ravel(transitions.local_probabilities)[entries.local_index]
+    length = model.row_length.ravel()[row]
+    last = np.cumsum(length)
+    first = last - length
+    entry = np.repeat(model.row_start[row] - first, length) + np.arange(last[-1])
+    probabilities = transitions.entries[entry]
     cumulative = np.concatenate([[0.0], np.cumsum(probabilities)])
     level = cumulative[first] + rng.random(len(row)) * (cumulative[last] - cumulative[first])
-    entry = np.searchsorted(cumulative, level, side="right") - 1
-    return np.asarray(entries.successor[np.clip(entry, first, last - 1)])
+    place = np.searchsorted(cumulative, level, side="right") - 1
+    return np.asarray(model.successor[entry[np.clip(place, first, last - 1)]])

@@ -5,34 +5,22 @@ estimate of outcome models maximises
 
     sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  c sum_{m,k} log P_m(k)
 
-At walls several outcomes lead to the same s', so expectation maximisation shares each observation
-among them by their present probabilities and sets P_m(k) to its share r(k) of the model's total:
-
-    r(k) = c + sum n(s,a,s') P_m(k) / sum_{j leads to s'} P_m(j)
-
-The objective is concave, so that reaches its maximum from any start, but where walls hide nearly
-everything only after millions of steps. A few of them come first, Newton's method does the rest.
-With the relative moves x(k) = dP(k) / P(k) of one model, q_g the shares of the outcomes that
-explain an observation g, and r = c + sum_g n_g q_g, its step solves
+At walls several outcomes lead to the same s'. Expectation maximisation shares each observation
+among them by their present probabilities, and sets P_m(k) to its share of the model's total. A few
+such steps come first; where walls hide nearly everything they would be millions, so Newton's method
+does the rest. With the relative moves x(k) = dP(k) / P(k) of one model, q_g the shares of the
+outcomes that explain an observation g, and r = c + sum_g n_g q_g, its step solves
 
     A x = r - t P,   A = c I + sum_g n_g q_g q_g^T,   t such that sum_k P(k) x(k) = 0
 
 A sum of logarithms that weigh at least m = min(1, c) is m times a self-concordant one. So where
 the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share d / (1 - d) of its
-most likely value (Nesterov and Nemirovskii, 1994). A small move alone would not show that.
+most likely value (Nesterov and Nemirovskii, 1994).
 
-A model that was never observed keeps the uniform distribution.
-
-Of sparse transitions the Dirichlet prior adds c pseudo-observations to every s' that can follow a
-pair (s, a), and the estimate maximises over the parameters theta of a SparseModel
-
-    sum_{s,a,s'} (n(s,a,s') + c) log P_theta(s' | s, a)
-
-Where each pair has a distribution of its own over K(s, a) states that is
-
-    P(s' | s, a) = (n(s,a,s') + c) / (n(s,a) + c K(s,a)),
-
-the mean of the Dirichlet posterior, and its mode over log odds (MacKay, Machine Learning 33, 1998).
+Of a SparseModel the prior adds c pseudo-observations to every s' that can follow a pair (s, a), and
+the estimate maximises sum (n(s,a,s') + c) log P_theta(s' | s, a). Where each pair has a
+distribution of its own, that is the mean of the Dirichlet posterior, and its mode over log odds
+(MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass
@@ -55,7 +43,7 @@ from serd_core.dynamics.transition_model import (
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem, require_problem
-from serd_core.semi_markov.counted import counted_parameters
+from serd_core.semi_markov.dwell_prior import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -144,10 +132,9 @@ def _moved(
     lost = 4.0 * EPSILON * (abs(before) + counts.total)
     while length > SHORTEST_STEP:
         there = probabilities * (1.0 + length * move)
-        if np.all(there > 0.0):
-            gain = counts.objective(there) - before
-            if gain >= ENOUGH * length * slope - lost:
-                return np.asarray(there / there.sum())
+        enough = before + ENOUGH * length * slope - lost
+        if np.all(there > 0.0) and counts.objective(there) >= enough:
+            return np.asarray(there / there.sum())
         length *= 0.5
     return probabilities
 
@@ -191,12 +178,11 @@ def most_likely_dynamics(
 ) -> DynamicsEstimate:
     """Find the M-estimate by steps that share, and then by Newton's until it is certified."""
     require_positive("pseudo_count", pseudo_count)
-    seen = outcome_sets(model, observations)
-    start = _shared(model, seen, pseudo_count)
-    found = [
-        maximum_of(seen.of(m, pseudo_count), start[m], tolerance, max_steps)
-        for m in range(model.n_models)
-    ]
+    seen, found = outcome_sets(model, observations), []
+    for m, start in enumerate(_shared(model, seen, pseudo_count)):
+        mine = seen.model == m
+        counts = OutcomeCounts(seen.explaining[mine], seen.count[mine], pseudo_count)
+        found.append(maximum_of(counts, start, tolerance, max_steps))
     return DynamicsEstimate(
         probabilities=np.array([each.probabilities for each in found]),
         steps=max(each.steps for each in found),
@@ -212,11 +198,6 @@ class OutcomeSets:
     model: IntArray
     explaining: FloatArray
     count: FloatArray
-
-    def of(self, model: int, pseudo_count: float) -> OutcomeCounts:
-        """The part of one model."""
-        mine = self.model == model
-        return OutcomeCounts(self.explaining[mine], self.count[mine], pseudo_count)
 
 
 def outcome_sets(model: OutcomeModels, observations: Observations) -> OutcomeSets:
@@ -265,11 +246,6 @@ def counted_transitions(
     require_problem(problem)
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = problem.mdp.transitions
-    if isinstance(model, SparseModel) and model.n_copies > 1:
-        raise SerdError(
-            f"problem must have one period to count transitions in, got {model.n_copies}; pass"
-            " finite_horizon the counted transitions of the problem itself"
-        )
     probability = _counted(model, observe(problem.mdp, decisions), pseudo_count)
     state, action = np.divmod(model.groups.row, model.n_actions)
     known = fixed_transitions(
@@ -292,7 +268,7 @@ def most_likely_parameters(
     require_positive("pseudo_count", pseudo_count)
     start = np.zeros(model.n_parameters)
     model.require_transitions(model.local_probabilities(start))
-    counts = seen.counts(model) + pseudo_count / model.n_copies
+    counts = seen.counts(model) + pseudo_count
     found = NewtonAscent().maximise(LogLikelihood(model, counts), start)
     if not found.converged:
         raise SerdError(
@@ -310,13 +286,11 @@ class LogLikelihood(Objective):
     counts: FloatArray
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n_parameters,) gradient."""
         probability = transition_probabilities(self.model, vector)
         gradient = dynamics_gradient(self.model, vector, self.counts / probability)
         return float(self.counts @ np.log(probability)), gradient
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """(n_parameters, n_parameters) second derivatives."""
         return log_transition_hessian(self.model, vector, self.counts)
 
 

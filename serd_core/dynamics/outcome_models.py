@@ -24,18 +24,14 @@ from serd_core.arrays import (
     require_index,
     require_positive,
     shown,
-    unrepeated,
-    weighted_counts,
 )
-from serd_core.dynamics.transition_model import RowEntries, TransitionModel
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
 #: How far the sum of a row may be from 1: rounding, no more.
 SUM_TOLERANCE = 1e-9
 #: Scaled energy, below that of a certain outcome, at which exp() is exactly 0: it is from 746 on.
 IMPOSSIBLE = 1000.0
-#: States from which indices have four bytes, which halves the memory of large problems.
-SMALL_INDICES_FROM = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +59,10 @@ class OutcomeModels(TransitionModel):
     n_others: int = 0
 
     def __post_init__(self) -> None:
-        successors = int_array("successors", self.successors, (None, None, None), dtype=None)
+        successors = int_array("successors", self.successors, (None, None, None))
         pairs = successors.shape[:2]
         available = bool_array("available", self.available, pairs)
-        model_of = int_array("model_of", self.model_of, pairs, dtype=None)
+        model_of = int_array("model_of", self.model_of, pairs)
         require_positive("beta", self.beta, "use 1.0")
         if not successors.size:
             raise SerdError(
@@ -85,14 +81,18 @@ class OutcomeModels(TransitionModel):
             intended = int_array("intended", self.intended, (self.n_models,))
             require_index("intended", intended, successors.shape[2], "an outcome")
             object.__setattr__(self, "intended", intended)
-        object.__setattr__(self, "successors", _stored(successors))
-        object.__setattr__(self, "model_of", _stored(model_of))
+        object.__setattr__(self, "successors", successors)
+        object.__setattr__(self, "model_of", model_of)
         object.__setattr__(self, "available", available)
 
     @property
     def n_outcomes(self) -> int:
         """Number of outcomes K."""
         return int(self.successors.shape[2])
+
+    @property
+    def local_shape(self) -> tuple[int, ...]:
+        return self.n_models, self.n_outcomes
 
     @cached_property
     def n_energies(self) -> int:
@@ -106,54 +106,20 @@ class OutcomeModels(TransitionModel):
 
     @cached_property
     def row_length(self) -> IntArray:
-        """(S, A) K for available pairs, else 0."""
-        length = unrepeated(self.available) * np.int64(self.n_outcomes)
-        return np.broadcast_to(length, self.available.shape)
-
-    def row_entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, one after the other, without a list of all."""
-        row = row[self.available.ravel()[row]]
-        pair, outcomes = np.divmod(row, self.n_actions), np.arange(self.n_outcomes)
-        first = self.model_of[pair].astype(np.int64) * self.n_outcomes
-        return RowEntries(
-            row=np.repeat(row, self.n_outcomes),
-            successor=self.successors[pair].astype(np.int64).ravel(),
-            local_index=np.asarray((first[:, None] + outcomes).ravel()),
-        )
-
-    @cached_property
-    def absorbing(self) -> BoolArray:
-        """(S,) states that no available action can leave, for any parameters."""
-        own, leaves = np.arange(self.n_states), np.zeros(self.n_states, dtype=np.bool_)
-        for action in range(self.n_actions):
-            for outcome in range(self.n_outcomes):
-                moves = self.successors[:, action, outcome] != own
-                leaves |= moves & self.available[:, action]
-        return ~leaves
-
-    @property
-    def n_entries(self) -> int:
-        """K per available pair."""
-        return int(np.count_nonzero(self.available)) * self.n_outcomes
+        return self.available * np.int64(self.n_outcomes)
 
     @cached_property
     def successor(self) -> IntArray:
-        """(E,) next state of each entry."""
-        return self.successors[self.available].ravel().astype(np.int64, copy=False)
-
-    @cached_property
-    def _model_of_pair(self) -> IntArray:
-        return self.model_of[self.available].astype(np.int64, copy=False)
+        return self.successors[self.available].ravel()
 
     @cached_property
     def local_index(self) -> IntArray:
         """(E,) place of each entry's probability in the flattened (M, K) table."""
-        first = self._model_of_pair * self.n_outcomes
+        first = self.model_of[self.available] * self.n_outcomes
         return np.asarray((first[:, None] + np.arange(self.n_outcomes)).ravel())
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(M*K,) one name per energy."""
         return tuple(
             f"model {m} outcome {k}" for m in range(self.n_models) for k in range(self.n_outcomes)
         )
@@ -210,21 +176,9 @@ class OutcomeModels(TransitionModel):
         by_energy = self.beta * probabilities * (local_gradient - mean)
         return padded(by_energy.ravel(), (self.n_parameters,))
 
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries for the given (M, K) outcome probabilities."""
-        self._require_table(local_probabilities)
-        return np.take(local_probabilities, self._model_of_pair, axis=0).ravel()
-
-    def gather(self, entry_gradient: FloatArray) -> FloatArray:
-        """(M, K) sum of the entry gradients over all pairs that share a model."""
-        size = self.n_models * self.n_outcomes
-        sums = weighted_counts(self.local_index, entry_gradient, size)
-        return sums.reshape(self.n_models, self.n_outcomes)
-
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
-        probabilities = np.asarray(initial, dtype=np.float64)
-        self.require_distributions(probabilities)
+        probabilities = self.known_probabilities(initial)
         rule = "be above 0 to have a finite energy"
         fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
         require_each("probabilities", probabilities, probabilities > 0, rule, fix)
@@ -237,8 +191,7 @@ class OutcomeModels(TransitionModel):
 
         Such energies suit dynamics that are not learned: their gradient is 0, too.
         """
-        probabilities = np.asarray(known, dtype=np.float64)
-        self.require_distributions(probabilities)
+        probabilities = self.known_probabilities(known)
         possible = probabilities > 0
         scaled = np.log(probabilities, out=np.full_like(probabilities, -IMPOSSIBLE), where=possible)
         mean = np.mean(scaled, axis=1, keepdims=True, where=possible)
@@ -249,13 +202,6 @@ class OutcomeModels(TransitionModel):
         table = np.asarray(known, dtype=np.float64)
         self.require_distributions(table)
         return table
-
-    def require_transitions(self, local_probabilities: FloatArray) -> None:
-        """SerdError naming the first (s, a) whose probabilities are no distribution."""
-        self._require_table(local_probabilities)
-        sums = np.sum(local_probabilities, axis=1)
-        if not (np.all(local_probabilities >= 0) and np.all(np.abs(sums - 1.0) <= SUM_TOLERANCE)):
-            super().require_transitions(local_probabilities)
 
     def require_distributions(self, table: FloatArray) -> None:
         """SerdError naming the first local model whose row of an (M, K) table is no distribution.
@@ -271,15 +217,8 @@ class OutcomeModels(TransitionModel):
         require_each(name, sums, is_one, "sum to 1", "normalise that row")
 
     def _require_table(self, table: FloatArray) -> None:
-        expected = (self.n_models, self.n_outcomes)
-        if np.shape(table) != expected:
+        if np.shape(table) != self.local_shape:
             raise SerdError(
-                f"outcome probabilities must have shape {expected} (models, outcomes),"
+                f"outcome probabilities must have shape {self.local_shape} (models, outcomes),"
                 f" got {np.shape(table)}; pass one row per local model"
             )
-
-
-def _stored(indices: IntArray) -> IntArray:
-    """Indices of four bytes for many states, of eight for few."""
-    kind = np.int32 if SMALL_INDICES_FROM <= len(indices) <= 2**31 else np.int64
-    return np.broadcast_to(unrepeated(indices).astype(kind, copy=False), indices.shape)

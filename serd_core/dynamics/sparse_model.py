@@ -33,8 +33,7 @@ class SparseModel(TransitionModel):
     n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order.
     probabilities: parameters (n_parameters,) -> (E,) entries in that order.
     vector_jacobian: (parameters, (E,) gradient) -> (n_parameters,) gradient.
-    Pairs without entries are not available. n_copies: how often each parameterised entry occurs, as
-    in the periods of a finite horizon; pseudo-counts are of all copies together.
+    Pairs without entries are not available.
     """
 
     n_pairs: tuple[int, int]
@@ -44,7 +43,6 @@ class SparseModel(TransitionModel):
     parameter_count: int
     probabilities: Callable[[FloatArray], FloatArray]
     vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray]
-    n_copies: int = 1
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
@@ -69,15 +67,16 @@ class SparseModel(TransitionModel):
 
     @property
     def n_parameters(self) -> int:
-        """Length of the user's parameter vector."""
         return self.parameter_count
+
+    @property
+    def local_shape(self) -> tuple[int, ...]:
+        return self.state.shape
 
     @cached_property
     def available(self) -> BoolArray:  # type: ignore[override]  # derived here, given elsewhere
         """(S, A) pairs that have entries."""
-        mask = np.zeros(self.n_pairs, dtype=np.bool_)
-        mask[self.state, self.action] = True
-        return mask
+        return self.row_length > 0
 
     @cached_property
     def local_index(self) -> IntArray:
@@ -86,40 +85,29 @@ class SparseModel(TransitionModel):
 
     @cached_property
     def row_length(self) -> IntArray:
-        """(S, A) number of entries of each row."""
         row = self.state * self.n_pairs[1] + self.action
         return np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1]).reshape(self.n_pairs)
 
     @cached_property
     def successor(self) -> IntArray:
-        """(E,) next state of each entry, row by row."""
         return np.asarray(self.next_state[self.local_index])
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(n_parameters,) numbered."""
         return tuple(f"parameter {i}" for i in range(self.parameter_count))
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) the user's probabilities, in the user's order."""
         # Copies, so that functions that write into arguments or reuse an array change nothing here.
         given = np.array(self.probabilities(np.array(parameters)), dtype=np.float64)
-        if given.shape != self.state.shape:
-            raise SerdError(
-                f"probabilities(parameters) must return {self.state.shape} numbers, one per entry,"
-                f" got {given.shape}"
-            )
+        _require_shape("probabilities(parameters)", given, self.state.shape, "entry")
         return given
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) the user's vector-Jacobian product."""
         product = self.vector_jacobian(np.array(parameters), np.array(local_gradient))
         gradient = np.array(product, dtype=np.float64)
-        if gradient.shape != (self.parameter_count,):
-            raise SerdError(
-                f"vector_jacobian must return ({self.parameter_count},) numbers, one per"
-                f" parameter, got {gradient.shape}"
-            )
+        _require_shape("vector_jacobian", gradient, (self.parameter_count,), "parameter")
         bad = first_index(~np.isfinite(gradient))
         if bad is not None and np.isfinite(local_gradient).all():
             raise SerdError(
@@ -127,21 +115,6 @@ class SparseModel(TransitionModel):
                 f" {bad[0]}; correct the function, or start from other parameters"
             )
         return gradient
-
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries row by row."""
-        if np.shape(local_probabilities) != self.state.shape:
-            raise SerdError(
-                f"probabilities must have shape {self.state.shape}, one per entry, got"
-                f" {np.shape(local_probabilities)}; pass them in the order of state and action"
-            )
-        return np.asarray(local_probabilities[self.local_index])
-
-    def gather(self, entry_gradient: FloatArray) -> FloatArray:
-        """(E,) gradient in the user's order."""
-        local = np.empty_like(entry_gradient)
-        local[self.local_index] = entry_gradient
-        return local
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """The given (n_parameters,) vector: the inverse of the map is not available."""
@@ -152,6 +125,19 @@ class SparseModel(TransitionModel):
                 f" its entries, got shape {vector.shape}"
             )
         return vector
+
+    def _require_table(self, table: FloatArray) -> None:
+        if np.shape(table) != self.state.shape:
+            raise SerdError(
+                f"probabilities must have shape {self.state.shape}, one per entry, got"
+                f" {np.shape(table)}; pass them in the order of state and action"
+            )
+
+
+def _require_shape(name: str, given: FloatArray, shape: tuple[int, ...], what: str) -> None:
+    """SerdError where a function of the user returns another shape."""
+    if given.shape != shape:
+        raise SerdError(f"{name} must return {shape} numbers, one per {what}, got {given.shape}")
 
 
 def known_entries(entries: FloatArray, parameters: FloatArray) -> FloatArray:
@@ -181,6 +167,10 @@ class LogOdds:
         """(E,) entries that are not the first of their row."""
         return np.asarray(np.diff(self.row, prepend=-1) == 0)
 
+    @cached_property
+    def _starts(self) -> IntArray:
+        return np.flatnonzero(~self.free)
+
     def __call__(self, parameters: FloatArray) -> FloatArray:
         """(E,) the entries."""
         energies = np.zeros(len(self.row))
@@ -198,10 +188,6 @@ class LogOdds:
         """(E - R,) log odds of positive (E,) entries."""
         logs = np.log(entries)
         return np.asarray((logs - logs[self._starts][self.row])[self.free])
-
-    @cached_property
-    def _starts(self) -> IntArray:
-        return np.flatnonzero(~self.free)
 
 
 def learned_transitions(

@@ -33,11 +33,15 @@ from serd_core.arrays import (
     differences,
     floored,
     gradient_differences,
-    matrix_index_type,
     number_array,
     weighted_counts,
 )
-from serd_core.bellman.linear.policy_pattern import with_numbers
+from serd_core.bellman.linear.policy_pattern import (
+    PolicyPattern,
+    index_type,
+    policy_pattern,
+    with_numbers,
+)
 from serd_core.errors import SerdError
 
 #: By which a probability or a sum of them may be off.
@@ -76,15 +80,6 @@ def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
     return np.where(keys[place] == wanted, place, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class RowEntries:
-    """Entries of some rows: (n,) row and successor, and place in the flat local probabilities."""
-
-    row: IntArray
-    successor: IntArray
-    local_index: IntArray
-
-
 class TransitionModel(ABC):
     """Sparse P(s' | s, a) as a smooth function of a parameter vector.
 
@@ -101,14 +96,7 @@ class TransitionModel(ABC):
     @cached_property
     def row_start(self) -> IntArray:
         """(S*A + 1,) first entry of each row."""
-        return np.concatenate([[0], np.cumsum(self.row_length, dtype=np.int64)])
-
-    def row_entries(self, row: IntArray) -> RowEntries:
-        """Entries of the given rows, one after the other."""
-        first, length = self.row_start[row], self.row_length.ravel()[row]
-        start = np.repeat(first - (np.cumsum(length) - length), length)
-        entry = start + np.arange(len(start))
-        return RowEntries(np.repeat(row, length), self.successor[entry], self.local_index[entry])
+        return np.concatenate([[0], np.cumsum(self.row_length)])
 
     @property
     @abstractmethod
@@ -128,13 +116,24 @@ class TransitionModel(ABC):
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) vector-Jacobian product of `local_probabilities`."""
 
+    @property
     @abstractmethod
-    def entries(self, local_probabilities: FloatArray) -> FloatArray:
-        """(E,) entries for given local probabilities (linear)."""
+    def local_shape(self) -> tuple[int, ...]:
+        """Shape of the local probabilities."""
 
     @abstractmethod
+    def _require_table(self, table: FloatArray) -> None:
+        """SerdError where local probabilities have another shape."""
+
+    def entries(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries for given local probabilities (linear)."""
+        self._require_table(local_probabilities)
+        return np.ravel(local_probabilities)[self.local_index]
+
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """Gradient by local probabilities of a function with the given (E,) entry gradient."""
+        size = int(np.prod(self.local_shape))
+        return weighted_counts(self.local_index, entry_gradient, size).reshape(self.local_shape)
 
     @abstractmethod
     def parameters_of(self, initial: FloatArray) -> FloatArray:
@@ -205,13 +204,7 @@ class TransitionModel(ABC):
     @cached_property
     def row(self) -> IntArray:
         """(E,) row s * n_actions + a of each entry."""
-        lengths = np.diff(self.row_start)
-        return np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)
-
-    @cached_property
-    def longest_row(self) -> int:
-        """Most entries of a row."""
-        return int(self.row_length.max())
+        return np.repeat(np.arange(self.available.size), self.row_length.ravel())
 
     @cached_property
     def groups(self) -> TransitionGroups:
@@ -224,17 +217,19 @@ class TransitionModel(ABC):
     def absorbing(self) -> BoolArray:
         """(S,) states that no available action can leave, for any parameters."""
         state = self.row // self.n_actions
-        leaves = np.zeros(self.n_states, dtype=np.bool_)
-        leaves[state[self.successor != state]] = True
-        return ~leaves
+        return ~np.isin(np.arange(self.n_states), state[self.successor != state])
 
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
-        shape = (self.n_states * self.n_actions, self.n_states)
-        kind = matrix_index_type(max(self.n_entries, self.n_states))
+        kind = index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
-        return scipy.sparse.csr_array((ones, *places), shape=shape)
+        return scipy.sparse.csr_array((ones, *places), shape=(self.available.size, self.n_states))
+
+    @cached_property
+    def policy_pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
+        return policy_pattern(self.row, self.successor, self.n_states, self.n_actions)
 
     def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
@@ -245,9 +240,9 @@ class TransitionModel(ABC):
         entries = self.entries(local_probabilities)
         if (bad := np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))).size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
-        lengths = np.diff(self.row_start)
-        sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
-        if (wrong := np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > _ROUNDING))).size:
+        sums = weighted_counts(self.row, entries, self.available.size)
+        given = self.row_length.ravel() > 0
+        if (wrong := np.flatnonzero(given & (np.abs(sums - 1.0) > _ROUNDING))).size:
             self._reject(int(wrong[0]), f"sums to {sums[wrong[0]]}")
 
     def _reject(self, row: int, problem: str) -> None:
@@ -279,6 +274,16 @@ class Transitions:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""
         expected: FloatArray = self.matrix @ values
         return expected.reshape(self.model.available.shape)
+
+    def flow(self, weights: FloatArray) -> FloatArray:
+        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
+        return np.asarray(self.matrix.T @ weights.ravel())
+
+    def local_gradient(self, weights: FloatArray, values: FloatArray) -> FloatArray:
+        """Gradient of sum weights(s, a) P(s' | s, a) values(s') by the local probabilities."""
+        by_entry = np.take(weights.ravel(), self.model.row)
+        by_entry *= np.take(values, self.model.successor)
+        return self.model.gather(by_entry)
 
 
 def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transitions:

@@ -98,7 +98,6 @@ def build_navigation_problem(
     goal_states: Sequence[int] | IntArray,
     wall_distance_m: FloatArray,
     discount: float,
-    beta: float = 1.0,
     features: Sequence[str] | None = None,
 ) -> NavigationProblem:
     """Assemble the problem of section 5.1 on a grid.
@@ -106,19 +105,22 @@ def build_navigation_problem(
     flow: (S,); wall_distance_m: (S,) distance of each cell's centre to the nearest wall;
     features: names out of `FEATURE_NAMES`, in the wanted order, by default all that the place has.
     """
-    flow = _checked_flow(flow, grid.n_states)
+    flow = int_array("flow", flow, (grid.n_states,))
+    allowed = (flow == NO_FLOW) | ((flow >= Action.NORTH) & (flow <= Action.WEST))
+    rule = "be 1 to 4 (north, east, south, west) or -1 for none"
+    require_each("flow", flow, allowed, rule, "number directions as in Action")
     features = features_of_flow(flow) if features is None else features
     goals = _checked_goals(goal_states, grid.n_states)
     distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
-    outcome_models = _outcome_models(grid, flow, goals, beta)
-    available_features = _feature_table(grid.n_states, flow, goals, distance_m)
+    outcome_models = _outcome_models(grid, flow, goals)
+    table = _feature_table(flow, goals, distance_m)
     return NavigationProblem(
         grid=grid,
         flow=flow,
         goal_states=goals,
         mdp=Mdp(outcome_models, discount),
         outcome_models=outcome_models,
-        features=_selected_features(available_features, features),
+        features=_selected_features(table, features),
         feature_names=unique_names(tuple(features)),
     )
 
@@ -150,69 +152,51 @@ def features_of_flow(flow: IntArray, names: Sequence[str] = FEATURE_NAMES) -> tu
     return tuple(name for name in names if has_flow or name != SOCIAL_NORM)
 
 
-def absolute_direction(action: IntArray, flow: IntArray) -> IntArray:
-    """Direction (`Action`) that outcome FORWARD means: the action, or the flow when waiting."""
-    flow_or_north = np.where(flow == NO_FLOW, int(Action.NORTH), flow)
-    return np.where(action == Action.WAIT, flow_or_north, action)
-
-
-def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) -> OutcomeModels:
-    actions = np.arange(len(Action))[None, :]
-    successors = outcome_successors(grid, absolute_direction(actions, flow[:, None]))
+def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray) -> OutcomeModels:
+    actions, states = np.arange(len(Action))[None, :], np.arange(grid.n_states)[:, None]
+    # What FORWARD means: the action, or the flow when waiting, north without one.
+    along = np.where(flow == NO_FLOW, int(Action.NORTH), flow)[:, None]
+    direction = np.where(actions == Action.WAIT, along, actions)
+    successors = np.empty((*direction.shape, len(Outcome)), dtype=np.int64)
+    successors[:, :, Outcome.STAY] = states
+    for quarter_turns, outcome in enumerate(list(Outcome)[1:]):
+        successors[:, :, outcome] = grid.neighbours[states, (direction - 1 + quarter_turns) % 4 + 1]
     successors[goals] = goals[:, None, None]
     available = np.ones((grid.n_states, len(Action)), dtype=np.bool_)
     available[goals] = actions[0] == Action.WAIT
     return OutcomeModels(
         successors=successors,
-        model_of=model_of_action(actions, flow[:, None]),
+        model_of=_models_of_actions(flow),
         available=available,
         n_models=len(MODEL_NAMES),
-        beta=beta,
         intended=INTENDED_OUTCOMES,
     )
 
 
-def outcome_successors(grid: Grid, direction: IntArray) -> IntArray:
-    """(S, A, K) next states when FORWARD means `direction` (S, A)."""
-    states = np.arange(grid.n_states)[:, None]
-    table = np.empty((*direction.shape, len(Outcome)), dtype=np.int64)
-    table[:, :, Outcome.STAY] = states
-    for quarter_turns, outcome in enumerate(list(Outcome)[1:]):
-        turned = (direction - 1 + quarter_turns) % 4 + 1
-        table[:, :, outcome] = grid.neighbours[states, turned]
-    return table
-
-
-def model_of_action(action: IntArray, flow: IntArray) -> IntArray:
-    """Place in `MODEL_NAMES` of an action in a cell with that flow, of arrays of equal shape."""
-    opposite = (flow + 1) % 4 + 1
-    moving = np.where(
-        action == flow, WITH_FLOW, np.where(action == opposite, AGAINST_FLOW, ACROSS_FLOW)
-    )
-    moving = np.where(flow == NO_FLOW, ACROSS_FLOW, moving)
+def _models_of_actions(flow: IntArray) -> IntArray:
+    """(S, A) place in `MODEL_NAMES` of each action in cells with the (S,) flow."""
+    action, along = np.arange(len(Action))[None, :], flow[:, None]
+    opposite = (along + 1) % 4 + 1
+    moving = np.where(action == opposite, AGAINST_FLOW, ACROSS_FLOW)
+    moving = np.where(action == along, WITH_FLOW, moving)
+    moving = np.where(along == NO_FLOW, ACROSS_FLOW, moving)
     return np.where(action == Action.WAIT, WAITING, moving)
 
 
 def _feature_table(
-    n_states: int, flow: IntArray, goals: IntArray, distance_m: FloatArray
+    flow: IntArray, goals: IntArray, distance_m: FloatArray
 ) -> dict[str, FloatArray]:
     """(S, A) of each feature of section 5.1.3 that the place has."""
-    shape = (n_states, len(Action))
+    shape = (len(flow), len(Action))
     goal = np.zeros(shape)
     goal[goals] = 1.0
-    norm_of_model = np.array([1.0, -1.0, 0.0, 1.0])
-    model = model_of_action(np.arange(len(Action))[None, :], flow[:, None])
-    norm = np.where(flow[:, None] == NO_FLOW, 0.0, norm_of_model[model])
-    inverse = np.broadcast_to(normalised_inverse_distance(distance_m)[:, None], shape)
-    table = dict(zip(FEATURE_NAMES, (goal, norm, inverse), strict=True))
-    return {name: table[name] for name in features_of_flow(flow)}
-
-
-def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:
-    """(S,) 1 / distance, scaled so that the cell nearest to a wall has 1."""
+    norm = np.array([1.0, -1.0, 0.0, 1.0])[_models_of_actions(flow)]
+    norm[flow == NO_FLOW] = 0.0
     fix = "measure from the cell's centre"
     require_each("wall_distance_m", distance_m, distance_m > 0, "be above 0", fix)
-    return np.asarray(distance_m.min() / distance_m)
+    inverse = np.broadcast_to((distance_m.min() / distance_m)[:, None], shape)
+    table = dict(zip(FEATURE_NAMES, (goal, norm, inverse), strict=True))
+    return {name: table[name] for name in features_of_flow(flow)}
 
 
 def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> FloatArray:
@@ -223,14 +207,6 @@ def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> Fl
     if not names:
         raise SerdError(f"features must name at least one of {', '.join(table)}, got none")
     return float_array("features", np.stack([table[name] for name in names], axis=2))
-
-
-def _checked_flow(flow: IntArray, n_states: int) -> IntArray:
-    checked = int_array("flow", flow, (n_states,))
-    allowed = (checked == NO_FLOW) | ((checked >= Action.NORTH) & (checked <= Action.WEST))
-    rule = "be 1 to 4 (north, east, south, west) or -1 for none"
-    require_each("flow", checked, allowed, rule, "number directions as in Action")
-    return checked
 
 
 def _checked_goals(goal_states: Sequence[int] | IntArray, n_states: int) -> IntArray:

@@ -20,11 +20,10 @@ from serd_core.arrays import (
     require_kind,
     shown,
 )
-from serd_core.bellman.engine import Engine, engine_for, is_large
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.memory import bytes_of_transitions, require_memory
+from serd_core.memory import BYTES_PER_ENTRY, LISTED_BYTES_PER_ENTRY, require_memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,7 @@ class Mdp:
     """A discounted Markov decision process whose transitions may still have parameters to learn.
 
     transitions: P(s' | s, a), such as `OutcomeModels`; discount: gamma in [0, 1) per decision.
-    Raises SerdError where a state has no action or a pair no successor.
+    Raises SerdError where a state has no action.
     """
 
     transitions: TransitionModel
@@ -46,25 +45,16 @@ class Mdp:
             )
         object.__setattr__(self, "discount", float(self.discount))
         self.transitions.require_discount(self.discount)
+        listed = isinstance(self.transitions, SparseModel)
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
-            bytes_of_transitions(
-                self.transitions.n_entries,
-                listed=isinstance(self.transitions, SparseModel),
-                compiled=is_large(self.n_states),
-            ),
+            (LISTED_BYTES_PER_ENTRY if listed else BYTES_PER_ENTRY) * self.transitions.n_entries,
             "use fewer states, or fewer outcomes of each action",
         )
         if (stuck := first_index(~self.available.any(axis=1))) is not None:
             raise SerdError(
                 f"state {stuck[0]} must have at least one available action, got none"
                 "; give an absorbing state one action that stays"
-            )
-        wrong = first_index((self.transitions.row_length == 0) & self.available)
-        if wrong is not None:
-            raise SerdError(
-                f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
-                "; add one or mark the action unavailable"
             )
 
     @property
@@ -94,11 +84,6 @@ class Mdp:
         Experts that stay for good but choose between actions go on making decisions.
         """
         return np.asarray(self.absorbing & (self.available.sum(axis=1) == 1))
-
-    @cached_property
-    def engine(self) -> Engine:
-        """Who does sums over the transitions and linear systems, chosen once."""
-        return engine_for(self.transitions)
 
 
 #: How far a sum may be from 1; tables read from files are rounded.

@@ -13,10 +13,8 @@ from serd_core.arrays import (
     FloatArray,
     float_array,
     number_array,
-    once_per_state,
     require_kind,
     shown,
-    sum_per_row,
 )
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -43,8 +41,7 @@ class TabularProblem:
     """What a learner is given besides decisions: an MDP, and features of which rewards are made.
 
     features: (S, A, F); feature_names: (F,), all different. R(s, a) = weights . features[s, a].
-    Features of unavailable actions may be anything, NaN too; they are kept as 0. Features that
-    repeat along the actions (`numpy.broadcast_to`) are kept once per state.
+    Features of unavailable actions may be anything, NaN too; they are kept as 0.
 
         problem = sc.TabularProblem(sc.Mdp(models, 0.95), features, ("goal", "wall"))
     """
@@ -63,22 +60,9 @@ class TabularProblem:
             )
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
         given = number_array("features", self.features)
-        if given.shape == shape and not (given.strides[1] == 0 and np.isfinite(given[:, 0]).all()):
+        if given.shape == shape:
             given = np.where(self.mdp.available[:, :, None], given, 0.0)
         object.__setattr__(self, "features", float_array("features", given, shape))
-
-
-def with_choice_cost(problem: TabularProblem, name: str = "choice_cost") -> TabularProblem:
-    """The same problem with the feature -log |A(s)|, the log number of choices of each state.
-
-    Weight 0 is the soft Bellman equation, weight 1 that with the mean of exp Q over the choices in
-    place of their sum, so that a decision among many is no gain in itself; a learned weight lets
-    demonstrations decide (docs/semi_markov.md).
-    """
-    choices = np.log(problem.mdp.available.sum(axis=1))
-    column = np.broadcast_to(-choices[:, None, None], (*problem.mdp.available.shape, 1))
-    features = np.concatenate([problem.features, column], axis=2)
-    return TabularProblem(problem.mdp, features, (*problem.feature_names, name))
 
 
 def require_problem(
@@ -116,23 +100,14 @@ def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
 
 def rewards_of(features: FloatArray, weights: FloatArray) -> FloatArray:
     """(S, A) rewards of (S, A, F) features."""
-    found: FloatArray = once_per_state(features) @ weights
-    return (
-        found if found.shape == features.shape[:2] else np.broadcast_to(found, features.shape[:2])
-    )
+    return np.asarray(features @ weights)
 
 
 def weights_gradient(features: FloatArray, by_reward: FloatArray) -> FloatArray:
     """(F,) sum of (S, A) gradients by the rewards times the features."""
-    once = once_per_state(features)
-    if once.shape == features.shape:
-        return np.tensordot(by_reward, features, axes=2)
-    return np.asarray(sum_per_row(by_reward) @ once[:, 0])
+    return np.tensordot(by_reward, features, axes=2)
 
 
 def usable_features(problem: Problem) -> FloatArray:
-    """(N, F) features of the available pairs, once per state where actions share them."""
-    once = once_per_state(problem.features)
-    if once.shape == problem.features.shape:
-        return problem.features[problem.mdp.available]
-    return once[:, 0]
+    """(N, F) features of the available pairs."""
+    return problem.features[problem.mdp.available]

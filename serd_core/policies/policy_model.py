@@ -92,7 +92,6 @@ class PolicyMatchingPolicy(PolicyModel):
 
     @property
     def initial_parameters(self) -> FloatArray:
-        """(1,) the starting temperature."""
         return np.array([self.start_temperature], dtype=float)
 
     def temperature(self, policy_parameters: FloatArray) -> float:

@@ -78,7 +78,7 @@ class DirichletPrior(Prior):
         return models.n_models * (log_volume(models) - float(log_beta))
 
     def _of_transitions(self, model: SparseModel) -> LogLikelihood:
-        return LogLikelihood(model, np.full(len(model.groups), self.pseudo_count / model.n_copies))
+        return LogLikelihood(model, np.full(len(model.groups), self.pseudo_count))
 
 
 def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:

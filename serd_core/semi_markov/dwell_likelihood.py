@@ -120,7 +120,8 @@ class DwellObservations:
 
     def _of_mixtures(self, theta: FloatArray, found: _Parts) -> FloatArray:
         """(N, N) what decisions of several parts add to sum q d2 l."""
-        outcomes, mixed = self.model.outcomes, self._mixed
+        mixed = np.flatnonzero(np.bincount(self.decision)[self.decision] > 1)
+        outcomes, of_decision = self.model.outcomes, self.decision[mixed]
         if not len(mixed):
             return np.zeros((len(theta), len(theta)))
         table = outcomes.local_curvature(theta, self._by_outcome(found))
@@ -129,16 +130,11 @@ class DwellObservations:
         share, prior = found.share[mixed], found.prior[mixed]
         # d2 log W = d2 W / W - (d log W)^2, with q for the parts and W / sum W for their sum.
         table -= (scores * (share - prior)[:, None]).T @ scores
-        table -= self._covariance(prior, scores)
+        table -= _covariance(of_decision, prior, scores)
         (mean, shape), rows = self._columns, np.arange(len(mixed))
         scores[rows, mean[mixed]] += found.logs.mean[mixed]
         scores[rows, shape[mixed]] += found.logs.shape[mixed]
-        return table + self._covariance(share, scores)
-
-    @cached_property
-    def _mixed(self) -> IntArray:
-        """(Q,) parts of decisions that have several."""
-        return np.flatnonzero(np.bincount(self.decision)[self.decision] > 1)
+        return table + _covariance(of_decision, share, scores)
 
     @cached_property
     def _first(self) -> IntArray:
@@ -151,12 +147,6 @@ class DwellObservations:
         law = np.maximum(self.law, 0)
         return self.model.means.start + law, self.model.shapes.start + law
 
-    @cached_property
-    def _kinds(self) -> tuple[IntArray, IntArray]:
-        """Parts with a density, and parts with a survival function."""
-        censored, has_law = self.censored[self.decision], self.law >= 0
-        return np.flatnonzero(has_law & ~censored), np.flatnonzero(has_law & censored)
-
     def _parts(self, theta: FloatArray) -> _Parts:
         """Those of the last parameters are kept."""
         if not (self._last and np.array_equal(self._last[0][0], theta)):
@@ -168,7 +158,9 @@ class DwellObservations:
         logs = np.zeros((6, *theta.shape[:-1], len(self.law)))
         logs[0, ..., self.over] = IMPOSSIBLE
         log_dwell = self.log_dwell[self.decision]
-        for rows, of_law in zip(self._kinds, (log_density, log_survival), strict=True):
+        censored, has_law = self.censored[self.decision], self.law >= 0
+        for kind, of_law in ((~censored, log_density), (censored, log_survival)):
+            rows = np.flatnonzero(has_law & kind)
             of_rows = theta[..., mean[rows]], theta[..., shape[rows]]
             logs[..., rows] = of_law(log_dwell[rows], *of_rows)
         table = self.model.outcomes.local_probabilities(theta)
@@ -194,13 +186,12 @@ class DwellObservations:
         outcomes = self.model.outcomes
         return (by_mask @ self.outcomes).reshape(outcomes.n_models, outcomes.n_outcomes)
 
-    def _covariance(self, share: FloatArray, scores: FloatArray) -> FloatArray:
-        """(N, N) sum over decisions of Cov of (Q, N) scores under (Q,) shares."""
-        _, first, place = np.unique(
-            self.decision[self._mixed], return_index=True, return_inverse=True
-        )
-        centred = scores - np.add.reduceat(share[:, None] * scores, first)[place]
-        return np.asarray((centred * share[:, None]).T @ centred)
+
+def _covariance(of_decision: IntArray, share: FloatArray, scores: FloatArray) -> FloatArray:
+    """(N, N) sum over decisions of Cov of (Q, N) scores under (Q,) shares."""
+    _, first, place = np.unique(of_decision, return_index=True, return_inverse=True)
+    centred = scores - np.add.reduceat(share[:, None] * scores, first)[place]
+    return np.asarray((centred * share[:, None]).T @ centred)
 
 
 def dwell_times(
@@ -236,10 +227,14 @@ def dwell_times(
     of_parts[part.reshape(-1), number] = True
     outcomes, mask = np.unique(of_parts, axis=0, return_inverse=True)
     pace, censored = model.log_pace[row_of[used]], decisions.censored[used]
-    law_of_decision = parts[np.searchsorted(parts[:, 0], np.arange(len(used))), 1]
-    log_dwell = _told_apart(
-        np.log(decisions.dwell_s[used]), np.where(censored, -1, law_of_decision)
-    )
+    log_dwell, laws = np.log(decisions.dwell_s[used]), np.full(len(used), -1)
+    ended = np.searchsorted(parts[:, 0], np.flatnonzero(~censored))
+    laws[~censored] = parts[ended, 1]
+    # Equal times of a law, as in tracks of constant speed, have no likeliest shape: spread them.
+    for one in np.unique(laws[laws >= 0]):
+        rows = np.flatnonzero(laws == one)
+        if len(rows) > 1 and np.ptp(log_dwell[rows]) < RESOLUTION:
+            log_dwell[rows] += RESOLUTION * ndtri((np.arange(len(rows)) + 0.5) / len(rows))
     return DwellObservations(
         model=model,
         row=used,
@@ -252,16 +247,3 @@ def dwell_times(
         outcomes=outcomes.astype(np.float64),
         mask=mask.reshape(-1),
     )
-
-
-def _told_apart(log_dwell: FloatArray, law: IntArray) -> FloatArray:
-    """(T,) log seconds; those of a law (-1 for none) that are all equal are spread by `RESOLUTION`.
-
-    Equal times have no likeliest shape, as in tracks of constant speed.
-    """
-    found = log_dwell.copy()
-    for one in np.unique(law[law >= 0]):
-        rows = np.flatnonzero(law == one)
-        if len(rows) > 1 and np.ptp(log_dwell[rows]) < RESOLUTION:
-            found[rows] += RESOLUTION * ndtri((np.arange(len(rows)) + 0.5) / len(rows))
-    return found

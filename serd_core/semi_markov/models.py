@@ -102,15 +102,12 @@ class SemiMarkovModels(OutcomeModels):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """(N,) one name per number."""
-        laws = [
-            f"log {name} dwell {d}" for name in ("mean", "shape of") for d in range(self.n_laws)
-        ]
+        kinds = ("mean", "shape of")
+        laws = [f"log {name} dwell {law}" for name in kinds for law in range(self.n_laws)]
         return (*self.outcomes.parameter_names, *laws)
 
     @property
     def gauge(self) -> FloatArray:
-        """(M, N) adding a constant to all energies of a model changes nothing."""
         return self.outcomes.gauge
 
     @cached_property
@@ -119,16 +116,14 @@ class SemiMarkovModels(OutcomeModels):
         return np.where(self.given_s > 0, -1, self.law_of[self.row_model])
 
     @cached_property
-    def _law(self) -> tuple[IntArray, IntArray]:
-        """(C,) place in the flat table of each number with a law, and its law."""
-        law = self.row_law.ravel()
-        place = np.flatnonzero(law >= 0)
-        return place, law[place]
+    def _place(self) -> IntArray:
+        """(C,) place in the flat table of each number that has a law."""
+        return np.flatnonzero(self.row_law >= 0)
 
     @cached_property
     def _columns(self) -> tuple[IntArray, IntArray]:
         """(C,) place in the parameter vector of the log mean and log shape of each of these."""
-        law = self._law[1]
+        law = self.row_law.ravel()[self._place]
         return self.means.start + law, self.shapes.start + law
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
@@ -152,26 +147,21 @@ class SemiMarkovModels(OutcomeModels):
             shape=np.where(given, np.inf, np.exp(log_shapes[..., self.row_law])),
         )
 
-    @property
-    def _rate(self) -> float:
-        return -float(np.log(self.discount))
-
     def _log_factor(self, parameters: FloatArray) -> ByMeanAndShape:
         """log E[gamma^(tau - 1)] of the numbers that have a law."""
         mean, shape = (parameters[..., columns] for columns in self._columns)
-        pace = self.log_pace[self._law[0] // self.n_outcomes]
-        found = log_discount(mean + pace, shape, self._rate)
-        return found._replace(value=found.value + self._rate)
+        rate = -float(np.log(self.discount))
+        found = log_discount(mean + self.log_pace[self._place // self.n_outcomes], shape, rate)
+        return found._replace(value=found.value + rate)
 
     def _factor(self, log_factor: ByMeanAndShape) -> FloatArray:
         """(..., R*K) E[gamma^(tau - 1)] of all numbers."""
-        given = np.exp(-self._rate * (self.given_s.ravel() - 1.0))
+        given = np.exp(np.log(self.discount) * (self.given_s.ravel() - 1.0))
         factor = np.broadcast_to(given, (*log_factor.value.shape[:-1], given.size)).copy()
-        factor[..., self._law[0]] = np.exp(log_factor.value)
+        factor[..., self._place] = np.exp(log_factor.value)
         return factor
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(N,) gradient for an (R, K) gradient by the table."""
         by_outcome, timed, factor = self._split(parameters, local_gradient)
         found = self.outcomes.pull_back(parameters, by_outcome)
         for column, slope in zip(self._columns, (factor.mean, factor.shape), strict=True):
@@ -187,12 +177,10 @@ class SemiMarkovModels(OutcomeModels):
         by_outcome = np.zeros((self.outcomes.n_models, self.n_outcomes))
         np.add.at(by_outcome, self.row_model, weight.reshape(-1, self.n_outcomes))
         table = self.outcomes.local_probabilities(parameters)[self.row_model].ravel()
-        place = self._law[0]
-        return by_outcome, weight[place] * table[place], log_factor
+        return by_outcome, weight[self._place] * table[self._place], log_factor
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """(R*K, N) derivative of the table."""
-        log_factor, place = self._log_factor(parameters), self._law[0]
+        log_factor, place = self._log_factor(parameters), self._place
         found = self._factor(log_factor)[:, None] * self._outcome_slopes(parameters)
         value = self.local_probabilities(parameters).ravel()[place]
         for column, slope in zip(self._columns, (log_factor.mean, log_factor.shape), strict=True):
@@ -206,13 +194,12 @@ class SemiMarkovModels(OutcomeModels):
         return np.asarray(by_model[self.row_model].reshape(-1, self.n_parameters))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(N, N) second derivatives of local_gradient . table."""
         by_outcome, timed, factor = self._split(parameters, local_gradient)
         found = self.outcomes.local_curvature(parameters, by_outcome)
-        place, (mean, shape) = self._law[0], self._columns
+        mean, shape = self._columns
         # Numbers with laws: d2 (P F) = F d2 P + dP dF + dF dP + P d2 F, the first above.
-        slopes = self._outcome_slopes(parameters)[place]
-        weight = np.ravel(local_gradient)[place] * np.exp(factor.value)
+        slopes = self._outcome_slopes(parameters)[self._place]
+        weight = np.ravel(local_gradient)[self._place] * np.exp(factor.value)
         mixed = np.zeros_like(found)
         np.add.at(mixed, mean, (weight * factor.mean)[:, None] * slopes)
         np.add.at(mixed, shape, (weight * factor.shape)[:, None] * slopes)
@@ -226,13 +213,8 @@ class SemiMarkovModels(OutcomeModels):
         """(N,) the parameters themselves, checked; `parameters_from` makes them."""
         return float_array("dynamics", initial, (self.n_parameters,))
 
-    def fixed_parameters_of(self, known: FloatArray) -> FloatArray:
-        """(N,) the same."""
-        return self.parameters_of(known)
-
-    def known_probabilities(self, known: FloatArray) -> FloatArray:
-        """(R, K) table of (N,) parameters."""
-        return self.local_probabilities(self.parameters_of(known))
+    fixed_parameters_of = TransitionModel.fixed_parameters_of
+    known_probabilities = TransitionModel.known_probabilities
 
     def parameters_from(
         self,
@@ -256,7 +238,6 @@ class SemiMarkovModels(OutcomeModels):
         return np.where(self.available, by_row[self.model_of], 0.0)
 
     def require_discount(self, discount: float) -> None:
-        """SerdError unless that of an Mdp is the one of the table."""
         if discount != self.discount:
             raise SerdError(
                 f"discount of the Mdp must be that of its dwell times, {self.discount} per second,"
@@ -269,7 +250,6 @@ class SemiMarkovModels(OutcomeModels):
         return bool(np.all(self.given_s == 1.0))
 
     def largest_sum(self, local_probabilities: FloatArray) -> float:
-        """Largest sum of a row of the table; gamma times this is what T contracts by."""
         return 1.0 if self._is_timeless else float(np.sum(local_probabilities, axis=1).max())
 
     def require_transitions(self, local_probabilities: FloatArray) -> None:
@@ -298,12 +278,12 @@ def semi_markov_problem(
     """The same problem with moves that take time, and with its discount per second.
 
     law_of: (M, K) gamma law of each outcome, from 0, or `NO_LAW` for whole models, whose decisions
-    all take stay_s, or one second where that is not given; None for one
-    law per model that a state uses which some action leaves. stay_s: seconds after which a decision
-    without a move ends in its own state, of all or of each (M,) model; None where staying has the
-    law of its outcome. log_pace: (S,) by which the log means of each state are moved; None for 0.
-    A problem that has dwell times keeps laws and stay_s that are not given. SerdError where a part
-    is of another kind or shape. Fits, policies and posteriors take the result like other problems:
+    all take stay_s, or one second where that is not given; None for one law per model that a state
+    uses which some action leaves. stay_s: seconds after which a decision without a move ends in its
+    own state, of all or of each (M,) model; None where staying has the law of its outcome.
+    log_pace: (S,) by which the log means of each state are moved; None for 0. A problem that has
+    dwell times keeps laws and stay_s that are not given. SerdError where a part is of another kind
+    or shape. Fits, policies and posteriors take the result like other problems:
 
         timed = sc.semi_markov_problem(problem, stay_s=4.0)
         fit = sc.fit_mdce_serd(timed, decisions)      # TimedDecisions

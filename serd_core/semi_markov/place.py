@@ -9,8 +9,7 @@ b_s go to 0.
 
 `compare_places` takes places where the likelihood of dwell times of episodes that were left out is
 higher with them than with laws of local models alone, by more than two standard errors of the
-difference per episode. One law for all moves is scored beside them and never taken: it would state
-the time of moves that nobody made, of which left-out episodes say nothing.
+difference per episode.
 """
 
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.semi_markov.dwell_likelihood import DwellObservations, dwell_times
-from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
+from serd_core.semi_markov.models import SemiMarkovModels, require_timed
 
 #: Median of sd and spread of its logarithm; the range in which the best one is searched.
 MEDIAN, SPREAD, LEAST, MOST = 0.3, 1.0, 1e-3, 3.0
@@ -51,14 +50,14 @@ class PlacePaces:
 class PlaceComparison:
     """chosen: `LOCAL_LAWS` or `PLACES`, the one to take.
 
-    log_likelihood: (3,) of one law, `LOCAL_LAWS` and `PLACES`, held out, in nats per dwell time;
-    lead: (3,) of places over each, in nats per episode; its_error: (3,) standard errors of that.
+    log_likelihood: (2,) of both, held out, in nats per dwell time; lead: of places over laws, in
+    nats per episode; its_error: standard error of the lead.
     """
 
     chosen: str
     log_likelihood: FloatArray
-    lead: FloatArray
-    its_error: FloatArray
+    lead: float
+    its_error: float
 
 
 def fit_places(problem: Problem, decisions: Decisions, parameters: FloatArray) -> PlacePaces:
@@ -127,38 +126,31 @@ def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> 
         print(sc.compare_places(timed, decisions).chosen)
     """
     require_count("n_folds", n_folds, 2, "5")
-    model, episodes = _without_paces(problem), decisions.episodes
+    _without_paces(problem)
+    episodes = decisions.episodes
     if len(episodes) < LEAST_EPISODES:
         raise SerdError(
             f"decisions must hold at least {LEAST_EPISODES} episodes to compare those left out,"
-            f" got {len(episodes)};"
-            " record more"
+            f" got {len(episodes)}; record more"
         )
-    one = semi_markov_problem(problem, law_of=np.minimum(model.law_of, 0))
-    by_episode, n_dwells = np.zeros((3, len(episodes))), 0
+    by_episode, n_dwells = np.zeros((2, len(episodes))), 0
     for fold in range(min(n_folds, len(episodes))):
         out = np.isin(decisions.episode, episodes[fold::n_folds])
         train, test = decisions.select(~out), decisions.select(out)
         known = estimate_dynamics(problem, train)
         pace = fit_places(problem, train, known).log_pace
-        number = np.searchsorted(episodes, test.episode)
-        for row, (tested, theta) in enumerate(
-            (
-                (one, estimate_dynamics(one, train)),
-                (problem, known),
-                (semi_markov_problem(problem, log_pace=pace), known),
-            )
-        ):
-            found = dwell_times(tested.mdp, test)
-            assert found is not None
-            n_dwells += len(found.row) * (row == 0)
-            each = found.by_decision(theta)
-            by_episode[row] += weighted_counts(number[found.row], each, len(episodes))
-    total = by_episode.sum(axis=1)
-    ahead = by_episode[-1] - by_episode
-    lead, error = ahead.mean(axis=1), ahead.std(axis=1, ddof=1) / np.sqrt(len(episodes))
-    chosen = PLACES if lead[1] > LEAD * error[1] else LOCAL_LAWS
-    return PlaceComparison(chosen, total / max(n_dwells, 1), lead, error)
+        found = dwell_times(problem.mdp, test)
+        assert found is not None
+        n_dwells += len(found.row)
+        number = np.searchsorted(episodes, test.episode[found.row])
+        both = found, found.paced(pace[test.state[found.row]])
+        for row, tested in enumerate(both):
+            each = tested.by_decision(known)
+            by_episode[row] += weighted_counts(number, each, len(episodes))
+    ahead = by_episode[1] - by_episode[0]
+    lead, error = float(ahead.mean()), float(ahead.std(ddof=1) / np.sqrt(len(episodes)))
+    chosen = PLACES if lead > LEAD * error else LOCAL_LAWS
+    return PlaceComparison(chosen, by_episode.sum(axis=1) / max(n_dwells, 1), lead, error)
 
 
 def _without_paces(problem: Problem) -> SemiMarkovModels:

@@ -7,7 +7,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array, require_count, require_generator, require_kind
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.semi_markov.models import require_timed
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 
 #: Shortest dwell time (s).
 SHORTEST_S = 1e-6
@@ -47,8 +47,7 @@ def sample_timed_decisions(
     starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
     laws = model.laws(float_array("parameters", parameters, (model.n_parameters,)))
     given = np.isinf(laws.shape)
-    names = ("episode", "time_s", "state", "action", "next_state", "dwell_s", "censored")
-    columns: dict[str, list[Any]] = {name: [] for name in names}
+    rows: list[tuple[Any, ...]] = []
     for episode in range(n_episodes):
         state, now = int(rng.choice(mdp.n_states, p=starts)), 0.0
         for _ in range(n_steps):
@@ -64,12 +63,10 @@ def sample_timed_decisions(
             until = dwell
             if np.isfinite(mean_until_command_s):
                 until = max(float(rng.exponential(mean_until_command_s)), SHORTEST_S)
-            censored = until < dwell
+            censored, lasted = until < dwell, min(until, dwell)
             following = state if censored else int(model.successors[state, action, outcome])
-            lasted = min(until, dwell)
-            values = (episode, now, state, action, following, lasted, censored)
-            for name, value in zip(names, values, strict=True):
-                columns[name].append(value)
+            rows.append((episode, now, state, action, following, lasted, censored))
             state, now = following, now + lasted
-    arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
-    return TimedDecisions(**arrays, source=source)
+    table = list(zip(*rows, strict=True)) or [()] * len(TIMED_COLUMNS)
+    columns: dict[str, Any] = dict(zip(TIMED_COLUMNS, map(np.array, table), strict=True))
+    return TimedDecisions(**columns, source=source)

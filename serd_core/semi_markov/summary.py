@@ -35,9 +35,7 @@ from serd_core.bayes.laplace import Laplace
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import terms_of
-from serd_core.semi_markov.counted import counted_parameters
-from serd_core.semi_markov.dwell_likelihood import DwellObservations
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_prior import DwellPrior, counted_parameters
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
 
 #: Draws that the mean takes unless another number is asked for.
@@ -94,6 +92,7 @@ def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> D
     chosen = weighted_counts(
         model.row_model[model.model_of].ravel(), seen.state_action.ravel(), model.outcomes.n_models
     )
+    informed = seen.dwells.law if seen.dwells else np.zeros(0, dtype=np.int64)
     from_dwells, from_choices = _informed(found, model, log_means)
     away, weights = (each - each.mean(axis=0) for each in (log_means, draws.reward))
     lengths = np.outer(np.linalg.norm(weights, axis=0), np.linalg.norm(away, axis=0))
@@ -103,17 +102,11 @@ def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> D
         mean_interval_s=np.exp(interval(log_means, mass)),
         log_mean_over_probability=interval(of_outcomes - np.log(floored(outcomes)), mass),
         n_chosen=chosen,
-        n_dwells=_n_dwells(model, seen.dwells),
+        n_dwells=np.bincount(informed[informed >= 0], minlength=model.n_laws).astype(np.float64),
         from_dwells=from_dwells,
         from_choices=from_choices,
         weight_correlation=(weights.T @ away) / np.maximum(lengths, np.finfo(np.float64).tiny),
     )
-
-
-def _n_dwells(model: SemiMarkovModels, dwells: DwellObservations | None) -> FloatArray:
-    """(D,) dwell times that inform each law."""
-    laws = np.zeros(0, dtype=np.int64) if dwells is None else dwells.law[dwells.law >= 0]
-    return np.bincount(laws, minlength=model.n_laws).astype(np.float64)
 
 
 def _informed(

@@ -19,21 +19,11 @@ NO_NUMBERS = ["1", [1.0, 2.0], np.nan, object()]
 NOT_POSITIVE = [*NO_NUMBERS, 0.0, -1.0]
 NO_COUNTS = ["1", 1.5, -1, None]
 WRONG = {
-    "problem": KINDS,
-    "decisions": KINDS,
-    "samples": KINDS,
-    "mdp": KINDS,
-    "transitions": KINDS,
-    "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
-    "feature_names": ["x", [1, 2], ["goal", "goal"]],
-    "belief": [*KINDS, sc.FreeBelief],
-    "prior": KINDS,
-    "ascent": KINDS,
-    "solver": [*KINDS, sc.Newton, None],
-    "linear_solver": [*KINDS, sc.SparseLu],
-    "rng": KINDS,
     **dict.fromkeys(
-        words("fit information found restricted full policy_model"),
+        words("""
+        problem decisions samples mdp transitions prior ascent rng fit information found restricted
+        full policy_model
+"""),
         KINDS,
     ),
     **dict.fromkeys(
@@ -50,19 +40,20 @@ WRONG = {
         NOT_POSITIVE,
     ),
     **dict.fromkeys(
-        words("""
-        confidence slack discount coverage weight p smoothing accuracy gradient_tolerance
-        short
-"""),
+        words("confidence slack discount coverage weight p smoothing accuracy gradient_tolerance"),
         NO_NUMBERS,
     ),
     **dict.fromkeys(
         words("n_episodes n_steps n_periods n_decisions n_types most_types n_models n n_folds"),
         NO_COUNTS,
     ),
+    "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
+    "feature_names": ["x", [1, 2], ["goal", "goal"]],
+    "belief": [*KINDS, sc.FreeBelief],
+    "solver": [*KINDS, sc.Newton, None],
+    "linear_solver": [*KINDS, sc.SparseLu],
+    "short": NO_NUMBERS,
 }
-
-
 #: Words in which sentences name tables that several arguments give.
 NAMED = dict.fromkeys(("dynamics", "outcome_probabilities", "truth"), "outcome probabilities") | {
     "state": "probability"
@@ -77,42 +68,28 @@ def valid(gridworld):
     models, table = problem.mdp.transitions, gridworld.probabilities
     uniform = np.full(problem.mdp.available.shape, 1.0 / problem.mdp.n_actions)
     return {
+        **dict.fromkeys(words("decisions samples"), decisions),
+        **dict.fromkeys(words("outcome_probabilities dynamics truth"), table),
+        **dict.fromkeys(words("visits policy sampling_policy"), uniform),
+        **dict.fromkeys(words("fit restricted full"), fit),
+        **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
+        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions n_types"), 2),
+        "first": [0, 1],
+        "second": [0, 1],
         "problem": problem,
         "mdp": problem.mdp,
         "transitions": models,
-        "decisions": decisions,
-        "samples": decisions,
         "reward_weights": gridworld.weights,
         "initial_weights": np.zeros(2),
-        "outcome_probabilities": table,
-        "dynamics": table,
-        "truth": table,
         "estimate": lambda some: some.action.mean(),
-        "visits": uniform,
-        "temperature": 1.0,
-        "policy": uniform,
-        "sampling_policy": uniform,
         "start_distribution": np.full(25, 1 / 25),
         "rng": np.random.default_rng(0),
         "features": problem.features,
         "feature_names": problem.feature_names,
-        "successors": models.successors,
-        "model_of": models.model_of,
-        "available": models.available,
-        "n_models": models.n_models,
+        **{name: getattr(models, name) for name in words("successors model_of available n_models")},
         "discount": 0.9,
-        "weight": 1.0,
         "block": sc.Block.REWARD,
-        "n_episodes": 2,
-        "n_steps": 2,
-        "n_periods": 2,
-        "n_decisions": 2,
-        "n_types": 2,
         "errors": np.ones(2),
-        "standard_deviation": 1.0,
-        "fit": fit,
-        "restricted": fit,
-        "full": fit,
         "information": sc.fit_information(problem, decisions, fit),
         "found": sc.laplace(problem, decisions, fit),
         "n_pairs": (25, 5),

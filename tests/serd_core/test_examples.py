@@ -34,13 +34,13 @@ def given():
     features, models = problem.features, problem.mdp.transitions
     policy = sc.soft_policy(problem, weights, table)
     samples = drives_to_lift = drives_to_door = sampled(
-        problem, policy.probabilities, table, 60, 20
+        problem, policy.probabilities, table, 30, 15
     )
     to_lift = to_door = sc.counted_transitions(problem, samples)
     timed = sc.semi_markov_problem(problem, law_of=np.repeat([[0] * 5, [1] * 5], [3, 1], axis=0))
     truth = timed.mdp.transitions.parameters_from(table, [1.0, 3.0], 6.0)
     decisions = sc.sample_timed_decisions(
-        timed.mdp, policy.probabilities, truth, starts, n_episodes=30, n_steps=20, rng=rng
+        timed.mdp, policy.probabilities, truth, starts, n_episodes=20, n_steps=15, rng=rng
     )
     fit, timed_fit = (sc.fit_mdce_serd(each, decisions) for each in (problem, timed))
     found = sc.laplace(problem, decisions, fit)

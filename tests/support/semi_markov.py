@@ -16,6 +16,8 @@ LAWS = {
     "of outcomes": np.array([[0, 1, 1], [2, 3, 2], [4, 4, 1]]),
     "and patience": np.array([[0, 0, 1], [2, 2, 3], [4, 4, 4]]),
 }
+#: Kind of laws, and whether places have paces.
+CASES = [("of models", True), ("of outcomes", False), ("and patience", True)]
 STAYS = {"of models": None, "of outcomes": None, "and patience": np.array([4.0, 4.0, 1.5])}
 
 

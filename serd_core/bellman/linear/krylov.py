@@ -1,8 +1,7 @@
-"""Iterative solution of the linear systems where an LU factor would no longer fit.
+"""Iterative solution of the linear systems where an LU factor would take long or not fit.
 
 BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
-by rounding. An incomplete LU factor may precondition; discounts near one and grids with long ways
-need it, others do without.
+by rounding.
 """
 
 from dataclasses import dataclass
@@ -30,35 +29,22 @@ class Krylov(LinearSolver):
 
     relative_residual: |b - A x| / |b| to reach, unless `solve` allows more.
     max_iterations: of each run; max_runs: bound of the restarts.
-    fill, drop: size and threshold of the incomplete factor; fill 0 goes without one.
     """
 
     relative_residual: float = 1e-11
     max_iterations: int = 10_000
     max_runs: int = 10
-    fill: float = 0.0
-    drop: float = 1e-3
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Keep the matrix, and an incomplete factor of it where one is used."""
-        matrix = pattern.matrix(data)
-        return KrylovSystem(self, matrix, self._incomplete(matrix))
-
-    def _incomplete(self, matrix: Any) -> Any:
-        if self.fill <= 0:
-            return None
-        return scipy.sparse.linalg.spilu(
-            matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
-        )
+        return KrylovSystem(self, pattern.matrix(data))
 
 
 @dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix by rows, without a preconditioner or with an incomplete factor."""
+    """One matrix by rows."""
 
     settings: Krylov
     matrix: Any
-    incomplete: Any
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
@@ -71,16 +57,22 @@ class KrylovSystem(LinearSystem):
         return np.stack(columns, axis=1)
 
     def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
+        matrix = self._transposed if transposed else self.matrix
         size = float(np.linalg.norm(right_side))
         solution, left = np.zeros_like(right_side), right_side
         for _ in range(self.settings.max_runs):
             length = float(np.linalg.norm(left))
             if length <= target * size:
                 return solution
-            gain = max(0.5 * target * size / length, GAIN_PER_RUN)
-            improved = self._run(left, transposed, gain)
+            improved, _ = scipy.sparse.linalg.bicgstab(
+                matrix,
+                left,
+                atol=0.0,
+                maxiter=self.settings.max_iterations,
+                **{_BOUND: max(0.5 * target * size / length, GAIN_PER_RUN)},
+            )
             improved += solution
-            remaining = right_side - self._product(improved, transposed)
+            remaining = right_side - matrix @ improved
             if not np.linalg.norm(remaining) < length:
                 break
             solution, left = improved, remaining
@@ -88,38 +80,10 @@ class KrylovSystem(LinearSystem):
         if share <= target:
             return solution
         raise SerdError(
-            f"Krylov must reach a relative residual of {target}, got {share}; raise fill or"
+            f"Krylov must reach a relative residual of {target}, got {share}; raise"
             " max_iterations, or use SparseLu"
         )
 
     @cached_property
     def _transposed(self) -> Any:
         return self.matrix.T.tocsr()
-
-    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
-        """(S,) product with the matrix or its transpose."""
-        return np.asarray((self._transposed if transposed else self.matrix) @ vector)
-
-    def _run(
-        self, right_side: FloatArray, transposed: bool, relative_residual: float
-    ) -> FloatArray:
-        """(S,) result of one run of BiCGSTAB from zero, converged or not."""
-        found, _ = scipy.sparse.linalg.bicgstab(
-            self._transposed if transposed else self.matrix,
-            right_side,
-            atol=0.0,
-            maxiter=self.settings.max_iterations,
-            M=self._preconditioner("T" if transposed else "N"),
-            **{_BOUND: relative_residual},
-        )
-        return np.asarray(found)
-
-    def _preconditioner(self, trans: str) -> Any:
-        if self.incomplete is None:
-            return None
-        factor = self.incomplete
-        return scipy.sparse.linalg.LinearOperator(
-            self.matrix.shape,
-            matvec=lambda vector: factor.solve(vector, trans=trans),
-            dtype=np.float64,
-        )

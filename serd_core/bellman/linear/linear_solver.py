@@ -1,10 +1,11 @@
 """Linear systems (I - gamma P_pi) x = b, and with the transposed matrix."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
@@ -23,7 +24,7 @@ class LinearSystem(ABC):
         An iterative solver may stop at |b - A x| <= relative_residual |b|; 0 asks for its best.
         """
 
-    def solver_of_next(self, solver: "LinearSolver") -> "LinearSolver":
+    def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
         """The solver for another matrix of the same kind, where `solver` prepared this one."""
         return solver
 
@@ -35,7 +36,7 @@ class LinearSolver(ABC):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
 
-    def for_systems(self, *, right_sides: int) -> "LinearSolver":
+    def for_systems(self, *, right_sides: int) -> LinearSolver:
         """The solver for systems of so many right-hand sides."""
         del right_sides
         return self
@@ -55,17 +56,15 @@ class WithFallback(LinearSystem):
         return self.fallback.prepare(self.pattern, self.data)
 
     def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
-        """The fallback from the first failure on."""
-        if "_other" in vars(self):
-            return self._other.solver_of_next(self.fallback)
-        return solver
+        return self.fallback if "_other" in vars(self) else solver
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
         """Solve by the first system, and by the other where that does not converge."""
-        asked: Any = {"transposed": transposed, "relative_residual": relative_residual}
         if "_other" not in vars(self):
             with suppress(SerdError):
-                return self.first.solve(right_side, **asked)
-        return self._other.solve(right_side, **asked)
+                return self.first.solve(
+                    right_side, transposed=transposed, relative_residual=relative_residual
+                )
+        return self._other.solve(right_side, transposed=transposed)

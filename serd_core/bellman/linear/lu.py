@@ -1,14 +1,13 @@
-"""LU factorisations of the S x S system I - gamma P_pi, in an order found once per MDP.
+"""LU factorisations of the S x S system I - gamma P_pi.
 
-Sparse: the matrix is strictly diagonally dominant by rows, so elimination needs no pivoting and the
-same fill-reducing order serves every policy.
+Sparse: the matrix is strictly diagonally dominant by rows, so that elimination needs no pivoting
+and may follow the order of least fill.
 
 As a band matrix (LAPACK's gbtrf): states reordered by reverse Cuthill-McKee lie near their
 successors: in a hallway of w cells across the band is about w wide, in a square of n states
 sqrt(n). The work n * width^2 grows faster than that of a sparse factor with little fill, but it is
-plain arithmetic without any bookkeeping, which is what small and narrow problems would spend their
-time on. The transpose is factorised: it is diagonally dominant by columns, so that no rows are
-exchanged and the band stays narrow.
+plain arithmetic, and small and narrow problems would spend their time on bookkeeping. The transpose
+is factorised: it is diagonally dominant by columns, so that no rows are exchanged.
 """
 
 from dataclasses import dataclass
@@ -29,33 +28,26 @@ class SparseLu(LinearSolver):
     """Solves linear systems of sparse graphs by SuperLU, on the symmetrically reordered matrix."""
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Factorise the matrix with the given numbers."""
-        elimination = pattern.elimination
         factor = scipy.sparse.linalg.splu(
-            elimination.matrix(data),
-            permc_spec="NATURAL",
+            pattern.matrix(data).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
-        return LuFactor(factor=factor, order=elimination.order)
+        return LuFactor(factor)
 
 
 @dataclass(frozen=True, eq=False)
 class LuFactor(LinearSystem):
-    """Factor of the reordered matrix; state `order[i]` is its i-th unknown."""
+    """A factor of SuperLU."""
 
     factor: Any
-    order: IntArray
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        """Solve to rounding."""
         del relative_residual
-        solution = np.empty_like(right_side)
-        trans = "T" if transposed else "N"
-        solution[self.order] = self.factor.solve(right_side[self.order], trans=trans)
-        return solution
+        return np.asarray(self.factor.solve(right_side, trans="T" if transposed else "N"))
 
 
 @dataclass(frozen=True)
@@ -87,7 +79,6 @@ class BandedFactor(LinearSystem):
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        """Solve to rounding."""
         del relative_residual
         band, given = self.band, right_side[self.band.order]
         reordered, _ = scipy.linalg.lapack.dgbtrs(

@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution
+from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.dynamics.transition_model import (
     TransitionModel,
@@ -112,7 +112,7 @@ def sensitivities(
         features if model.available.all() else np.where(model.available[..., None], features, 0.0)
     )
     by_reward = np.einsum("sa,saf->sf", policy, usable)
-    system = mdp.engine.system(transitions, policy, discount, solver)
+    system = policy_system(transitions, policy, discount, solver)
     by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))
     return Sensitivities(by_value, usable, by_local, local_jacobian, transitions, discount)
 

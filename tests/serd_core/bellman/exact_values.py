@@ -3,26 +3,25 @@
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
-import numpy as np
-
 DIGITS = 34
 
 
-def pairs_of(posed):
-    """[s][...] of (reward, {successor: probability}) per available action, as exact fractions."""
-    model, rewards = posed.transitions.model, posed.rewards
-    table = [[None] * model.n_actions for _ in range(model.n_states)]
-    for state, action in np.argwhere(posed.mdp.available):
-        table[state][action] = (Fraction(float(rewards[state, action])), {})
-    for entry, row in enumerate(model.row):
-        state, action = divmod(int(row), model.n_actions)
-        successors = table[state][action][1]
-        after, share = (
-            int(model.successor[entry]),
-            Fraction(float(posed.transitions.entries[entry])),
-        )
-        successors[after] = successors.get(after, Fraction(0)) + share
-    return [[pair for pair in row if pair is not None] for row in table]
+def pairs_of(posed, number=lambda fraction: fraction):
+    """[s][...] of (reward, {successor: probability}) per available action, as exact numbers."""
+    model = posed.transitions.model
+    table = [[] for _ in range(model.n_states)]
+    matrix = posed.transitions.matrix
+    for row in range(model.n_states * model.n_actions):
+        state, action = divmod(row, model.n_actions)
+        if not posed.mdp.available[state, action]:
+            continue
+        successors = {}
+        for entry in range(*matrix.indptr[row : row + 2]):
+            after, share = int(matrix.indices[entry]), Fraction(float(matrix.data[entry]))
+            successors[after] = successors.get(after, Fraction(0)) + share
+        reward = Fraction(float(posed.rewards[state, action]))
+        table[state].append((number(reward), {s: number(p) for s, p in successors.items()}))
+    return table
 
 
 def exact_hard_value(posed):
@@ -43,15 +42,16 @@ def exact_soft_value(posed):
     """(S,) V* of the soft equation to some 25 digits, by sweeps."""
     with localcontext() as context:
         context.prec = DIGITS
-        discount, pairs = _decimal(Fraction(posed.discount)), _decimal_pairs(pairs_of(posed))
-        value = [Decimal(0)] * len(pairs)
-        small = Decimal(10) ** (8 - DIGITS)
-        while True:
-            swept = [_log_sum_exp([_q(pair, value, discount) for pair in row]) for row in pairs]
+        pairs, discount = pairs_of(posed, _decimal), _decimal(Fraction(posed.discount))
+        value, moved = [Decimal(0)] * len(pairs), Decimal(1)
+        while moved > Decimal(10) ** (8 - DIGITS) * (1 - discount) * max(1, *map(abs, value)):
+            swept = []
+            for row in pairs:
+                q = [_q(pair, value, discount) for pair in row]
+                swept.append(max(q) + sum((x - max(q)).exp() for x in q).ln())
             moved = max(abs(a - b) for a, b in zip(swept, value, strict=True))
             value = swept
-            if moved <= small * (1 - discount) * max(1, *map(abs, value)):
-                return [Fraction(v) for v in value]
+        return [Fraction(v) for v in value]
 
 
 def largest_error(value, exact):
@@ -78,17 +78,5 @@ def _solved(chosen, discount):
     return [row[n] for row in table]
 
 
-def _log_sum_exp(q):
-    highest = max(q)
-    return highest + sum((x - highest).exp() for x in q).ln()
-
-
 def _decimal(number):
     return Decimal(number.numerator) / Decimal(number.denominator)
-
-
-def _decimal_pairs(pairs):
-    return [
-        [(_decimal(reward), {s: _decimal(p) for s, p in after.items()}) for reward, after in row]
-        for row in pairs
-    ]

@@ -86,18 +86,6 @@ def test_the_error_bound_holds_against_values_in_fractions(
     assert largest_error(solution.value, exact_hard_value(posed)) <= solution.error_bound
 
 
-@EACH_SOLVER
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("discount", [0.0, 0.5, 0.9])
-def test_the_error_bound_holds_against_soft_values_of_many_digits(
-    solver, random_problem, seed, discount
-):
-    problem, probabilities = random_problem(seed, discount)
-    posed = bellman(problem, probabilities, [3.0, -1.0], SoftBellman())
-    solution = solver.solve(posed)
-    assert largest_error(solution.value, exact_soft_value(posed)) <= solution.error_bound
-
-
 def test_a_computed_residual_of_zero_certifies_no_exact_value():
     """2.739 / (1 - 0.9) is no float: a bound of zero would be a lie, however small the residual."""
     rewards = np.random.default_rng(0).uniform(-10.0, 10.0, 40)
@@ -109,32 +97,6 @@ def test_a_computed_residual_of_zero_certifies_no_exact_value():
         assert 0 < error <= solution.error_bound <= 1e-10 * abs(reward / (1 - 0.9999))
 
 
-@EACH_EQUATION
-def test_newton_needs_few_steps_where_sweeps_need_a_hundred_thousand(equation, make_gridworld):
-    case = make_gridworld(side=8, discount=0.9999, n_episodes=1)
-    posed = bellman(case.problem, case.probabilities, case.weights, equation)
-    solution = Newton().solve(posed)
-    assert solution.converged
-    assert solution.steps < 40
-    assert solution.error_bound <= 1e-9 * np.max(np.abs(solution.value))
-
-
-def test_large_rewards_and_a_far_start_do_not_break_newton(gridworld):
-    posed = bellman(gridworld.problem, gridworld.probabilities, [1e4, -1e4], SoftBellman())
-    far = np.where(np.arange(25) % 2 == 0, 1e7, -1e7)
-    solution = Newton().solve(posed, far)
-    assert solution.converged
-    assert np.all(np.isfinite(solution.value))
-
-
-def test_a_warm_start_at_the_solution_needs_no_linear_solve(gridworld):
-    posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
-    first = Newton().solve(posed)
-    again = Newton().solve(posed, first.value)
-    assert again.linear_solves == 0
-    assert again.converged
-
-
 def test_running_out_of_steps_is_said_and_not_hidden(gridworld):
     posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
     for solver in (Newton(max_steps=2), ValueIteration(max_sweeps=2)):
@@ -144,36 +106,60 @@ def test_running_out_of_steps_is_said_and_not_hidden(gridworld):
         assert solution.error_bound == pytest.approx(solution.residual / 0.1)
 
 
-def test_the_starting_value_must_be_finite_and_of_the_right_length(gridworld):
-    posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
-    with pytest.raises(SerdError, match=r"initial_value\[3\] must be finite, got nan"):
-        Newton().solve(posed, np.where(np.arange(25) == 3, np.nan, 0.0))
-    with pytest.raises(SerdError, match=r"initial_value must have shape \(25\), got \(3,\)"):
-        Newton().solve(posed, np.zeros(3))
-
-
-def test_rewards_that_are_not_finite_are_refused_with_the_place(minimum_example):
-    transitions = transitions_of(minimum_example.mdp.transitions, np.full((2, 2), 0.5))
-    rewards = np.array([[0.0, np.nan, np.nan], [np.nan, np.nan, 1.0]])
-    with pytest.raises(
-        SerdError, match=r"rewards\[0, 1\] must be finite and at most .*, got nan; use smaller"
-    ):
-        BellmanProblem(SoftBellman(), rewards, transitions, minimum_example.mdp)
-
-
-def test_limits_that_no_solver_can_meet_are_refused():
-    for make in (Newton, ValueIteration):
-        with pytest.raises(SerdError, match="accuracy must not be negative or NaN, got nan"):
-            make(accuracy=np.nan)
-    with pytest.raises(SerdError, match="the bound of steps must be at least 1, got 0"):
-        Newton(max_steps=0)
-    with pytest.raises(SerdError, match="the bound of steps must be at least 1, got 0"):
-        ValueIteration(max_sweeps=0)
-
-
 @pytest.mark.parametrize("equation", EQUATIONS)
 def test_the_policy_at_a_known_maximum_is_the_policy(equation):
     q = np.random.default_rng(0).normal(scale=100.0, size=(50, 4))
     q[::3, 1] = -np.inf
     found = equation.policy_at(q, equation.maximum(q))
     np.testing.assert_allclose(found, equation.policy(q), rtol=1e-12, atol=1e-300)
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize(("seed", "discount"), [(0, 0.0), (1, 0.5), (2, 0.9), (3, 0.9)])
+def test_the_error_bound_holds_against_soft_values_of_many_digits(
+    solver, random_problem, seed, discount
+):
+    problem, probabilities = random_problem(seed, discount)
+    posed = bellman(problem, probabilities, [3.0, -1.0], SoftBellman())
+    solution = solver.solve(posed)
+    assert largest_error(solution.value, exact_soft_value(posed)) <= solution.error_bound
+
+
+@EACH_EQUATION
+def test_newton_needs_few_steps_from_anywhere_and_none_from_the_solution(equation, make_gridworld):
+    """Sweeps need a hundred thousand."""
+    case = make_gridworld(side=8, discount=0.9999, n_episodes=1)
+    far = np.where(np.arange(64) % 2 == 0, 1e7, -1e7)
+    for weights, start in ((case.weights, None), ([1e4, -1e4], far)):
+        posed = bellman(case.problem, case.probabilities, weights, equation)
+        solution = Newton().solve(posed, start)
+        assert solution.converged
+        assert solution.steps < 40
+        assert solution.error_bound <= 1e-9 * np.max(np.abs(solution.value))
+        assert Newton().solve(posed, solution.value).linear_solves == 0
+
+
+def posed_with(case, rewards):
+    transitions = transitions_of(case.problem.mdp.transitions, case.probabilities)
+    return BellmanProblem(SoftBellman(), rewards, transitions, case.problem.mdp)
+
+
+ZEROS = np.zeros((25, 5))
+WRONG = [
+    (lambda case: Newton().solve(posed_with(case, ZEROS), np.full(25, np.nan)), "value.0. must be"),
+    (lambda case: Newton().solve(posed_with(case, ZEROS), np.zeros(3)), "value must have shape"),
+    (
+        lambda case: posed_with(case, ZEROS * np.nan),
+        "rewards.0, 0. must be finite .*, got nan; use",
+    ),
+    (lambda _: ValueIteration(accuracy=np.nan), "accuracy must not be negative or NaN, got nan"),
+    (lambda _: Newton(accuracy=-1.0), "accuracy must not be negative or NaN, got -1.0"),
+    (lambda _: Newton(max_steps=0), "the bound of steps must be at least 1, got 0"),
+    (lambda _: ValueIteration(max_sweeps=0), "the bound of steps must be at least 1, got 0"),
+]
+
+
+@pytest.mark.parametrize(("call", "sentence"), WRONG)
+def test_what_no_solver_can_take_is_refused_by_name(gridworld, call, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        call(gridworld)

@@ -9,7 +9,9 @@ from serd_core.demonstrations.decisions import (
     state_action_counts,
     state_counts,
 )
+from serd_core.demonstrations.observations import explained, observe
 from serd_core.errors import SerdError
+from support.small_problems import apart
 
 
 def five_decisions() -> Decisions:
@@ -31,76 +33,9 @@ def test_counts_of_states_and_actions_add_up_to_the_decisions():
     assert counts.sum() == len(decisions)
 
 
-def test_start_distribution_uses_the_first_decision_of_each_episode():
-    np.testing.assert_allclose(start_distribution(five_decisions(), 4), [0.5, 0, 0.5, 0])
-
-
-def test_the_first_decision_is_that_of_the_earliest_time_whatever_the_rows():
-    turned = five_decisions().select(np.array([4, 2, 0, 3, 1]))
-    np.testing.assert_allclose(start_distribution(turned, 4), [0.5, 0, 0.5, 0])
-
-
-def test_no_decisions_have_no_start():
-    nothing = five_decisions().select(np.zeros(5, bool))
-    with pytest.raises(SerdError, match="must hold at least one decision"):
-        start_distribution(nothing, 4)
-
-
 def test_columns_cannot_be_changed_afterwards():
     with pytest.raises(ValueError, match="read-only"):
         five_decisions().state[0] = 1
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"state": [0, 1]}, r"state must have one entry per decision \(1 as in time_s\), got 2"),
-        ({"state": [-1]}, r"state\[0\] must not be negative, got -1"),
-        ({"action": [0.5]}, r"action\[0\] must be a whole number, got 0.5"),
-        ({"time_s": [np.nan]}, r"time_s\[0\] must be finite, got nan"),
-        ({"episode": ["a"]}, r"episode must be an array of numbers, got <U1 such as \['a'\]"),
-        ({"episode": [[1], [1, 2]]}, "episode must be an array of numbers, which this is not"),
-        ({"state": [1e30]}, r"state\[0\] must be below 2\*\*63 in size, got 1e\+30"),
-        ({"state": np.array([2**64 - 1], dtype=np.uint64)}, r"must be .* got 1\.844\d+e\+19"),
-        ({"state": [1j]}, "state must be an array of numbers, got complex128"),
-        (
-            {"time_s": np.array(["2020-01-01"], "M8[D]")},
-            "time_s must .* got datetime64.* in seconds",
-        ),
-    ],
-)
-def test_wrong_columns_are_refused_with_the_place(change, sentence):
-    columns = {"episode": [0], "time_s": [0.0], "state": [0], "action": [0], "next_state": [0]}
-    with pytest.raises(SerdError, match=sentence):
-        Decisions(**(columns | change))
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (lambda given: given.select([10**6]), r"rows\[0\] must be a row from 0 to 4, got 1000000"),
-        (lambda given: given.select([-1]), r"rows\[0\] must be a row from 0 to 4, got -1"),
-        (lambda given: given.select([True]), r"rows must have shape \(5\), got \(1,\)"),
-        (lambda given: given.select(["a"]), "rows must be an array of numbers"),
-        (lambda given: given.select_episodes([3, 4]), r"episodes must be among \[3, 7\], got 4"),
-        (
-            lambda given: given.select_episodes(["a"]),
-            "episodes must be an array of numbers, got <U1",
-        ),
-        (lambda given: state_counts(given, 2), r"state\[3\] must be below 2, got 2"),
-        (lambda given: state_action_counts(given, 3, 1), r"action\[0\] must be below 1, got 1"),
-    ],
-)
-def test_what_is_not_there_is_refused(call, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        call(five_decisions())
-
-
-def test_actions_are_hidden_by_a_mask_of_all_rows_only():
-    hidden = five_decisions().with_hidden_actions([True, False, False, False, True])
-    assert hidden.action.tolist() == [-1, 0, 0, 1, -1]
-    with pytest.raises(SerdError, match=r"rows must have shape \(5\), got \(1,\)"):
-        five_decisions().with_hidden_actions([True])
 
 
 def test_a_data_frame_and_back(gridworld):
@@ -112,16 +47,78 @@ def test_a_data_frame_and_back(gridworld):
         sc.decisions_from_columns(frame.drop(columns="time_s"))
 
 
+def test_the_first_decision_of_each_episode_is_that_of_the_earliest_time_whatever_the_rows():
+    turned = five_decisions().select(np.array([4, 2, 0, 3, 1]))
+    for given in (five_decisions(), turned):
+        np.testing.assert_allclose(start_distribution(given, 4), [0.5, 0, 0.5, 0])
+
+
+def test_actions_are_hidden_by_a_mask():
+    hidden = five_decisions().with_hidden_actions([True, False, False, False, True])
+    assert hidden.action.tolist() == [-1, 0, 0, 1, -1]
+
+
 def test_episodes_are_states_and_one_action_less():
     found = sc.decisions_from_episodes([([0, 1, 2], [3, 4]), ([5, 6], [7])])
     assert found.next_state.tolist() == [1, 2, 6]
     assert found.action.tolist() == [3, 4, 7]
     assert found.episode.tolist() == [0, 0, 1]
-    with pytest.raises(sc.SerdError, match="episode 0 must have one more state than actions"):
-        sc.decisions_from_episodes([([0, 1], [3, 4])])
 
 
-@pytest.mark.parametrize("wrong", [1, ([0, 1], [3], [0.0])])
-def test_an_episode_that_is_no_pair_is_named(wrong):
-    with pytest.raises(sc.SerdError, match=r"episode 1 must be a pair \(states, actions\), got"):
-        sc.decisions_from_episodes([([0, 1], [3]), wrong])
+ONE = {"episode": [0], "time_s": [0.0], "state": [0], "action": [0], "next_state": [0]}
+FIVE, FROM_EPISODES, PAIR = five_decisions(), sc.decisions_from_episodes, ([0, 1], [3])
+DATE, LARGE = np.array(["2020-01-01"], "M8[D]"), np.array([2**64 - 1], dtype=np.uint64)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: Decisions(**ONE | {"state": [0, 1]}),
+            r"state must have one entry per decision \(1 ",
+        ),
+        (lambda: Decisions(**ONE | {"state": [-1]}), r"state\[0\] must not be negative, got -1"),
+        (
+            lambda: Decisions(**ONE | {"action": [0.5]}),
+            r"action\[0\] must be a whole number, got 0.",
+        ),
+        (lambda: Decisions(**ONE | {"time_s": [np.nan]}), r"time_s\[0\] must be finite, got nan"),
+        (
+            lambda: Decisions(**ONE | {"episode": ["a"]}),
+            r"episode must be an array of numbers, got ",
+        ),
+        (lambda: Decisions(**ONE | {"episode": [[1], [1, 2]]}), "of numbers, which this is not"),
+        (lambda: Decisions(**ONE | {"state": [1e30]}), r"state\[0\] must be below 2\*\*63 in size"),
+        (lambda: Decisions(**ONE | {"state": LARGE}), r"must be .* got 1\.844\d+e\+19"),
+        (lambda: Decisions(**ONE | {"state": [1j]}), "array of numbers, got complex128"),
+        (lambda: Decisions(**ONE | {"time_s": DATE}), "time_s must .* got datetime64.* in seconds"),
+        (lambda: FIVE.select([10**6]), r"rows\[0\] must be a row from 0 to 4, got 1000000"),
+        (lambda: FIVE.select([-1]), r"rows\[0\] must be a row from 0 to 4, got -1"),
+        (lambda: FIVE.select([True]), r"rows must have shape \(5\), got \(1,\)"),
+        (lambda: FIVE.with_hidden_actions([True]), r"rows must have shape \(5\), got \(1,\)"),
+        (lambda: FIVE.select_episodes([3, 4]), r"episodes must be among \[3, 7\], got 4"),
+        (lambda: FIVE.select_episodes(["a"]), "episodes must be an array of numbers, got <U1"),
+        (lambda: state_counts(FIVE, 2), r"state\[3\] must be below 2, got 2"),
+        (lambda: state_action_counts(FIVE, 3, 1), r"action\[0\] must be below 1, got 1"),
+        (lambda: start_distribution(FIVE.select([]), 4), "must hold at least one decision"),
+        (lambda: FROM_EPISODES([([0, 1], [3, 4])]), "episode 0 must have one more state than act"),
+        (lambda: FROM_EPISODES([PAIR, 1]), r"episode 1 must be a pair \(states, actions\), got"),
+        (lambda: FROM_EPISODES([PAIR, (*PAIR, [0.0])]), "episode 1 must be a pair"),
+        (lambda: FROM_EPISODES([]), "episodes must hold at least one episode, got none"),
+    ],
+)
+def test_what_is_no_decision_and_not_there_is_refused(call, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        call()
+
+
+def test_counts_are_of_the_decisions_that_the_problem_explains(minimum_example):
+    """Learners refuse the others; in state 2 both outcomes stay: two entries of one transition."""
+    observed = observe(minimum_example.mdp, apart([0, 0, 0, 1], [0, 0, 1, 2], [1, 1, 0, 1]))
+    assert observed.n_decisions == 4
+    np.testing.assert_array_equal(observed.state_action, [[2, 1, 0], [0, 0, 1]])
+    assert sorted(observed.group_count) == [1, 1, 2]
+    assert len(observed.local_index) == len(observed.entry_group) == 4
+    decisions = apart([0, 1, 1, 0, 5, 0], [0, 0, 2, 0, 0, 7], [1, 1, 0, 9, 0, 0])
+    kept = explained(minimum_example.mdp, decisions)
+    np.testing.assert_array_equal(kept, [True, False, False, False, False, False])

@@ -31,46 +31,33 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
     assert np.all(ended.state == 0)
 
 
-def test_one_seed_gives_one_sample(make_gridworld):
-    np.testing.assert_array_equal(
-        make_gridworld(seed=5).decisions.state, make_gridworld(seed=5).decisions.state
-    )
-
-
 def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
     """One state that both actions keep: nothing leaves it, but the choice there is informative."""
     mdp = Mdp(
         OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
         0.9,
     )
-    decisions = sample_decisions(
-        mdp,
-        np.array([[0.25, 0.75]]),
-        np.ones((1, 1)),
-        np.ones(1),
-        n_episodes=400,
-        n_steps=10,
-        rng=np.random.default_rng(0),
-    )
+    problem = sc.TabularProblem(mdp, np.ones((1, 2, 1)), ("constant",))
+    decisions = sampled(problem, np.array([[0.25, 0.75]]), np.ones((1, 1)), 400, 10)
     assert len(decisions) == 4000
     assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
+
+
+ENDED = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9).mdp
+GIVEN = {"mdp": ENDED, "policy": np.ones((2, 1)), "start_distribution": [1.0, 0.0]}
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"n_episodes": 0}, "n_episodes must be a whole number of at least 1, got 0"),
-        ({"n_episodes": True}, "n_episodes must be a whole number of at least 1, got True"),
-        ({"n_episodes": 3.0}, "n_episodes must be a whole number of at least 1, got 3.0"),
+        *[({"n_episodes": n}, "n_episodes must be a whole number of at") for n in (0, True, 3.0)],
         ({"n_steps": "5"}, "n_steps must be a whole number of at least 1, got '5'"),
         ({"mdp": None}, "mdp must be a Mdp object, got None; use for example problem.mdp"),
         ({"start_distribution": None}, "mdp must have a state that is not final .* got 2 final"),
     ],
 )
 def test_wrong_arguments_are_refused_by_name(change, sentence):
-    ended = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9)
-    given = {"mdp": ended.mdp, "policy": np.ones((2, 1)), "start_distribution": [1.0, 0.0]}
-    given |= {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
+    given = GIVEN | {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
     assert len(sample_decisions(**given)) == 0
     with pytest.raises(SerdError, match=sentence):
         sample_decisions(**given | change)

@@ -19,8 +19,7 @@ def one_way(dropped: tuple[int, ...] = (), period_s: float = 2.0) -> Decisions:
 
 
 def with_rows(decisions: Decisions, **columns) -> Decisions:
-    names = ("episode", "time_s", "state", "action", "next_state")
-    return Decisions(**{name: getattr(decisions, name) for name in names} | columns)
+    return Decisions(**decisions.columns() | columns)
 
 
 def test_rows_in_any_order_are_the_same_trajectories(gridworld):
@@ -34,13 +33,6 @@ def test_rows_in_any_order_are_the_same_trajectories(gridworld):
     )
 
 
-def test_whole_episodes_are_one_trajectory_each():
-    tracks = trajectories_of(one_way())
-    assert (len(tracks), tracks.start[0], tracks.end[0], tracks.length[0]) == (1, 0, 6, 6)
-    np.testing.assert_array_equal(tracks.step, np.arange(6))
-    np.testing.assert_array_equal(tracks.episode, [5])
-
-
 @pytest.mark.parametrize("dropped", [(2,), (2, 3)])
 def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
     decisions = one_way(dropped)
@@ -50,16 +42,6 @@ def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
     np.testing.assert_array_equal(tracks.episode, [5, 5])
     np.testing.assert_array_equal(tracks.step, [0, 1, *range(6 - dropped[-1] - 1)])
     np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
-
-
-def test_a_pause_without_a_change_of_place_is_no_missing_decision():
-    paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
-    assert len(trajectories_of(paused)) == 1
-
-
-def test_without_times_a_trajectory_begins_wherever_states_do_not_follow():
-    timeless = with_rows(one_way((2,)), time_s=np.zeros(5))
-    np.testing.assert_array_equal(trajectories_of(timeless).start, [0, 3])
 
 
 def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
@@ -75,3 +57,11 @@ def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(g
         for rows in (rest, pieces)
     ]
     np.testing.assert_allclose(fits[0], fits[1], rtol=1e-6)
+
+
+def test_a_trajectory_goes_on_where_states_follow_whatever_the_times():
+    paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
+    tracks = trajectories_of(paused)
+    assert (len(tracks), tracks.start[0], tracks.end[0], tracks.length[0]) == (1, 0, 6, 6)
+    timeless = with_rows(one_way((2,)), time_s=np.zeros(5))
+    np.testing.assert_array_equal(trajectories_of(timeless).start, [0, 3])

@@ -3,8 +3,9 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.estimation import LogLikelihood, most_likely_parameters
+from serd_core.dynamics.estimation import most_likely_parameters, outcome_models_of
 from serd_core.dynamics.sparse_model import SparseModel
+from support.small_problems import sampled
 
 N_STATES, N_ACTIONS, K = 4, 2, 3
 DISCOUNT = 0.9
@@ -33,10 +34,7 @@ def ring_problems():
     shared = sc.TabularProblem(sc.Mdp(models, DISCOUNT), features, listed.feature_names)
     known = sc.from_transitions(dense, features, discount=DISCOUNT)
     policy = sc.soft_policy(known, [1.0, -1.0]).probabilities
-    starts = np.full(N_STATES, 1.0 / N_STATES)
-    decisions = sc.sample_decisions(
-        known.mdp, policy, None, starts, n_episodes=30, n_steps=20, rng=rng
-    )
+    decisions = sampled(known, policy, None, 30, 20, rng)
     return listed, shared, decisions, dense
 
 
@@ -59,27 +57,17 @@ def test_the_estimate_is_the_mean_of_the_dirichlet_posterior(pseudo_count):
     np.testing.assert_allclose(dense_of(known, np.zeros(0)), wanted, rtol=1e-12)
 
 
-def test_the_estimate_is_the_mode_over_log_odds():
-    listed, _, decisions, _ = ring_problems()
-    model, seen = listed.mdp.transitions, observe(listed.mdp, decisions)
-    at = most_likely_parameters(model, seen, 0.7)
-    by_odds = LogLikelihood(model, seen.counts(model) + 0.7)
-    np.testing.assert_allclose(by_odds.evaluate(at)[1], 0.0, atol=1e-10)
-    assert np.all(np.linalg.eigvalsh(by_odds.hessian(at)) < 0.0)
+def with_functions(listed, n_parameters, *functions):
+    model = listed.mdp.transitions
+    columns = model.n_pairs, model.state, model.action, model.next_state
+    return SparseModel(*columns, n_parameters, *functions)
 
 
 def test_newtons_method_finds_what_counting_finds():
     listed, _, decisions, _ = ring_problems()
     model, seen = listed.mdp.transitions, observe(listed.mdp, decisions)
-    by_functions = SparseModel(
-        model.n_pairs,
-        model.state,
-        model.action,
-        model.next_state,
-        model.n_parameters,
-        lambda at: model.probabilities(at),
-        lambda at, gradient: model.vector_jacobian(at, gradient),
-    )
+    functions = lambda at: model.probabilities(at), lambda *at: model.vector_jacobian(*at)
+    by_functions = with_functions(listed, model.n_parameters, *functions)
     np.testing.assert_allclose(
         most_likely_parameters(by_functions, seen, 0.7),
         most_likely_parameters(model, seen, 0.7),
@@ -123,18 +111,11 @@ def test_wrong_arguments_are_rejected_by_name():
     for estimate in (sc.estimate_dynamics, sc.counted_transitions):
         with pytest.raises(sc.SerdError, match="pseudo_count must be finite and above 0, got 0"):
             estimate(listed, decisions, 0)
-    model = listed.mdp.transitions
-    improper = SparseModel(
-        model.n_pairs,
-        model.state,
-        model.action,
-        model.next_state,
-        1,
-        lambda _: np.zeros(len(model.state)),
-        lambda *_: np.zeros(1),
-    )
-    seen = observe(listed.mdp, decisions)
+    nothing = np.zeros(len(listed.mdp.transitions.state))
+    improper = with_functions(listed, 1, lambda _: nothing, lambda *_: np.zeros(1))
     with pytest.raises(sc.SerdError, match=r"state 0, action 0 must be .* sums to 0"):
-        most_likely_parameters(improper, seen)
+        most_likely_parameters(improper, observe(listed.mdp, decisions))
     with pytest.raises(sc.SerdError, match="PriorByEvidence is a prior of OutcomeModels, got"):
         sc.fit_mdce_serd(listed, decisions)
+    with pytest.raises(sc.SerdError, match="dynamics must be OutcomeModels here, got Sp"):
+        outcome_models_of(listed.mdp)

@@ -13,10 +13,6 @@ def two_models(beta: float = 1.0) -> OutcomeModels:
     return OutcomeModels(successors, [[0, 1]] * 3, np.ones((3, 2), bool), n_models=2, beta=beta)
 
 
-def test_equal_energies_give_the_uniform_distribution():
-    np.testing.assert_allclose(two_models().local_probabilities(np.full(4, 7.0)), 0.5)
-
-
 def test_probabilities_follow_the_gibbs_distribution_with_its_scale():
     probabilities = two_models(beta=2.0).local_probabilities(np.array([0.0, 1.0, 0.0, 0.0]))
     assert probabilities[0, 1] == pytest.approx(np.exp(2) / (1 + np.exp(2)))
@@ -28,14 +24,6 @@ def test_outcomes_that_land_in_the_same_cell_add_up():
     np.testing.assert_allclose(dense[4], [0, 0, 1])
     np.testing.assert_allclose(dense[2], [0, 0.3, 0.7])
     np.testing.assert_allclose(dense.sum(axis=1), 1)
-
-
-def test_energies_and_probabilities_are_inverse_to_each_other():
-    model = two_models(beta=3.0)
-    probabilities = np.array([[0.2, 0.8], [0.9, 0.1]])
-    energies = model.parameters_of(probabilities)
-    np.testing.assert_allclose(model.local_probabilities(energies), probabilities)
-    np.testing.assert_allclose(energies.reshape(2, 2).sum(axis=1), 0, atol=1e-15)
 
 
 @settings(deadline=None, max_examples=30)
@@ -65,6 +53,19 @@ def test_unavailable_actions_have_no_entries_and_their_indices_do_not_matter():
     np.testing.assert_array_equal(model.successor, [0])
 
 
+def test_energies_and_probabilities_are_inverse_to_each_other():
+    model, probabilities = two_models(beta=3.0), np.array([[0.2, 0.8], [0.9, 0.1]])
+    energies = model.parameters_of(probabilities)
+    np.testing.assert_allclose(model.local_probabilities(energies), probabilities)
+    np.testing.assert_allclose(energies.reshape(2, 2).sum(axis=1), 0, atol=1e-15)
+    certain = np.array([[0.0, 1.0], [0.3, 0.7]])
+    energies = model.fixed_parameters_of(certain)
+    np.testing.assert_allclose(model.local_probabilities(energies), certain, atol=0, rtol=1e-14)
+
+
+ONE = {"successors": [[[0, 0]]], "model_of": [[0]], "available": np.ones((1, 1), bool)}
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -77,39 +78,23 @@ def test_unavailable_actions_have_no_entries_and_their_indices_do_not_matter():
     ],
 )
 def test_wrong_tables_are_refused_with_the_place(change, sentence):
-    arguments = {
-        "successors": [[[0, 0]]],
-        "model_of": [[0]],
-        "available": np.ones((1, 1), bool),
-        "n_models": 1,
-    }
     with pytest.raises(SerdError, match=sentence):
-        OutcomeModels(**(arguments | change))
-
-
-def test_a_row_that_is_no_distribution_is_named():
-    model = two_models()
-    with pytest.raises(SerdError, match=r"state 0, action 1 .* the row sums to 1.1"):
-        model.require_transitions(np.array([[0.3, 0.7], [0.5, 0.6]]))
-    with pytest.raises(SerdError, match=r"state 0, action 0 .* has an entry of -0.3"):
-        model.require_transitions(np.array([[-0.3, 1.3], [0.5, 0.5]]))
-    with pytest.raises(SerdError, match="has an entry of nan"):
-        model.require_transitions(np.array([[np.nan, 1.0], [0.5, 0.5]]))
-
-
-def test_a_probability_of_zero_has_no_energy():
-    with pytest.raises(SerdError, match=r"probabilities\[1, 0\] must be above 0"):
-        two_models().parameters_of(np.array([[0.5, 0.5], [0.0, 1.0]]))
+        OutcomeModels(**(ONE | {"n_models": 1} | change))
 
 
 @pytest.mark.parametrize(
-    ("row", "sentence"),
+    ("check", "table", "sentence"),
     [
-        ([0.5, 0.9], r"outcome probabilities\[1\] must sum to 1, got 1.4; normalise that row"),
-        ([1.5, -0.5], r"outcome probabilities\[1, 1\] must be finite and not negative, got -0.5"),
-        ([0.5, np.nan], r"outcome probabilities\[1, 1\] must be finite and not negative, got nan"),
+        ("require_transitions", [[0.3, 0.7], [0.5, 0.6]], "state 0, action 1 .* row sums to 1.1"),
+        ("require_transitions", [[-0.3, 1.3], [0.5, 0.5]], "state 0, action 0 .* entry of -0.3"),
+        ("require_transitions", [[np.nan, 1.0], [0.5, 0.5]], "has an entry of nan"),
+        ("require_transitions", [[1.0], [1.0]], r"must have shape \(2, 2\) \(models, outcomes\)"),
+        ("parameters_of", [[0.5, 0.5], [0.0, 1.0]], r"probabilities\[1, 0\] must be above 0"),
+        ("parameters_of", [[0.5, 0.5], [0.5, 0.9]], r"s\[1\] must sum to 1, got 1.4; normalise"),
+        ("parameters_of", [[0.5, 0.5], [1.5, -0.5]], r"s\[1, 1\] must be finite and not negative"),
+        ("parameters_of", [[0.5, 0.5], [0.5, np.nan]], r"s\[1, 1\] must be finite and not negati"),
     ],
 )
-def test_energies_are_refused_for_what_is_no_distribution(row, sentence):
+def test_a_row_that_is_no_distribution_is_named(check, table, sentence):
     with pytest.raises(SerdError, match=sentence):
-        two_models().parameters_of(np.array([[0.5, 0.5], row]))
+        getattr(two_models(), check)(np.array(table))

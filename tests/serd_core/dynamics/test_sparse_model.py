@@ -22,25 +22,6 @@ def test_entries_in_any_order_give_the_same_matrix():
     np.testing.assert_array_equal(model.absorbing, [False, True])
 
 
-def test_a_non_stochastic_row_is_named():
-    with pytest.raises(SerdError, match=r"state 1, action 0 .* sums to 0.5"):
-        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.array([1.0, 0.5]))
-
-
-def test_users_functions_of_the_wrong_length_are_refused():
-    model = SparseModel(
-        (1, 1), [0], [0], [0], 2, lambda _: np.ones(3), lambda _, gradient: gradient
-    )
-    with pytest.raises(SerdError, match=r"must return \(1,\) numbers, one per entry, got \(3,\)"):
-        model.local_probabilities(np.zeros(2))
-    with pytest.raises(SerdError, match=r"must return \(2,\) numbers, one per parameter"):
-        model.pull_back(np.zeros(2), np.ones(1))
-    with pytest.raises(
-        SerdError, match=r"dynamics of a SparseModel must be its \(2,\) parameters, not"
-    ):
-        model.parameters_of(np.ones((1, 5)))
-
-
 def test_users_functions_may_write_into_their_arguments_and_reuse_an_array():
     result = np.zeros(2)
 
@@ -61,41 +42,6 @@ def test_users_functions_may_write_into_their_arguments_and_reuse_an_array():
     np.testing.assert_array_equal(model.pull_back(parameters, gradient), [2.0])
     np.testing.assert_array_equal(parameters, [0.25])
     np.testing.assert_array_equal(gradient, [3.0, 1.0])
-
-
-def test_a_users_product_that_is_not_finite_is_named():
-    model = SparseModel(
-        (1, 1), [0], [0], [0], 2, lambda _: np.ones(1), lambda *_: np.array([0.0, np.nan])
-    )
-    with pytest.raises(SerdError, match="must return finite numbers, got nan for parameter 1"):
-        model.pull_back(np.zeros(2), np.ones(1))
-
-
-@pytest.mark.parametrize(
-    ("pairs", "count", "message"),
-    [
-        (2, 0, r"n_pairs must have shape \(2\), got \(\)"),
-        ((2, 1, 1), 0, r"n_pairs must have shape \(2\), got \(3,\)"),
-        ((2.5, 1), 0, r"n_pairs\[0\] must be a whole number, got 2.5"),
-        ((1, 1), -1, "parameter_count must be a whole number of at least 0, got -1"),
-        ((1, 1), 2.0, "parameter_count must be a whole number of at least 0, got 2.0"),
-    ],
-)
-def test_sizes_that_are_no_whole_numbers_are_refused(pairs, count, message):
-    with pytest.raises(SerdError, match=message):
-        SparseModel(pairs, [0], [0], [0], count, np.ones, np.ones)
-
-
-def test_probabilities_need_one_entry_per_transition():
-    with pytest.raises(SerdError, match=r"probability must have shape \(2\), got \(1,\)"):
-        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(1))
-    with pytest.raises(SerdError, match=r"n_pairs must be at least one state .* got \(0, 1\)"):
-        fixed_transitions((0, 1), [], [], [], np.ones(0))
-    with pytest.raises(SerdError, match=r"next_state\[1\] must be a next state from 0 to 1, got 2"):
-        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 2], np.ones(2))
-    model = fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(2))
-    with pytest.raises(SerdError, match=r"probabilities must have shape \(2,\), .* got \(3,\)"):
-        model.entries(np.ones(3))
 
 
 def logistic_problem():
@@ -137,3 +83,30 @@ def test_dynamics_are_the_models_parameters_for_every_learner_of_rewards(fit):
     np.testing.assert_array_equal(found.outcome_probabilities, expected)
     with pytest.raises(SerdError, match=r"must be its \(1,\) parameters, not its entries"):
         fit(problem, decisions, dynamics=expected, **settings)
+
+
+NAN = SparseModel((1, 1), [0], [0], [0], 2, lambda _: np.ones(1), lambda *_: np.full(2, np.nan))
+LONG = SparseModel((1, 1), [0], [0], [0], 2, lambda _: np.ones(3), lambda _, gradient: gradient)
+PLACES = [0, 1], [0, 0], [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: LONG.local_probabilities(np.zeros(2)), r"return \(1,\) numbers, one per entry, g"),
+        (lambda: LONG.pull_back(np.zeros(2), np.ones(1)), r"return \(2,\) numbers, one per param"),
+        (lambda: LONG.parameters_of(np.ones((1, 5))), r"must be its \(2,\) parameters, not its en"),
+        (lambda: NAN.pull_back(np.zeros(2), np.ones(1)), "finite numbers, got nan for parameter 0"),
+        (lambda: fixed_transitions((2, 1), *PLACES, [1, 0.5]), "state 1, action 0 .* sums to 0.5"),
+        (lambda: fixed_transitions((2, 1), *PLACES, [1.0]), r"probability must have shape \(2\)"),
+        (lambda: fixed_transitions((0, 1), [], [], [], []), "n_pairs must be at least one state"),
+        (lambda: fixed_transitions((2, 1), [0], [0], [2], [1]), r"next_state\[0\] must be a next"),
+        (lambda: fixed_transitions(2, *PLACES, np.ones(2)), r"n_pairs must have shape \(2\), got"),
+        (lambda: fixed_transitions((2.5, 1), *PLACES, np.ones(2)), r"n_pairs\[0\] must be a whole"),
+        (lambda: SparseModel((1, 1), [0], [0], [0], 2.0, np.ones, np.ones), "parameter_count must"),
+        (lambda: SparseModel((1, 1), [0], [0], [0], -1, np.ones, np.ones), "parameter_count must"),
+    ],
+)
+def test_wrong_functions_and_columns_of_users_are_refused(call, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        call()

@@ -6,7 +6,6 @@ from scipy.special import logsumexp
 
 import serd_core as sc
 from serd_core.errors import SerdError
-from serd_core.posterior.parameters import Parameters
 
 WEIGHTS = np.array([1.5, -0.7])
 TRUTH = np.array([[0.7, 0.2, 0.1], [0.1, 0.3, 0.6]])
@@ -28,15 +27,9 @@ def outcome_problem(seed: int = 0, n_states: int = 6):
 
 def dense(problem, dynamics):
     """(S, A, S) transition probabilities of outcome models."""
-    models = problem.mdp.transitions
-    n_states, n_actions, n_outcomes = models.successors.shape
-    table = np.zeros((n_states, n_actions, n_states))
-    for s in range(n_states):
-        for a in range(n_actions):
-            for k in range(n_outcomes):
-                probability = dynamics[models.model_of[s, a], k]
-                table[s, a, models.successors[s, a, k]] += probability
-    return table
+    model = problem.mdp.transitions
+    table = model.matrix(model.entries(dynamics)).toarray()
+    return table.reshape(*model.available.shape, -1)
 
 
 def backward_induction(problem, table, features, terminal):
@@ -53,72 +46,17 @@ def backward_induction(problem, table, features, terminal):
 @pytest.mark.parametrize("seed", range(3))
 def test_policies_are_those_of_backward_induction(seed):
     problem, n_periods = outcome_problem(seed), 5
-    rng = np.random.default_rng(seed)
+    rng, table = np.random.default_rng(seed), dense(problem, TRUTH)
     features = rng.normal(size=(n_periods, *problem.features.shape))
     terminal = rng.normal(size=(problem.mdp.n_states, 2))
-    found = sc.finite_horizon(problem, n_periods, features=features, terminal_features=terminal)
-    policy = sc.soft_policy(found, WEIGHTS, TRUTH).probabilities
-    wanted = backward_induction(problem, dense(problem, TRUTH), features, terminal)
-    decided = policy[: -problem.mdp.n_states].reshape(wanted.shape)
-    np.testing.assert_allclose(decided, wanted, atol=1e-10)
-    assert np.all(found.mdp.final[-problem.mdp.n_states :])
-
-
-def test_known_transitions_get_a_horizon_too():
-    problem = outcome_problem()
-    table = dense(problem, TRUTH)
-    table[~problem.mdp.available] = 0.0
+    wanted = backward_induction(problem, table, features, terminal)
     known = sc.from_transitions(table, problem.features, discount=0.9)
-    ended = sc.finite_horizon(known, 4)
-    policies = [
-        sc.soft_policy(each, WEIGHTS, dynamics).probabilities
-        for each, dynamics in (
-            (ended, None),
-            (sc.finite_horizon(problem, 4), TRUTH),
-        )
-    ]
-    np.testing.assert_allclose(policies[0], policies[1], atol=1e-10)
-
-
-def test_parameters_of_a_sparse_model_are_shared_by_all_periods():
-    """Two states; action 1 changes the state with the probability that is learned."""
-
-    def entries(parameters):
-        p = 1.0 / (1.0 + np.exp(-parameters[0]))
-        return np.array([1.0, p, 1.0 - p, 1.0, p, 1.0 - p])
-
-    def vector_jacobian(parameters, gradient):
-        p = 1.0 / (1.0 + np.exp(-parameters[0]))
-        return np.array([p * (1.0 - p) * (gradient @ np.array([0, 1, -1, 0, 1, -1]))])
-
-    model = sc.SparseModel(
-        n_pairs=(2, 2),
-        state=np.array([0, 0, 0, 1, 1, 1]),
-        action=np.array([0, 1, 1, 0, 1, 1]),
-        next_state=np.array([0, 1, 0, 1, 0, 1]),
-        parameter_count=1,
-        probabilities=entries,
-        vector_jacobian=vector_jacobian,
-    )
-    features = np.zeros((2, 2, 1))
-    features[1] = 1.0
-    problem = sc.finite_horizon(sc.TabularProblem(sc.Mdp(model, 0.9), features, ("in 1",)), 6)
-    truth = problem.mdp.transitions.local_probabilities(np.array([0.8]))
-    decisions = sc.sample_decisions(
-        problem.mdp,
-        sc.soft_policy(problem, [1.0], truth).probabilities,
-        truth,
-        np.eye(problem.mdp.n_states)[0],
-        n_episodes=2000,
-        n_steps=6,
-        rng=np.random.default_rng(0),
-    )
-    fit = sc.fit_mdce_serd(
-        problem, decisions, dynamics=np.array([0.0]), prior=sc.UniformPrior(), initial_weights=[0.0]
-    )
-    assert fit.converged
-    assert fit.reward_weights[0] == pytest.approx(1.0, abs=0.1)
-    assert fit.parameters.truth[0] == pytest.approx(0.8, abs=0.1)
+    for each, dynamics in ((problem, TRUTH), (known, None)):
+        found = sc.finite_horizon(each, n_periods, features=features, terminal_features=terminal)
+        policy = sc.soft_policy(found, WEIGHTS, dynamics).probabilities
+        decided = policy[: -problem.mdp.n_states].reshape(wanted.shape)
+        np.testing.assert_allclose(decided, wanted, atol=1e-10)
+        assert np.all(found.mdp.final[-problem.mdp.n_states :])
 
 
 def test_rewards_and_dynamics_are_learned_from_episodes_of_a_few_periods():
@@ -144,26 +82,33 @@ def test_rewards_and_dynamics_are_learned_from_episodes_of_a_few_periods():
     np.testing.assert_allclose(fit.outcome_probabilities, TRUTH, atol=0.03)
 
 
-def test_what_does_not_fit_is_rejected():
-    problem = outcome_problem()
-    with pytest.raises(SerdError, match="n_periods must be a whole number of at least 1, got 0"):
-        sc.finite_horizon(problem, 0)
-    with pytest.raises(SerdError, match="must fit into memory, but needs"):
-        sc.finite_horizon(problem, 10**15)
-    with pytest.raises(SerdError, match="features must have shape"):
-        sc.finite_horizon(problem, 2, features=problem.features)
-    with pytest.raises(SerdError, match="terminal_features must have shape"):
-        sc.finite_horizon(problem, 2, terminal_features=np.zeros(3))
+def test_decisions_may_state_their_period():
     decisions = sc.decisions_from_episodes([([0, 1, 2], [0, 0])])
-    with pytest.raises(
-        SerdError, match="must be in one of the 1 periods from 0 to 0, got period 1"
-    ):
-        sc.decisions_in_periods(decisions, 6, 1)
-    with pytest.raises(SerdError, match="next_state of decision 1 must be one of the 2 states"):
-        sc.decisions_in_periods(decisions, 2, 2)
     given = sc.decisions_in_periods(decisions, 6, 9, period=np.array([3, 4]))
     assert given.state.tolist() == [18, 25]
     assert given.next_state.tolist() == [25, 32]
+
+
+PROBLEM = outcome_problem()
+UNKNOWN = sc.from_transitions(np.ones((2, 1, 2)), np.ones((2, 1)), discount=0.9, learned=True)
+EPISODE = sc.decisions_from_episodes([([0, 1, 2], [0, 0])])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sc.finite_horizon(UNKNOWN, 2), "OutcomeModels or known to get a finite horizon"),
+        (lambda: sc.finite_horizon(PROBLEM, 0), "n_periods must be a whole number of at least 1"),
+        (lambda: sc.finite_horizon(PROBLEM, 10**15), "must fit into memory, but needs"),
+        (lambda: sc.finite_horizon(PROBLEM, 2, features=PROBLEM.features), "features must have sh"),
+        (lambda: sc.finite_horizon(PROBLEM, 2, terminal_features=np.zeros(3)), "l_features must h"),
+        (lambda: sc.decisions_in_periods(EPISODE, 6, 1), "one of the 1 periods .*, got period 1"),
+        (lambda: sc.decisions_in_periods(EPISODE, 2, 2), "next_state of decision 1 must be one of"),
+    ],
+)
+def test_what_does_not_fit_is_rejected(call, message):
+    with pytest.raises(SerdError, match=message):
+        call()
 
 
 def test_a_final_state_goes_on_paying_for_the_one_action_it_has():
@@ -177,26 +122,3 @@ def test_a_final_state_goes_on_paying_for_the_one_action_it_has():
         quality = features[:, :, 0] * 2.0 + 0.9 * table @ value
         value = logsumexp(np.where(problem.mdp.available, quality, -np.inf), axis=1)
     np.testing.assert_allclose(ended.value[:3], value, rtol=1e-12)
-
-
-def test_pseudo_counts_are_of_all_periods_together():
-    rng = np.random.default_rng(0)
-    table, features = rng.dirichlet(np.ones(3), size=(3, 2)), rng.normal(size=(3, 2, 1))
-    problem = sc.from_transitions(table, features, discount=0.9, learned=True)
-    known = sc.from_transitions(table, features, discount=0.9)
-    policy = sc.soft_policy(known, [1.0]).probabilities
-    decisions = sc.sample_decisions(known.mdp, policy, n_episodes=30, n_steps=4, rng=rng)
-    several = sc.finite_horizon(problem, 4)
-    moved = sc.decisions_in_periods(decisions, 3, 4)
-    np.testing.assert_allclose(
-        sc.estimate_dynamics(several, moved), sc.estimate_dynamics(problem, decisions), atol=1e-8
-    )
-    parameters = rng.normal(size=problem.mdp.transitions.n_parameters)
-    at = Parameters(np.zeros(1), parameters, parameters, np.zeros(0))
-    of_one, of_several = (
-        sc.DirichletPrior(2.0).evaluate(each.mdp.transitions, at) for each in (problem, several)
-    )
-    assert of_several.value == pytest.approx(of_one.value)
-    np.testing.assert_allclose(of_several.gradient.truth, of_one.gradient.truth, atol=1e-12)
-    with pytest.raises(SerdError, match="one period to count transitions in, got 4"):
-        sc.counted_transitions(several, moved)

@@ -34,24 +34,20 @@ def test_where_places_do_not_differ_the_multipliers_shrink_and_are_not_chosen():
     assert sc.compare_places(timed, decisions).chosen == "laws of local models"
 
 
-def test_a_plan_may_take_the_pace_of_places():
-    timed, truth, _, decisions = paced_ring(0.5, 30)
-    places = sc.fit_places(timed, decisions, truth)
-    paced = sc.semi_markov_problem(timed, log_pace=places.log_pace)
-    table = paced.mdp.transitions.local_probabilities(truth)
-    assert sc.optimal_policy(paced, np.array([1.0, 0.0]), table).converged
-    for fitted in (
-        lambda: sc.fit_places(paced, decisions, truth),
-        lambda: sc.compare_places(paced, decisions),
-    ):
-        with pytest.raises(sc.SerdError, match="problem must have no log_pace yet"):
-            fitted()
+TIMED, TRUTH, _, DECISIONS = paced_ring(0.5, 3)
+PACED = sc.semi_markov_problem(TIMED, log_pace=np.ones(PLACES))
+TWO = DECISIONS.select_episodes(DECISIONS.episodes[:2])
 
 
-def test_two_episodes_are_too_few_to_leave_some_out():
-    timed, truth, _, decisions = paced_ring(0.5, 3)
-    one = decisions.select_episodes(decisions.episodes[:2])
-    with pytest.raises(sc.SerdError, match="must hold at least 3 episodes"):
-        sc.compare_places(timed, one)
-    with pytest.raises(sc.SerdError, match="problem must have dwell times, got transitions of"):
-        sc.fit_places(ring(), one, truth)
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: sc.fit_places(PACED, DECISIONS, TRUTH), "problem must have no log_pace yet"),
+        (lambda: sc.compare_places(PACED, DECISIONS), "problem must have no log_pace yet"),
+        (lambda: sc.compare_places(TIMED, TWO), "must hold at least 3 episodes"),
+        (lambda: sc.fit_places(ring(), TWO, TRUTH), "problem must have dwell times, got transitio"),
+    ],
+)
+def test_problems_without_laws_or_with_places_are_refused(call, sentence):
+    with pytest.raises(sc.SerdError, match=sentence):
+        call()

@@ -31,36 +31,6 @@ def test_censored_decisions_count_as_choices_and_not_as_moves():
     assert observe(ring().mdp, timed_decisions()).dwells is None
 
 
-def test_columns_survive_a_round_trip_and_a_selection():
-    decisions = timed_decisions()
-    again = sc.TimedDecisions(**decisions.columns())
-    chosen = again.select(np.array([1, 2]))
-    assert isinstance(chosen, sc.TimedDecisions)
-    assert chosen.dwell_s.tolist() == [1.5, 0.9]
-    assert chosen.censored.tolist() == [True, False]
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"dwell_s": [1.0, 0.0, 1.0]}, r"dwell_s\[1\] must be above 0"),
-        ({"next_state": [10, 11, 11]}, r"next_state\[1\] must be the state where censored"),
-        ({"dwell_s": [1.0]}, "dwell_s must have shape"),
-    ],
-)
-def test_impossible_dwell_times_are_rejected(change, message):
-    with pytest.raises(sc.SerdError, match=message):
-        timed_decisions(**change)
-
-
-def test_dwell_times_are_required():
-    timed, truth = timed_ring()
-    decisions = demonstrations(timed, truth, np.random.default_rng(5))
-    plain = sc.decisions_from_columns(decisions.select(~decisions.censored).columns())
-    with pytest.raises(sc.SerdError, match="decisions must have dwell times for moves that take"):
-        sc.fit_mdce_serd(timed, plain)
-
-
 def test_hidden_actions_count_as_moves_and_inform_no_law():
     timed, truth = timed_ring()
     decisions = demonstrations(timed, truth, np.random.default_rng(5))
@@ -82,3 +52,26 @@ def test_sampled_dwell_times_have_the_laws_they_are_drawn_from():
     often = demonstrations(timed, truth, rng, n_episodes=150, until_command_s=1.0)
     assert often.censored.mean() == pytest.approx(0.6, abs=0.12)
     assert np.all(often.next_state[often.censored] == often.state[often.censored])
+    at_the_goal = np.eye(timed.mdp.n_states)[0]
+    size = {"n_episodes": 2, "n_steps": 3, "rng": rng}
+    policy = timed.mdp.available / timed.mdp.available.sum(axis=1, keepdims=True)
+    assert len(sc.sample_timed_decisions(timed.mdp, policy, truth, at_the_goal, **size)) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"dwell_s": [1.0, 0.0, 1.0]}, r"dwell_s\[1\] must be above 0"),
+        ({"next_state": [10, 11, 11]}, r"next_state\[1\] must be the state where censored"),
+        ({"dwell_s": [1.0]}, "dwell_s must have shape"),
+    ],
+)
+def test_dwell_times_are_required_and_survive_a_round_trip(change, message):
+    again = sc.TimedDecisions(**timed_decisions().columns()).select(np.array([1, 2]))
+    assert again.dwell_s.tolist() == [1.5, 0.9]
+    assert again.censored.tolist() == [True, False]
+    with pytest.raises(sc.SerdError, match=message):
+        timed_decisions(**change)
+    plain = sc.decisions_from_columns(timed_decisions().columns()).select([0, 2])
+    with pytest.raises(sc.SerdError, match="decisions must have dwell times for moves that take"):
+        observe(timed_ring()[0].mdp, plain)

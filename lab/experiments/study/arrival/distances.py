@@ -21,7 +21,9 @@ import numpy as np
 from lab.experiments.running.statistics import StatisticsSettings, bootstrap
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.bands import ROUNDING
+
+#: Sums of probabilities may pass 0 or 1 by this much.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.settings import StudySettings
 from lab.experiments.study.study import TRAIN_AREA, Study, StudyWorld
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.chain import ArrivalTimes
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.semi_markov.arrival import timed_arrival
 from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.policy_driver import PolicyDriver
@@ -80,7 +80,7 @@ def arrival_by_chain(
     outcomes: FloatArray,
     laws: FloatArray,
     starts: FloatArray,
-) -> ArrivalTimes:
+) -> ArrivalLaw:
     """Time of arrival of an (S, A) policy from (S,) starts, up to the time limit, in steps.
 
     outcomes: (M, K) probabilities; laws: parameters of the dwell times (`StudyWorld.laws_of`).
@@ -89,8 +89,8 @@ def arrival_by_chain(
     energies = model.outcomes.parameters_of(outcomes)[: model.means.start]
     parameters = np.concatenate([energies, laws])
     found = timed_arrival(study.timed, policy, parameters, STEP_S, n_steps(study.scenario))
-    steps = np.arange(len(found.cdf))
-    return ArrivalTimes(steps, found.cdf @ starts, float(found.arrival_probability @ starts))
+    times_s = np.asarray(STEP_S * np.arange(len(found.cdf)), dtype=np.float64)
+    return ArrivalLaw(times_s, found.cdf @ starts, float(found.arrival_probability @ starts))
 
 
 def measured_cdf(rows: pd.DataFrame, n_steps: int) -> FloatArray:

@@ -18,7 +18,6 @@ from serd_app.learning.durations import dynamics_of, with_moves_as_actions
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.chain import ArrivalByState, policy_chain
-from serd_core.arrival.semi_markov import DwellTimes, RenewalChain, semi_markov_arrival
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import INTENDED_OUTCOMES, NavigationProblem
@@ -26,7 +25,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.semi_markov.arrival import timed_arrival
+from serd_core.semi_markov.arrival import RenewalChain, renewal_arrival, timed_arrival
 from serd_core.semi_markov.dwell_prior import MEDIAN_SHAPE, WIDE
 from serd_core.semi_markov.models import require_timed, semi_markov_problem
 from serd_core.semi_markov.timed_decisions import TimedDecisions
@@ -146,7 +145,6 @@ def counts(task: Task) -> Prediction:
     times = np.zeros((near.shape[1], steps.max() + 1))
     np.add.at(times, (towards, steps), 1.0)
     mass = times + times.sum(axis=0) / len(seen)
-    dwell = DwellTimes(task.step_s, mass / mass.sum(axis=1, keepdims=True))
     chain = RenewalChain(
         state=np.repeat(np.arange(len(near)), near.shape[1]),
         successor=near.ravel(),
@@ -154,8 +152,8 @@ def counts(task: Task) -> Prediction:
         dwell=np.tile(np.arange(near.shape[1]), len(near)),
         goal=np.isin(np.arange(len(near)), task.problem.goal_states),
     )
-    arrival = semi_markov_arrival(chain, dwell, task.n_steps)
-    return Prediction(chain.matrix(chain.probability).tocsr(), arrival)
+    arrival = renewal_arrival(chain, mass / mass.sum(axis=1, keepdims=True), task.n_steps)
+    return Prediction(chain.matrix().tocsr(), arrival)
 
 
 def _counted_shares(task: Task, state: IntArray, towards: IntArray) -> FloatArray:

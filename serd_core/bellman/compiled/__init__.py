@@ -1,1 +1,0 @@
-"""Bellman backups and linear systems of many states, compiled by numba (the extra `fast`)."""
