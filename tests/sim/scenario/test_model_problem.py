@@ -21,15 +21,12 @@ def planned(path, scenario=HALLWAY, **options):
     return problem_of_model(str(path), load_model(path), scenario, GRID, **options)
 
 
-def test_among_people_all_weights_count(save_model_of):
+def test_the_weight_of_the_social_norm_counts_among_people_only(save_model_of):
     path = save_model_of()
     problem, model = planned(path)
     assert model == load_model(path)
     assert problem.feature_names == model.feature_names
-
-
-def test_the_weight_of_the_social_norm_does_not_count_where_no_people_walk(save_model_of):
-    problem, model = planned(save_model_of(), HALLWAY.with_pedestrian_count(0))
+    problem, model = planned(path, HALLWAY.with_pedestrian_count(0))
     assert problem.feature_names == model.feature_names == WITHOUT_NORM
 
 
