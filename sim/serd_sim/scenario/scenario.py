@@ -73,17 +73,13 @@ class Scenario(StrictModel):
         ge=rules.LEAST_PERIOD_S,
     )
     episode_timeout_s: float = setting(
-        420.0,
-        "simulated time after which an episode ends without arrival",
-        unit="s",
-        gt=0,
+        420.0, "simulated time after which an episode ends without arrival", unit="s", gt=0
     )
     walkable_area_m: Outline = setting(
         ..., "corners of a simple polygon, in order; its edges are walls", unit="m"
     )
     obstacles: tuple[Obstacle, ...] = setting(
-        (),
-        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls",
+        (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
     )
     goal_area_m: Outline = setting(
         ..., "polygon; an episode ends when the robot's centre is inside", unit="m"

@@ -23,7 +23,7 @@ def heading_of_person_at_origin(robot, wanted_rad=EAST, *, walls_m=FAR_WALL, spe
     """Direction (rad) in which a person who wants to go in another one goes past the robot."""
     to_m = np.array([robot.x_m]), np.array([robot.y_m]), np.hypot([robot.x_m], [robot.y_m])
     wanted = np.array([math.cos(wanted_rad)]), np.array([math.sin(wanted_rad)])
-    walls = WallGeometry(1, walls_m)
+    walls = WallGeometry(walls_m)
     x, y = headings_around(robot, to_m, wanted, np.array([speed_mps]), walls, BODY_M, CLEARANCE_M)
     assert math.hypot(x[0], y[0]) == pytest.approx(1.0)
     return math.atan2(y[0], x[0])

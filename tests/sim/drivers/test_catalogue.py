@@ -8,12 +8,18 @@ from serd_core.policies.solved_policy import optimal_policy
 from serd_files.errors import USER_ERRORS
 from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
-from serd_sim.drivers.expert import STYLES, ExpertSettings, ScriptedExpert, VariedExpert
-from serd_sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
+from serd_sim.drivers.expert import (
+    STYLES,
+    ExpertSettings,
+    RouteCosts,
+    ScriptedExpert,
+    VariedExpert,
+    costs_to_go,
+    move_costs,
+)
 from serd_sim.drivers.policy_driver import PolicyDriver, model_driver
-from serd_sim.drivers.strategy import learned_dynamics
+from serd_sim.drivers.strategy import learned_dynamics, problem_of_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of
-from serd_sim.scenario.model_problem import problem_of_model
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.pictures.camera import Camera, chase_camera
 from serd_sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
 from serd_sim.pictures.scene import SceneView
 from serd_sim.pictures.top_view import TopView
@@ -77,8 +76,6 @@ def test_an_mp4_holds_as_many_frames_as_were_given_in_their_colours(seen, tmp_pa
 def test_what_gives_no_picture_is_refused(tmp_path):
     with pytest.raises(USER_ERRORS, match="record an episode first"):
         save_gif([], tmp_path / "none.gif")
-    with pytest.raises(USER_ERRORS, match="step back"):
-        Camera(target_m=(0.0, 0.0, 0.0), distance_m=0.0)
 
 
 @pytest.mark.parametrize("save", [save_gif, save_mp4])
@@ -101,16 +98,11 @@ def test_a_caption_adds_a_strip_with_dark_text_and_widens_a_narrow_frame():
     assert with_caption(frame[:, :60], "12.3 s").shape == (52, 120, 3)
 
 
-def test_a_scene_view_draws_an_episode_like_the_world_itself(seen):
-    with HallwayWorld(HALLWAY, seed=1) as world:
-        start = world.reset(0)
-        overview, chase = world.picture(), world.picture(chase_camera(start.pose))
-    assert overview.shape == chase.shape == (480, 640, 3)
-    assert is_coloured(overview, RED).sum() > 50 < is_coloured(chase, BLUE, 30).sum()
+def test_a_scene_view_draws_an_episode_from_afar_or_behind_the_robot(seen):
     with closing(SceneView(HALLWAY)) as whole, closing(SceneView(HALLWAY, chasing=True)) as behind:
         first, last = whole.frame_at(seen, 0), whole.frame_at(seen, 19)
         near = behind.frame_at(seen, 19)
-    assert first.shape == (640, 480, 3)
+    assert (first.shape, near.shape) == ((640, 480, 3), (480, 640, 3))
     assert is_coloured(first, RED).sum() > 50
     assert is_coloured(near, BLUE, 30).sum() > 3 * is_coloured(last, BLUE, 30).sum()
     assert not np.array_equal(first, last)

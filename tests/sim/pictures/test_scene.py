@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.pictures.camera import Camera
-from serd_sim.pictures.scene import Scene
+from serd_sim.pictures.scene import Camera, Scene
 from serd_sim.robot.bullet import pybullet
 from serd_sim.scenario.scenario import load_scenario
 from support.wheeled_robots import physical, urdf_with

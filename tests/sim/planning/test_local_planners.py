@@ -67,10 +67,15 @@ def test_a_robot_passes_the_corner_of_a_table_in_cells_that_it_nearly_fills(name
     assert np.hypot(*(poses[:, :2] - (2.0, 0.7)).T).min() > robot.radius_m
 
 
-def test_the_robot_stops_at_the_waypoint_and_stays(planner):
+def test_the_robot_stops_at_the_waypoint_and_drives_the_same_after_a_reset(planner):
     observation = observation_at(2.0, 5.0, 1.0, speed_mps=0.5)
     assert planner.step(observation, None) == planner.step(observation, Waypoint(2.0, 5.0)) == STOP
-    poses, speeds = drive(planner, (2.0, 5.0, 0.0), Waypoint(3.5, 5.0), 100)
+    drives = []
+    for _ in range(2):
+        planner.reset()
+        drives.append(drive(planner, (2.0, 5.0, 0.0), Waypoint(3.5, 5.0), 100))
+    (poses, speeds), (again, _) = drives
+    np.testing.assert_array_equal(again, poses)
     assert np.abs(speeds[-10:]).max() < 1e-9
     assert np.hypot(*(poses[-1, :2] - [3.5, 5.0])) < 0.12
 

@@ -9,7 +9,7 @@ from serd_sim.crowd.social_force import CircularAnisotropic
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.local_planner import RecoveringPlanner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP

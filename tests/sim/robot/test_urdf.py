@@ -99,9 +99,7 @@ def test_a_urdf_that_cannot_drive_is_refused_in_one_sentence(tmp_path, old, new,
 def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
     box = '<box size="0.16 0.04 0.16"/>'
     path = urdf_with(
-        tmp_path,
-        ('<sphere radius="0.08"/>', box),
-        ('<cylinder radius="0.08" length="0.05"/>', box),
+        tmp_path, ('<sphere radius="0.08"/>', box), ('<cylinder radius="0.08" length="0.05"/>', box)
     )
     with pytest.raises(ValueError, match="wheel_radius_m must be given"):
         physical(urdf=str(path))

@@ -6,8 +6,8 @@ import pytest
 from serd_bag.errors import FileError
 from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
+from serd_sim.drivers.strategy import model_in_flow, problem_of_model
 from serd_sim.scenario.grid import flow_of, grid_of
-from serd_sim.scenario.model_problem import model_in_flow, problem_of_model
 from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
