@@ -38,13 +38,6 @@ def test_a_scan_counts_once_the_observation_of_its_stamp_is_there(matcher, scan_
     assert matcher.is_complete(standing(4))
 
 
-def test_ticks_between_scans_need_none_and_a_scan_of_another_tick_does_not_count(matcher):
-    assert matcher.is_complete(standing(5))
-    matcher.take_observation(standing(4))
-    matcher.take_scan(*scan_at(2, 4.5))
-    assert not matcher.is_complete(standing(4))
-
-
 def test_a_scan_sent_twice_is_taken_once(matcher):
     """Of two scans of a walker 0.1 s apart, the second one again would make him stand."""
     planner = matcher.planner_on(make_planner("dwa", HALLWAY))

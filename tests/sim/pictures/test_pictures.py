@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.pictures.movie import save_gif, save_mp4, save_png, with_caption
+from serd_sim.pictures.movie import save_gif, save_mp4, save_png
 from serd_sim.pictures.scene import SceneView
 from serd_sim.pictures.top_view import TopView
 from serd_sim.scenario.scenario import load_scenario
@@ -87,15 +87,6 @@ def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, tmp_path):
     with pytest.raises(RuntimeError, match="no more"):
         save(failing(), tmp_path / "half.mp4")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_caption_adds_a_strip_with_dark_text_and_widens_a_narrow_frame():
-    frame = np.full((30, 200, 3), 128, np.uint8)
-    captioned = with_caption(frame, "12.3 s")
-    np.testing.assert_array_equal(captioned[:30], frame)
-    assert captioned.shape[0] > 40
-    assert captioned[30:].min() < 100 < 250 < captioned[30:].max()
-    assert with_caption(frame[:, :60], "12.3 s").shape == (52, 120, 3)
 
 
 def test_a_scene_view_draws_an_episode_from_afar_or_behind_the_robot(seen):

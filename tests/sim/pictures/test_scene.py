@@ -3,7 +3,6 @@
 import math
 from contextlib import closing
 
-import numpy as np
 import pytest
 
 from serd_files.errors import USER_ERRORS
@@ -40,18 +39,11 @@ def test_wheels_roll_the_way_of_the_robot(scene):
     assert wheel_angles(scene) == pytest.approx([2.5 - 1.0, 2.5 + 1.0])
 
 
-def test_people_look_where_they_walk_and_their_legs_swing(scene):
+def test_people_look_where_they_walk_and_keep_the_direction_where_they_stand(scene):
     scene.place_people([[1.0, 5.0], [4.0, 5.0]], [[0.0, 1.0], [-1.0, 0.0]])
     assert headings(scene) == pytest.approx([math.pi / 2, math.pi], abs=1e-6)
     scene.place_people([[1.1, 5.0], [4.0, 5.0]])
-    assert headings(scene) == pytest.approx([0.0, math.pi], abs=1e-6), "who stands keeps it"
-    angles = []
-    for x_m in np.arange(1.0, 3.0, 0.05):
-        scene.place_people([[x_m, 5.0], [4.0, 5.0]])
-        angles.append(scene.client.getJointState(scene._people[0], 3)[0])
-    assert min(angles) == pytest.approx(-max(angles), abs=0.01)
-    assert max(angles) > 0.2
-    assert scene.client.getJointState(scene._people[0], 4)[0] == pytest.approx(-angles[-1])
+    assert headings(scene) == pytest.approx([0.0, math.pi], abs=1e-6)
 
 
 def test_a_person_and_the_robot_cover_their_places_in_the_picture(scene):

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from serd_sim.scenario.polygon import (
     contains,
     contains_point,
-    counter_clockwise,
     distance_to_segments_m,
     edges_of,
     overlap,
@@ -18,12 +17,6 @@ from serd_sim.scenario.polygon import (
 )
 
 L_SHAPE = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]
-
-
-def test_corners_are_ordered_counter_clockwise_whatever_their_order_was():
-    shape = np.array(L_SHAPE, dtype=float)
-    np.testing.assert_array_equal(counter_clockwise(shape), shape)
-    np.testing.assert_array_equal(counter_clockwise(shape[::-1]), shape)
 
 
 @pytest.mark.parametrize(
