@@ -75,7 +75,7 @@ def _require_finite_scale(values: Any, place: tuple[str | int, ...] = ()) -> Non
 
 
 def _require_motion(scenario: "Scenario") -> None:
-    """No one gets past a wall within one control period, planners' braking is possible."""
+    """No one gets past a wall within one control period, and the robot brakes as planners do."""
     robot, period_s = scenario.robot, scenario.control_period_s
     speed_mps = max(robot.max_vel_x_mps, -robot.min_vel_x_mps)
     too_long_s = robot.radius_m / speed_mps
@@ -143,8 +143,7 @@ def _require_cells(name: str, area: Sequence[Point], scenario: "Scenario") -> Fl
 
 
 def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> None:
-    """A start area has a cell in which the robot touches no wall, ways to the goal, and none of
-    its starts is in the goal."""
+    """A start area has a cell with room for the robot, ways to the goal, and no start in it."""
     cells, goal = scenario.cells, scenario.goal_area_m
     size_m, radius_m = cells.cell_size_m, scenario.robot.radius_m
     inside = _require_cells(name, area, scenario)
