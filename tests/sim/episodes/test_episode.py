@@ -105,18 +105,11 @@ def test_a_blocked_robot_tries_another_way_instead_of_the_same_for_ever():
 
 def test_a_waiting_policy_times_out_where_it_started():
     kinematic = HALLWAY.with_values("robot", drive="kinematic")  # a body settles on its casters
-    with HallwayWorld(kinematic, seed=2) as world:
-        probabilities = np.tile([1.0, 0, 0, 0, 0], (world.grid.n_states, 1))
-        record = run_episode(
-            world,
-            make_planner("dwa", HALLWAY),
-            PolicyDriver(world.grid, probabilities),
-            episode=0,
-            timeout_s=9.5,
-        )
-    assert record.outcome == "timeout"
+    grid = grid_of(kinematic)
+    waits = PolicyDriver(grid, np.tile(np.eye(len(Action))[Action.WAIT], (grid.n_states, 1)))
+    record = drive(kinematic, waits, timeout_s=9.5)
+    assert (record.outcome, record.n_ticks) == ("timeout", 190)
     assert np.isnan(record.time_of_arrival_s)
-    assert record.n_ticks == 190
     assert record.distance_m < 1e-6
     assert record.decisions.censored.tolist() == [False] * 9 + [True]
     np.testing.assert_allclose(record.decisions.dwell_s, [1.0] * 9 + [0.5])
@@ -139,19 +132,8 @@ class Mine:
     name, is_blocked = "mine", False
 
     def __init__(self, wrong):
-        self.wrong = wrong
-
-    def reset(self):
-        pass
-
-    def begin(self, episode):
-        pass
-
-    def step(self, _observation, _waypoint):
-        return self.wrong
-
-    def decide(self, _observation, _state):
-        return self.wrong
+        self.step = self.decide = lambda *_: wrong
+        self.reset = self.begin = lambda *_: None
 
 
 @pytest.mark.parametrize("wrong", [None, (0.1, 0.0), 5, math.nan])
