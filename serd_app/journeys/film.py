@@ -10,8 +10,7 @@ from serd_bag.files import require_file_place
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.batch import EpisodeTask, scenario_of
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
-from serd_sim.pictures.camera import Frame
-from serd_sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
+from serd_sim.pictures.movie import MOVIE_WRITERS, Frame, save_png, with_caption
 from serd_sim.pictures.scene import SceneView
 from serd_sim.pictures.top_view import TopView
 from serd_sim.planning.catalogue import planner_in_world

@@ -16,7 +16,7 @@ from serd_bag.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from serd_sim.robot.quaternion import matrix_of
+from serd_sim.robot.urdf import matrix_of
 from serd_sim.safety.motion import compose
 from serd_sim.world.observation import Pose
 

@@ -33,8 +33,7 @@ from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.catalogue import make_planner
-from serd_sim.planning.local_planner import PlannerStatus
-from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario

@@ -37,8 +37,7 @@ from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile, load_model
-from serd_sim.drivers.strategy import learned_dynamics, require_same_scale
-from serd_sim.scenario.model_problem import model_in_flow
+from serd_sim.drivers.strategy import learned_dynamics, model_in_flow, require_same_scale
 from serd_sim.scenario.scenario import load_scenario
 
 _MOST_ASSUMED = 5

@@ -52,7 +52,7 @@ class Crowd:
         self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
         self._pairs = PairGeometry(count, count + 1, period_m)
-        self._walls = WallGeometry(len(self), walls_m)
+        self._walls = WallGeometry(walls_m)
         heading_x, heading_y = self._headings(None)
         self.velocity_x_mps = desired_speed_mps * heading_x
         self.velocity_y_mps = desired_speed_mps * heading_y
@@ -63,12 +63,12 @@ class Crowd:
     @property
     def position_m(self) -> FloatArray:
         """(N, 2) where the people are."""
-        return _columns(self.x_m, self.y_m)
+        return np.stack([self.x_m, self.y_m], axis=1)
 
     @property
     def velocity_mps(self) -> FloatArray:
         """(N, 2) how they move."""
-        return _columns(self.velocity_x_mps, self.velocity_y_mps)
+        return np.stack([self.velocity_x_mps, self.velocity_y_mps], axis=1)
 
     def step(self, step_s: float, robot: RobotBody | None = None) -> None:
         """Move all people by one step. robot: None where they see none."""
@@ -180,13 +180,6 @@ class Crowd:
         inwards = np.minimum(inwards, 0.0)
         self.velocity_x_mps[rows] -= inwards * away_x
         self.velocity_y_mps[rows] -= inwards * away_y
-
-
-def _columns(x: FloatArray, y: FloatArray) -> FloatArray:
-    """(N, 2), in a third of the time of `numpy.stack`."""
-    both: FloatArray = np.empty((len(x), 2))
-    both[:, 0], both[:, 1] = x, y
-    return both
 
 
 def _heading_of(velocity: tuple[float, float]) -> tuple[float, float]:

@@ -17,20 +17,20 @@ from pathlib import Path
 import numpy as np
 
 from serd_bag.errors import FileError
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw, steps_within
 from serd_core.arrival.trap_states import Traps
 from serd_core.bayes.draws import averaged_policy
-from serd_core.grid.grid import Outcome
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Grid, Outcome
+from serd_core.grid.navigation import NO_FLOW, NavigationProblem, features_of_flow, with_dwell_times
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from serd_core.semi_markov.arrival import timed_arrival
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelFile, Probabilities, load_model, require_grid
-from serd_sim.scenario.grid import grid_of, start_states_of
-from serd_sim.scenario.model_problem import problem_of_model
+from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
@@ -171,6 +171,38 @@ def load_strategy(
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
         transferred=transferred,
     )
+
+
+def problem_of_model(
+    path: str, file: ModelFile, scenario: Scenario, grid: Grid, *, transferred: bool = False
+) -> tuple[NavigationProblem, ModelFile]:
+    """The problem to plan in, whose decisions take time, and the model with its features alone.
+
+    transferred: whether the model was learned on another grid, so that its flow is not that of this
+    one. FileError where the file has an unknown feature.
+    """
+    own_flow = None if transferred else file.flow_on(path, grid)
+    flow = flow_of(scenario, grid) if own_flow is None else own_flow
+    known = model_in_flow(file, flow)
+    try:
+        problem = navigation_problem_of(scenario, file.discount, known.feature_names, flow)
+        pace = np.log(file.pace) if file.pace and not transferred else None
+        timed = with_dwell_times(
+            problem, patience_s=scenario.patience_s, wait_s=scenario.wait_s, log_pace=pace
+        )
+    except SerdError as error:
+        raise FileError(f"{path}: {error}; learn the model again") from None
+    return timed, known
+
+
+def model_in_flow(file: ModelFile, flow: IntArray) -> ModelFile:
+    """The model with the weights that count in a place with a flow (S,).
+
+    That of the social norm does not where no people walk, as the place has no such feature. Models
+    that older versions learned in such a place have one too, which is the weight of waiting.
+    """
+    learned_in = np.full_like(flow, NO_FLOW) if file.without_flow else flow
+    return file.with_features(features_of_flow(learned_in, file.feature_names))
 
 
 def dynamics_of_draws(path: str | Path, file: ModelFile, problem: NavigationProblem) -> FloatArray:

@@ -20,7 +20,7 @@ from serd_sim.episodes.execution import Execution
 from serd_sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from serd_sim.errors import SimError
 from serd_sim.planning.catalogue import make_planner, planner_in_world, require_people_source
-from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.local_planner import RecoveringPlanner
 from serd_sim.robot.contacts import ContactCounts
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.grid import grid_of, start_states_of
@@ -77,6 +77,9 @@ COLUMNS = (
     Column("n_recoveries", int),
     *columns_of(EpisodeMetrics),
 )
+_OF_RECORD = (
+    "outcome", "time_of_arrival_s", "duration_s", "distance_m", "minimum_person_distance_m"
+)  # fmt: skip
 
 
 def run_task(task: EpisodeTask, planner_of: PlannerOf = planner_in_world) -> Row:
@@ -103,14 +106,10 @@ def run_task(task: EpisodeTask, planner_of: PlannerOf = planner_in_world) -> Row
     return {
         **{name: getattr(task, name) for name in TASK_COLUMNS},
         INPUTS: inputs_digest(task.scenario, task.driver),
-        "outcome": record.outcome,
-        "time_of_arrival_s": record.time_of_arrival_s,
-        "duration_s": record.duration_s,
-        "distance_m": record.distance_m,
+        **{name: getattr(record, name) for name in _OF_RECORD},
         "shortest_way_m": shortest_m,
         "spl": shortest_m / longer if record.outcome == "arrived" else 0.0,
         "n_decisions": len(record.decisions),
-        "minimum_person_distance_m": record.minimum_person_distance_m,
         **asdict(record.contacts),
         "planner_status": planner.status.name,
         "n_recoveries": planner.n_recoveries,

@@ -143,8 +143,7 @@ def run_episode(
         contacts=world.contacts,
         minimum_person_distance_m=world.minimum_person_distance_m,
         decisions=decisions_of(
-            {episode: epochs.ended},
-            f"{driver.name} in {world.scenario.name}, seed {world.seed}",
+            {episode: epochs.ended}, f"{driver.name} in {world.scenario.name}, seed {world.seed}"
         ),
     )
 

@@ -72,9 +72,10 @@ class MetricsObserver:
         self._gaps_m.append(float(gaps_m.min(initial=np.inf)))
         self._commands.append((command.linear_mps, command.angular_radps))
         self._motions.append((*observation.pose, observation.speed_mps))
-        times_s = time_to_collision_s(
-            away, observation.people_velocity_mps - velocity_of(observation), self._reach_m
-        )
+        yaw_rad = observation.pose[2]
+        velocity_mps = observation.speed_mps * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
+        closing_mps = observation.people_velocity_mps - velocity_mps
+        times_s = time_to_collision_s(away, closing_mps, self._reach_m)
         self._collisions_ahead.append(bool(times_s.min(initial=np.inf) < COLLISION_AHEAD_S))
         self._see_speeds(observation.people_velocity_mps, gaps_m < PERSONAL_M)
 
@@ -136,12 +137,6 @@ def time_to_collision_s(away_m: FloatArray, velocity_mps: FloatArray, reach_m: f
     time_s[comes] = beyond[comes] / (approach[comes] + np.sqrt(discriminant[comes]))
     time_s[beyond <= 0.0] = 0.0
     return time_s
-
-
-def velocity_of(observation: Observation) -> FloatArray:
-    """(2,) velocity of the robot in the map, m/s."""
-    yaw_rad = observation.pose[2]
-    return observation.speed_mps * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
 
 
 def _mean_abs(values: object) -> float:

@@ -12,6 +12,10 @@ from serd_files.yaml_config import StrictModel
 from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeRecord
 from serd_sim.robot.contacts import ContactCounts
 
+#: What a record and a row both have.
+_OF_RECORD = {each.name for each in fields(EpisodeResult)} & {
+    each.name for each in fields(EpisodeRecord)
+}
 #: Start area of an episode that began without a reset.
 ANYWHERE = "anywhere"
 
@@ -58,16 +62,8 @@ def observed_result(
 def result_of_record(record: EpisodeRecord, *, reason: str, wall_s: float) -> EpisodeResult:
     """The row of an episode that was run in process; reason: why the driver gave up, or empty."""
     return EpisodeResult(
-        episode=record.episode,
-        seed=record.seed,
-        driver=record.driver,
-        start_area=record.start_area,
-        outcome=record.outcome,
-        time_of_arrival_s=record.time_of_arrival_s,
-        duration_s=record.duration_s,
-        distance_m=record.distance_m,
+        **{name: getattr(record, name) for name in _OF_RECORD},
         **asdict(record.contacts),
-        minimum_person_distance_m=record.minimum_person_distance_m,
         wall_s=wall_s,
         reason="" if record.outcome == "arrived" else reason,
     )

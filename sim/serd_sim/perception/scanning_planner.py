@@ -1,15 +1,12 @@
 """A planner that detects people in lidar scans only, and how scans are matched to observations."""
 
 from collections.abc import Callable
-from copy import deepcopy
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_sim.perception.scan_people import ScanPerception
-from serd_sim.planning.local_planner import LocalPlanner
-from serd_sim.planning.recovery import RecoveringPlanner
+from serd_sim.planning.local_planner import LocalPlanner, RecoveringPlanner
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
@@ -46,10 +43,6 @@ class ScanningPlanner(RecoveringPlanner):
         if ranges_m is not None:
             self.perception.take(observation, ranges_m)
         return super().step(self.perception.see(observation), waypoint)
-
-    def snapshot(self) -> dict[str, Any]:
-        """Copy of all attributes but the source of scans; it can be pickled."""
-        return deepcopy({name: each for name, each in vars(self).items() if name != "_scan_of"})
 
 
 class ScanMatcher:

@@ -10,11 +10,14 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from serd_bag.errors import disk_errors
 from serd_sim.errors import SimError
-from serd_sim.pictures.camera import Frame
+
+#: (height, width, 3) picture.
+Frame = NDArray[np.uint8]
 
 
 def save_png(frame: Frame, path: str | Path) -> None:

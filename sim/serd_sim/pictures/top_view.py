@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.pictures.camera import Frame
+from serd_sim.pictures.movie import Frame
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.polygon import contains
 from serd_sim.scenario.scenario import Scenario

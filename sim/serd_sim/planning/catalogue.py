@@ -9,9 +9,8 @@ from serd_sim.errors import SimError
 from serd_sim.perception.scan_people import ScanPerception
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.dwa import WINDOW_S, DwaPlanner
-from serd_sim.planning.local_planner import LocalPlanner
+from serd_sim.planning.local_planner import LocalPlanner, RecoveringPlanner
 from serd_sim.planning.mppi import MppiPlanner
-from serd_sim.planning.recovery import RecoveringPlanner
 from serd_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:  # it imports PyBullet

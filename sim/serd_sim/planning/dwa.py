@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
-from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
+from serd_core.arrays import BoolArray, FloatArray
+from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
 from serd_sim.planning.rollouts import (
     REACTION_S,
     before_stop,
@@ -149,7 +149,7 @@ class DwaPlanner:
         )
         wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
-        hits = any_before(at_wall, at_person, soon[:, None, :])
+        hits: BoolArray = np.any((at_wall | at_person) & soon[:, None, :], axis=-1)
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         if turn_first_s == 0.0:
             to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m

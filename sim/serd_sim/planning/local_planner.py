@@ -1,11 +1,33 @@
-"""The interface of local planners, which turn observations and waypoints into commands."""
+"""The interface of local planners, and the recovery of one that makes no progress.
 
+The robot drives backward, turns, waits, and tries again.
+
+Wraps any planner. Its status has the names of Nav2's FollowPath: NO_VALID_CONTROL while every
+motion is forbidden, PATIENCE_EXCEEDED when that lasts too long, FAILED_TO_MAKE_PROGRESS when
+recoveries have not helped either. The robot keeps trying in every case.
+"""
+
+import math
 from enum import IntEnum
 from typing import Protocol
 
-from serd_sim.world.command import Command
+import numpy as np
+
+from serd_sim.crowd.social_force import model_named
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.robot.unicycle import limited_velocity
+from serd_sim.scenario.occupancy import wall_distance_raster
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import RobotSettings
+from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
+
+#: A robot that stands nearer than this (m), and than this share of a cell, to its waypoint is never
+#: stuck.
+_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS = 0.25, 0.25
+#: Where the space behind the robot is checked before and while it drives backward.
+_FREE_SPACE_BEHIND_M = 0.35
 
 
 class PlannerStatus(IntEnum):
@@ -29,3 +51,136 @@ class LocalPlanner(Protocol):
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
+
+
+#: A command and how long (s) it lasts.
+Behaviour = tuple[Command, float]
+
+
+def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
+    """The recoveries in their order, within the limits; a robot that must not reverse turns."""
+    back_mps = min(settings.backup_speed, -limits.min_vel_x_mps)
+    spin_radps = min(settings.max_rotational_vel, limits.max_vel_theta_radps)
+    spin = Command(0.0, spin_radps), settings.spin_dist / spin_radps
+    wait = STOP, settings.wait_duration
+    if back_mps <= 0.0:
+        return spin, wait
+    return (Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
+
+
+class RecoveringPlanner:
+    """A planner with recoveries; `status`: that of Nav2's FollowPath."""
+
+    def __init__(self, planner: LocalPlanner, scenario: Scenario) -> None:
+        self.planner = planner
+        self.n_recoveries = 0
+        self._settings = scenario.local_planner
+        self._robot, self._period_s = scenario.robot, scenario.control_period_s
+        self._limits = self._settings.limited(scenario.robot)
+        self._at_waypoint_m = min(_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS * scenario.cell_size_m)
+        self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
+        self._walls = wall_distance_raster(scenario)
+        self._behaviours = behaviours_of(self._settings, self._limits)
+        self.reset()
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether every motion was forbidden at the last step."""
+        return self.planner.is_blocked
+
+    def reset(self) -> None:
+        """Discard all state, at the start of an episode."""
+        self.planner.reset()
+        self._begin_anew()
+
+    def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        """The command of the planner or of the running recovery; without a pose, stop."""
+        if not observation.is_finite:
+            self.status = PlannerStatus.NO_VALID_CONTROL
+            return STOP
+        return self._within_accelerations(observation, self._wanted(observation, waypoint))
+
+    def _within_accelerations(self, observation: Observation, command: Command) -> Command:
+        """The command as far as accelerations below those of the robot allow in one period."""
+        robot, limits = self._robot, self._limits
+        if (
+            limits.acc_lim_x_mps2 >= robot.acc_lim_x_mps2
+            and limits.acc_lim_theta_radps2 >= robot.acc_lim_theta_radps2
+        ):
+            return command
+        speeds = observation.speed_mps, observation.yaw_rate_radps
+        return Command(*limited_velocity(command, *speeds, limits, self._period_s))
+
+    def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        command = self.planner.step(observation, waypoint)
+        if waypoint is None or self._is_at(observation, waypoint):
+            self._begin_anew()
+            return command
+        recovery = self._running_command(observation)
+        if recovery is None and self._is_stuck(observation):
+            recovery = self._start_recovery(observation)
+        self._update_status(observation)
+        return command if recovery is None else recovery
+
+    def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
+        """Whether the robot may stand still because it has reached its waypoint."""
+        away_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
+        return away_m < max(self._at_waypoint_m, self._settings.xy_goal_tolerance)
+
+    def _begin_anew(self) -> None:
+        self.status = PlannerStatus.NONE
+        self._place: tuple[float, float] | None = None
+        self._since_s = self._until_s = 0.0
+        self._next_behaviour = self._tries = 0
+        self._running: Command | None = None
+        self._blocked_since_s: float | None = None
+
+    def _is_stuck(self, observation: Observation) -> bool:
+        """Whether the robot has not moved by the radius within the time allowance.
+
+        The rule of Nav2's SimpleProgressChecker.
+        """
+        here, radius_m = (observation.x_m, observation.y_m), self._settings.required_movement_radius
+        if self._place is None or math.dist(here, self._place) > radius_m:
+            self._place, self._since_s, self._tries = here, observation.time_s, 0
+        return observation.time_s - self._since_s > self._settings.movement_time_allowance
+
+    def _running_command(self, observation: Observation) -> Command | None:
+        if self._running is None:
+            return None
+        blocked = self._running.linear_mps < 0 and not self._is_free_behind(observation)
+        if blocked or observation.time_s >= self._until_s:
+            self._running, self._since_s = None, observation.time_s
+        return self._running
+
+    def _start_recovery(self, observation: Observation) -> Command | None:
+        self._tries += 1
+        self.n_recoveries += 1
+        self._running, duration_s = self._behaviours[self._next_behaviour]
+        self._next_behaviour = (self._next_behaviour + 1) % len(self._behaviours)
+        self._until_s = observation.time_s + duration_s
+        return self._running_command(observation)
+
+    def _is_free_behind(self, observation: Observation) -> bool:
+        """Whether neither wall nor person is close behind the robot."""
+        x_m = observation.x_m - _FREE_SPACE_BEHIND_M * math.cos(observation.yaw_rad)
+        y_m = observation.y_m - _FREE_SPACE_BEHIND_M * math.sin(observation.yaw_rad)
+        away = observation.people_position_m - np.array([x_m, y_m])
+        radius_m = self._robot.radius_m
+        people_gap = np.hypot(away[:, 0], away[:, 1]) - radius_m - self._person_radius_m
+        wall_gap = self._walls.at(np.array([x_m]), np.array([y_m]))[0] - radius_m
+        return bool(wall_gap > 0.0 and (people_gap > 0.0).all())
+
+    def _update_status(self, observation: Observation) -> None:
+        if not self.planner.is_blocked:
+            self._blocked_since_s = None
+        elif self._blocked_since_s is None:
+            self._blocked_since_s = observation.time_s
+        if self._tries > self._settings.number_of_retries:
+            self.status = PlannerStatus.FAILED_TO_MAKE_PROGRESS
+        elif self._blocked_since_s is None:
+            self.status = PlannerStatus.NONE
+        elif observation.time_s - self._blocked_since_s > self._settings.failure_tolerance:
+            self.status = PlannerStatus.PATIENCE_EXCEEDED
+        else:
+            self.status = PlannerStatus.NO_VALID_CONTROL

@@ -14,8 +14,8 @@ import math
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
-from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
+from serd_core.arrays import BoolArray, FloatArray
+from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
 from serd_sim.planning.rollouts import before_stop, require_foresight, speed_to_stop_within
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
@@ -133,7 +133,8 @@ class MppiPlanner:
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
-        return cost + _FORBIDDEN * any_before(at_wall, at_person, soon)
+        hits: BoolArray = np.any((at_wall | at_person) & soon, axis=-1)
+        return cost + _FORBIDDEN * hits
 
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
         """Keep the accelerations of the driven speeds, moved on by one control period."""
@@ -141,13 +142,7 @@ class MppiPlanner:
         speeds = np.stack([speed, turning])
         start = np.array([[observation.speed_mps], [observation.yaw_rate_radps]])
         plan = np.diff(speeds, axis=1, prepend=start) / step_s
-        self.plan = moved_on(plan, self._control_period_s / step_s)
-
-
-def moved_on(plan: FloatArray, n_steps: float) -> FloatArray:
-    """(2, T) the accelerations of a plan from `n_steps` steps on, none after its end."""
-    whole = min(int(n_steps), plan.shape[1])
-    share = n_steps - int(n_steps)
-    later = np.append(plan[:, whole:], np.zeros((2, whole + 1)), axis=1)
-    moved: FloatArray = (1.0 - share) * later[:, :-1] + share * later[:, 1:]
-    return moved
+        share, whole = math.modf(self._control_period_s / step_s)
+        whole_steps = min(int(whole), plan.shape[1])
+        later = np.append(plan[:, whole_steps:], np.zeros((2, whole_steps + 1)), axis=1)
+        self.plan = (1.0 - share) * later[:, :-1] + share * later[:, 1:]

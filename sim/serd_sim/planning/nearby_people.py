@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import FloatArray
 from serd_sim.world.observation import Observation
 
 
@@ -19,16 +19,6 @@ class PredictedPeople:
 
     def __len__(self) -> int:
         return len(self.x_m)
-
-
-def near_box(
-    x_m: FloatArray, y_m: FloatArray, box_m: tuple[float, float, float, float], range_m: float
-) -> BoolArray:
-    """(K,) whether each point is within a range of the box (x_min, x_max, y_min, y_max)."""
-    x_min, x_max, y_min, y_max = box_m
-    near: BoolArray = (x_m > x_min - range_m) & (x_m < x_max + range_m)
-    near &= (y_m > y_min - range_m) & (y_m < y_max + range_m)
-    return near
 
 
 def predict_nearby(
@@ -57,39 +47,16 @@ def predict_nearby(
     )
 
 
-def gap_to_people_m(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    people_x_m: FloatArray,
-    people_y_m: FloatArray,
-    reach_m: float,
-) -> FloatArray:
-    """Gap to the nearest of K people at each point; `reach_m` is the sum of the two radii.
-
-    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. One point is one of a robot that
-    stands, at all times.
-    """
-    gap: FloatArray = distance_to_nearest(x_m, y_m, people_x_m, people_y_m)
-    gap -= reach_m
-    return gap
-
-
 def distance_to_nearest(
     x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
 ) -> FloatArray:
-    """Distance from each point to the nearest person, inf without any (`gap_to_people_m`)."""
-    if x_m.size == x_m.shape[-1]:  # one rollout: all people at once
-        squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
-        nearest = squared.min(axis=0, initial=np.inf).reshape(*x_m.shape[:-1], -1)
-    else:  # many: person by person, which fits into the processor's cache
-        nearest = np.full(x_m.shape, np.inf)
-        away_x, away_y = np.empty(x_m.shape), np.empty(x_m.shape)
-        for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
-            np.subtract(x_m, person_x, out=away_x)
-            np.subtract(y_m, person_y, out=away_y)
-            away_x *= away_x
-            away_y *= away_y
-            away_x += away_y
-            np.minimum(nearest, away_x, out=nearest)
-    distance: FloatArray = np.sqrt(nearest, out=nearest)
+    """Distance from each point (..., T) to the nearest of K people, inf without any.
+
+    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. A point (1,) is that of a robot
+    that stands, at all times.
+    """
+    squared = np.full((*x_m.shape[:-1], max(x_m.shape[-1], people_x_m.shape[-1])), np.inf)
+    for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
+        np.minimum(squared, np.square(x_m - person_x) + np.square(y_m - person_y), out=squared)
+    distance: FloatArray = np.sqrt(squared, out=squared)
     return distance

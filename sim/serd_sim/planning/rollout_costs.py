@@ -14,8 +14,7 @@ from serd_core.arrays import BoolArray, FloatArray
 from serd_sim.crowd.social_force import model_named
 from serd_sim.planning.nearby_people import (
     PredictedPeople,
-    gap_to_people_m,
-    near_box,
+    distance_to_nearest,
     predict_nearby,
 )
 from serd_sim.scenario.occupancy import wall_distance_raster
@@ -89,15 +88,11 @@ class RolloutCosts:
 
         The smallest distance rewards speed; the last one keeps the robot at the waypoint.
         """
-        away_x, away_y = x_m - waypoint.x_m, y_m - waypoint.y_m
-        away_x *= away_x
-        away_y *= away_y
-        away_x += away_y
-        distance = np.sqrt(away_x, out=away_x)
-        last = distance[..., -1].copy()
-        shortest = np.minimum.accumulate(distance, axis=-1, out=distance)
-        cost: FloatArray = self.settings.progress_weight * shortest.mean(axis=-1)
-        return cost + self.settings.staying_weight * last
+        away_m = np.sqrt(np.square(x_m - waypoint.x_m) + np.square(y_m - waypoint.y_m))
+        shortest_m = np.minimum.accumulate(away_m, axis=-1)
+        cost: FloatArray = self.settings.progress_weight * shortest_m.mean(axis=-1)
+        last_m: FloatArray = away_m[..., -1]
+        return cost + self.settings.staying_weight * last_m
 
     def heading(self, error_rad: FloatArray, distance_m: float | FloatArray) -> FloatArray:
         """Not facing the waypoint, the less the nearer it is."""
@@ -122,8 +117,8 @@ class RolloutCosts:
         )
         here_x, here_y = np.array(observation.pose[:2])[:, None]
         here = here_x, here_y
-        standing = gap_to_people_m(*here, people.x_m, people.y_m, self._reach_m)
-        standing_now = gap_to_people_m(*here, people.now_x_m, people.now_y_m, self._reach_m)
+        standing = self._gap_m(*here, people.x_m, people.y_m)
+        standing_now = self._gap_m(*here, people.now_x_m, people.now_y_m)
         return Surroundings(
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
@@ -142,32 +137,22 @@ class RolloutCosts:
             shape = x_m.shape[:-1]
             return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
         people, decay_m = around.people, self.settings.people_decay_m
-        gap_m = gap_to_people_m(x_m, y_m, people.x_m, people.y_m, self._reach_m)
+        gap_m = self._gap_m(x_m, y_m, people.x_m, people.y_m)
         too_close = gap_m[..., :n_soon] < around.nearest_m[:n_soon]
         if n_soon:
-            too_close |= self._is_near_now(x_m[..., :n_soon], y_m[..., :n_soon], around)
+            now_m = people.now_x_m, people.now_y_m
+            gap_now_m = self._gap_m(x_m[..., :n_soon], y_m[..., :n_soon], *now_m)
+            too_close |= gap_now_m < around.nearest_now_m
         np.maximum(gap_m, -decay_m, out=gap_m)
         gap_m /= -decay_m
         nearness = np.exp(gap_m, out=gap_m)
         return self.settings.people_weight * (nearness * self._foresight).max(axis=-1), too_close
 
-    def _is_near_now(self, x_m: FloatArray, y_m: FloatArray, around: Surroundings) -> BoolArray:
-        """(..., n) whether one is too close to where people are now."""
-        people_x_m, people_y_m = around.people.now_x_m, around.people.now_y_m
-        box_m = x_m.min(), x_m.max(), y_m.min(), y_m.max()
-        range_m = self._reach_m + self.settings.stopped_margin_m
-        near = near_box(people_x_m[:, 0], people_y_m[:, 0], box_m, range_m)
-        if not near.any():
-            return np.zeros(x_m.shape, dtype=np.bool_)
-        gap_m = gap_to_people_m(x_m, y_m, people_x_m[near], people_y_m[near], self._reach_m)
-        too_close: BoolArray = gap_m < around.nearest_now_m
-        return too_close
-
-
-def any_before(at_wall: BoolArray, at_person: BoolArray, soon: BoolArray) -> BoolArray:
-    """(...) whether a rollout is too close to a wall or a person at one of its times `soon`."""
-    found: BoolArray = np.any((at_wall | at_person) & soon, axis=-1)
-    return found
+    def _gap_m(
+        self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
+    ) -> FloatArray:
+        """Gap between the robot at each point and the nearest person."""
+        return distance_to_nearest(x_m, y_m, people_x_m, people_y_m) - self._reach_m
 
 
 def _wall_scale(scenario: Scenario) -> float:

@@ -2,12 +2,11 @@
 
 A contact begins when the bodies touch and ends when they are a little apart again, so that one
 bump counts once. It is the robot's when it closes in faster than the person does. Without physics
-bodies touch when they overlap, and contacts have no impulse.
+bodies touch when they overlap.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from serd_sim.crowd.robots import RobotBody
 
 _TOUCH_M = 0.0
 _APART_M = 0.05
-
-ContactKind = Literal["robot_on_person", "person_on_robot", "robot_on_wall"]
 
 
 @dataclass(frozen=True)
@@ -31,43 +28,14 @@ class ContactCounts:
 
 
 @dataclass(frozen=True)
-class Touch:
-    """A contact during one control period.
-
-    impulse_ns: normal impulse in N s. closing_mps: speed of approach before it. by_robot: whether
-    the robot closed in faster.
-    """
-
-    impulse_ns: float
-    closing_mps: float
-    by_robot: bool
-
-
-@dataclass(frozen=True)
 class Touches:
-    """Contacts with people, by their index, and with walls during a control period."""
+    """What touched the robot during a control period.
 
-    people: Mapping[int, Touch]
-    walls: Touch | None
-
-    def masks(self, n_people: int) -> tuple[BoolArray, BoolArray]:
-        """(N,) who touches the robot, and with whom it closed in faster."""
-        touch, by_robot = np.zeros((2, n_people), dtype=np.bool_)
-        for person, seen in self.people.items():
-            touch[person], by_robot[person] = True, seen.by_robot
-        return touch, by_robot
-
-
-@dataclass(frozen=True)
-class ContactEvent(Touch):
-    """A contact that began, as the physics has it, in its first control period.
-
-    tick: control periods since the episode began.
+    people: whether the robot closed in faster, by the index of each person who did.
     """
 
-    tick: int
-    kind: ContactKind
-    person: int | None
+    people: Mapping[int, bool]
+    wall: bool
 
 
 class ContactCounter:
@@ -75,31 +43,21 @@ class ContactCounter:
 
     def __init__(self, n_people: int) -> None:
         self.counts = ContactCounts()
-        self.events: tuple[ContactEvent, ...] = ()
         self.minimum_distance_m = np.inf
         self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
         self._touching_wall = False
-        self._tick = 0
 
     def update(
-        self,
-        crowd: Crowd,
-        robot: RobotBody,
-        wall_distance_m: float,
-        touches: Touches | None = None,
+        self, crowd: Crowd, robot: RobotBody, wall_distance_m: float, touches: Touches | None = None
     ) -> None:
         """Count what touches now; distances are between surfaces. touches: those of the physics."""
-        self._tick += 1
         on_person = on_robot = 0
         if len(crowd):
             on_person, on_robot = self._update_people(crowd, robot, touches)
         gap = wall_distance_m - robot.radius_m
-        wall = None if touches is None else touches.walls
-        touch = gap < _TOUCH_M if touches is None else wall is not None
+        touch = gap < _TOUCH_M if touches is None else touches.wall
         on_wall = int(touch and not self._touching_wall)
         self._touching_wall = touch or (self._touching_wall and gap < _APART_M)
-        if on_wall and wall is not None:
-            self._add_event("robot_on_wall", None, wall)
         if on_person or on_robot or on_wall:
             self.counts = ContactCounts(
                 robot_on_person=self.counts.robot_on_person + on_person,
@@ -124,16 +82,10 @@ class ContactCounter:
             persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
             by_robot = robots > np.maximum(persons, 0.0)
         else:
-            touch, by_robot = touches.masks(len(crowd))
+            touch, by_robot = np.zeros((2, len(crowd)), dtype=np.bool_)
+            touch[list(touches.people)] = True
+            by_robot[list(touches.people)] = list(touches.people.values())
         new = touch & ~self._touching
         by_robot &= new
         self._touching = touch | (self._touching & (gap < _APART_M))
-        if touches is not None:
-            for person in np.flatnonzero(new).tolist():
-                kind: ContactKind = "robot_on_person" if by_robot[person] else "person_on_robot"
-                self._add_event(kind, person, touches.people[person])
         return int(by_robot.sum()), int((new & ~by_robot).sum())
-
-    def _add_event(self, kind: ContactKind, person: int | None, touch: Touch) -> None:
-        event = ContactEvent(**vars(touch), tick=self._tick, kind=kind, person=person)
-        self.events = (*self.events, event)

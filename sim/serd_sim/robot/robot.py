@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
 from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody
@@ -21,7 +20,7 @@ _CORNER_PASSES = 3
 
 @dataclass(frozen=True)
 class RobotState:
-    """What a snapshot keeps of the robot.
+    """Where the robot is and how it moves.
 
     half_turn: (z, w) of the orientation quaternion, which is what the physics world integrates.
     """
@@ -78,7 +77,7 @@ class KinematicRobot:
             localInertiaDiagonal=(0.0, 0.0, 1.0),
             activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
         )
-        self._walls = WallGeometry(1, scenario.wall_segments_m)
+        self._walls = WallGeometry(scenario.wall_segments_m)
         self.state = standing_at((0.0, 0.0, 0.0))
         self.wall_distance_m = math.inf
 
@@ -86,11 +85,7 @@ class KinematicRobot:
         """Set the pose and the velocity of the robot."""
         self._put(state)
         self.state = state
-        self.wall_distance_m = self._distance_to_walls_m()
-
-    def snapshot(self) -> RobotState:
-        """The state."""
-        return self.state
+        self.wall_distance_m = self._walls.nearest_m(self.state.x_m, self.state.y_m)
 
     def drive(self, command: Command, _crowd: Crowd) -> Touches | None:
         """One control period towards the command; what a wall takes of the speed is lost."""
@@ -100,13 +95,13 @@ class KinematicRobot:
         )
         chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
         # From the state, not from where Bullet has the robot: its matrix differs from what the
-        # quaternion gives in the last bit, and a restored world must continue exactly the same.
+        # quaternion gives in the last bit.
         self._put(before)
         self._set_velocity(self._body, (*chord, 0.0), (0.0, 0.0, yaw_rate))
         self._step()
         (x_m, y_m, _), (_, _, z, w) = self._pose_of(self._body)
         self.state = RobotState(x_m, y_m, (z, w), speed, yaw_rate)
-        self.wall_distance_m = self._distance_to_walls_m()
+        self.wall_distance_m = self._walls.nearest_m(self.state.x_m, self.state.y_m)
         if self.wall_distance_m < self._settings.radius_m:
             self._leave_walls(before.pose)
         return None
@@ -134,7 +129,7 @@ class KinematicRobot:
                 break
             x_m += depth * float(self._walls.dx_m[0, wall]) / max(distance, 1e-9)
             y_m += depth * float(self._walls.dy_m[0, wall]) / max(distance, 1e-9)
-            self._walls.update(np.array([x_m]), np.array([y_m]))
+            self._walls.nearest_m(x_m, y_m)
         moved = (x_m - before[0]) * math.cos(yaw_rad) + (y_m - before[1]) * math.sin(yaw_rad)
         self.state = replace(self.state, x_m=x_m, y_m=y_m, speed_mps=moved / self._step_s)
         self._put(self.state)
@@ -150,8 +145,3 @@ class KinematicRobot:
             velocity_y_mps=speed * math.sin(yaw_rad),
             radius_m=self._settings.radius_m,
         )
-
-    def _distance_to_walls_m(self) -> float:
-        here: FloatArray = np.array(self.state.pose[:2])
-        self._walls.update(here[:1], here[1:])
-        return float(self._walls.distance_m.min())

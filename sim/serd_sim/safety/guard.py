@@ -8,7 +8,6 @@ bypasses both; a command that is old or not finite is a stop in every case.
 import math
 from collections import Counter, deque
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,10 +47,6 @@ class GuardOutput:
     overridden: bool = False
 
 
-class _Rule(Protocol):
-    def check(self) -> Check: ...
-
-
 @dataclass(frozen=True, eq=False)
 class _People:
     stamp_s: float
@@ -89,7 +84,7 @@ class Guard:
         self._poses = PoseMonitor(settings, track)
         self._space.begin_session()
         self._scans = ScanMonitor(settings, track, self._space)
-        self._rules: dict[Source, _Rule] = {
+        self._rules: dict[Source, OdometryMonitor | PoseMonitor | PeopleMonitor | ScanMonitor] = {
             Source.ODOMETRY: self._odometry,
             Source.POSE: self._poses,
             Source.PEOPLE: self._crowd,
@@ -289,9 +284,7 @@ class Guard:
             fastest, action = settings.linear_limit, GuardAction.LIMIT
         speed, turn = abs(command.linear_mps), abs(command.angular_radps)
         factor = min(
-            1.0,
-            fastest / max(speed, 1e-9),
-            share * settings.max_vel_theta / max(turn, 1e-9),
+            1.0, fastest / max(speed, 1e-9), share * settings.max_vel_theta / max(turn, 1e-9)
         )
         if factor == 1.0 or (share == 1.0 and not slowly):
             return command, GuardAction.DO_NOTHING

@@ -169,12 +169,7 @@ class KnownSpace:
         return (at.sensor_x, at.sensor_y, at.sensor_yaw) if scan.mount is None else scan.mount
 
     def _lost_rays(
-        self,
-        scan: Scan,
-        free: BoolArray,
-        ray: IntArray,
-        away_m: FloatArray,
-        odometry: Pose,
+        self, scan: Scan, free: BoolArray, ray: IntArray, away_m: FloatArray, odometry: Pose
     ) -> BoolArray:
         """(n_rays,) which rays are in a lost sector; a ray is until it has a return.
 

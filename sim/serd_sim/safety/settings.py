@@ -12,6 +12,15 @@ from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
 
 _ROBOT = RobotSettings()
+#: Setting of the guard -> setting of the robot.
+_OF_ROBOT = {
+    "radius": "radius_m",
+    "max_vel_x": "max_vel_x_mps",
+    "max_vel_theta": "max_vel_theta_radps",
+    "acc_lim_x": "acc_lim_x_mps2",
+    "decel_lim_x": "decel_lim_x_mps2",
+    "acc_lim_theta": "acc_lim_theta_radps2",
+}
 Observed = Literal["robot_pose", "pedestrians", "scan"]
 _MAP_SOURCES: tuple[Observed, ...] = ("robot_pose", "pedestrians")
 #: How fast (m/s) a robot drives where it touches something or little is known.
@@ -174,15 +183,9 @@ class GuardSettings(LidarPlace):
 
     def robot(self) -> RobotSettings:
         """The robot with these limits; backward as fast as forward."""
-        return RobotSettings(
-            radius_m=self.radius,
-            max_vel_x_mps=self.max_vel_x,
-            min_vel_x_mps=-self.max_vel_x,
-            max_vel_theta_radps=self.max_vel_theta,
-            acc_lim_x_mps2=self.acc_lim_x,
-            decel_lim_x_mps2=self.braking,
-            acc_lim_theta_radps2=self.acc_lim_theta,
-        )
+        limits = {of_robot: getattr(self, name) for name, of_robot in _OF_ROBOT.items()}
+        limits |= {"min_vel_x_mps": -self.max_vel_x, "decel_lim_x_mps2": self.braking}
+        return RobotSettings(**limits)
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, people_from: str = "given") -> "GuardSettings":
@@ -193,12 +196,7 @@ class GuardSettings(LidarPlace):
         sees_people = people_from == "given"
         return cls(
             observation_sources=(*_MAP_SOURCES[: 1 + sees_people], "scan"),
-            radius=robot.radius_m,
-            max_vel_x=robot.max_vel_x_mps,
-            max_vel_theta=robot.max_vel_theta_radps,
-            acc_lim_x=robot.acc_lim_x_mps2,
-            decel_lim_x=robot.decel_lim_x_mps2,
-            acc_lim_theta=robot.acc_lim_theta_radps2,
+            **{name: getattr(robot, of_robot) for name, of_robot in _OF_ROBOT.items()},
             controller_frequency=1.0 / scenario.control_period_s,
             person_radius=model_named(scenario.pedestrians.model).body_radius_m,
             source_timeout=timeout_s,

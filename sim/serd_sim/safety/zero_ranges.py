@@ -19,11 +19,7 @@ _AGREE = 0.6
 #: or twice range_min.
 _FAR, _NEAR_M = 0.5, 0.3
 _LEAST_RUN = 3
-_MEANINGS = {
-    "free": "no return",
-    "obstacle": "too near",
-    "unknown": "nothing",
-}
+_MEANINGS = {"free": "no return", "obstacle": "too near", "unknown": "nothing"}
 
 
 class ZeroRanges:

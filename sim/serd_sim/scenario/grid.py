@@ -34,14 +34,6 @@ def flow_vectors(loops: tuple[Loop, ...], points_m: FloatArray, cell_size_m: flo
     return total
 
 
-def quantised_flow(vectors: FloatArray) -> IntArray:
-    """(N,) the `Action` of the nearest direction, NO_FLOW where the vector nearly vanishes."""
-    alignment = vectors @ DIRECTION_VECTORS[1:].T
-    direction = np.argmax(alignment, axis=1) + int(Action.NORTH)
-    strong = np.linalg.norm(vectors, axis=1) > _WEAKEST_FLOW
-    return np.where(strong, direction, NO_FLOW).astype(np.int64)
-
-
 def grid_of(scenario: Scenario) -> Grid:
     """Grid over the scenario's bounds; a cell is walkable when its centre is."""
     cells = scenario.cells
@@ -51,7 +43,10 @@ def grid_of(scenario: Scenario) -> Grid:
 def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
     """(S,) direction people walk in each cell as an `Action`, -1 for none."""
     loops = scenario.directed_loops if scenario.pedestrians.count else ()
-    return quantised_flow(flow_vectors(loops, grid.centers_m, grid.cell_size_m))
+    vectors = flow_vectors(loops, grid.centers_m, grid.cell_size_m)
+    direction = np.argmax(vectors @ DIRECTION_VECTORS[1:].T, axis=1) + int(Action.NORTH)
+    strong = np.linalg.norm(vectors, axis=1) > _WEAKEST_FLOW
+    return np.where(strong, direction, NO_FLOW).astype(np.int64)
 
 
 def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:

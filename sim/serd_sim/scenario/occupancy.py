@@ -43,11 +43,7 @@ class WallDistanceRaster:
         scale = 1.0 / self.resolution_m
         column = ((x_m - self.origin_m[0]) * scale).astype(np.intp)
         row = ((y_m - self.origin_m[1]) * scale).astype(np.intp)
-        for index, count in ((column, columns), (row, rows)):
-            np.minimum(np.maximum(index, 0, out=index), count - 1, out=index)
-        row *= columns
-        row += column
-        found: FloatArray = self.distance_m.ravel().take(row)
+        found: FloatArray = self.distance_m[row.clip(0, rows - 1), column.clip(0, columns - 1)]
         return found
 
 

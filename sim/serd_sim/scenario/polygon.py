@@ -57,8 +57,9 @@ def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
     """(N,) whether each of the (N, 2) points lies inside the polygon (even-odd rule)."""
     points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
     edges = edges_of(polygon_m)
-    corners = edges[:, 0]
-    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    start, end = np.moveaxis(edges, 1, 0)
+    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
+    (west, south), (east, north) = start.min(axis=0), start.max(axis=0)
     x, y = points.T
     near = (x >= west - _BOX_MARGIN_M) & (x <= east + _BOX_MARGIN_M)
     near &= (y >= south - _BOX_MARGIN_M) & (y <= north + _BOX_MARGIN_M)
@@ -66,31 +67,16 @@ def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
     rows = np.flatnonzero(near)
     n_blocks = 1 + len(rows) * len(edges) // _LARGEST_BLOCK
     for part in np.array_split(rows, n_blocks):
-        inside[part] = _crossings_are_odd(edges, points[part])
+        x, y = points[part, 0, None], points[part, 1, None]
+        straddles = (start[:, 1] > y) != (end[:, 1] > y)
+        crossing_x = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
+        inside[part] = np.sum(straddles & (x < crossing_x), axis=1) % 2 == 1
     return inside
-
-
-def _crossings_are_odd(edges_m: FloatArray, points: FloatArray) -> BoolArray:
-    """(N,) whether a ray from each point to the east crosses an odd number of edges."""
-    start, end = np.moveaxis(edges_m, 1, 0)
-    x, y = points[:, 0, None], points[:, 1, None]
-    straddles = (start[:, 1] > y) != (end[:, 1] > y)
-    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    crossing_x = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
-    odd: BoolArray = (np.sum(straddles & (x < crossing_x), axis=1) % 2).astype(np.bool_)
-    return odd
 
 
 def contains_point(polygon_m: Sequence[tuple[float, float]], x_m: float, y_m: float) -> bool:
-    """`contains` for one point, without arrays, for use in every tick."""
-    inside = False
-    x_before, y_before = polygon_m[-1]
-    for x, y in polygon_m:
-        if (y_before > y_m) != (y > y_m):
-            crossing_x = x_before + (y_m - y_before) * (x - x_before) / (y - y_before)
-            inside ^= x_m < crossing_x
-        x_before, y_before = x, y
-    return inside
+    """`contains` for one point."""
+    return bool(contains(polygon_m, [(x_m, y_m)])[0])
 
 
 def distance_to_segments_m(points_m: ArrayLike, segments_m: FloatArray) -> FloatArray:

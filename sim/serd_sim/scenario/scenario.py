@@ -16,7 +16,6 @@ from serd_bag.files import read_text
 from serd_core.arrays import FloatArray
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel, load_yaml_model, sentence_of
-from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
@@ -73,17 +72,13 @@ class Scenario(StrictModel):
         ge=rules.LEAST_PERIOD_S,
     )
     episode_timeout_s: float = setting(
-        420.0,
-        "simulated time after which an episode ends without arrival",
-        unit="s",
-        gt=0,
+        420.0, "simulated time after which an episode ends without arrival", unit="s", gt=0
     )
     walkable_area_m: Outline = setting(
         ..., "corners of a simple polygon, in order; its edges are walls", unit="m"
     )
     obstacles: tuple[Obstacle, ...] = setting(
-        (),
-        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls",
+        (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
     )
     goal_area_m: Outline = setting(
         ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
@@ -105,43 +100,8 @@ class Scenario(StrictModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
-        rules.require_finite_scale(self.model_dump())
-        rules.require_control_period(self.control_period_s, self.robot)
-        rules.require_braking(self.robot)
-        for name in ("patience_s", "wait_s", "episode_timeout_s"):
-            rules.require_longer(name, getattr(self, name), self.control_period_s)
-        rules.require_lidar(self.lidar, self.control_period_s)
-        self.local_planner.require_within(self.robot, self.control_period_s)
-        if "train" not in self.start_areas_m:
-            raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
-        solids = self.solids_m
-        rules.require_in_place(self.walkable_area_m, solids)
-        rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
-        self._require_usable_areas()
-        rules.require_walkable_crowd(self.pedestrians.count, self.cells)
-        if self.pedestrians.count and not self.pedestrians.loops:
-            raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
-        for number, place in enumerate(self.pedestrians.standing_m):
-            rules.require_standing(
-                f"pedestrians.standing_m[{number}]",
-                place,
-                [self.walkable_area_m, *solids],
-                model_named(self.pedestrians.model).body_radius_m,
-            )
-        for number, loop in enumerate(self.pedestrians.loops):
-            name = f"pedestrians.loops[{number}]"
-            rules.require_lane(name, loop, self.walkable_area_m, solids, self.wall_segments_m)
+        rules.require_consistent(self)
         return self
-
-    def _require_usable_areas(self) -> None:
-        cells, radius_m = self.cells, self.robot.radius_m
-        rules.require_cells("goal_area_m", self.goal_area_m, cells)
-        for key, area in self.start_areas_m.items():
-            name = f"start_areas_m.{key}"
-            rules.require_cells(name, area, cells)
-            rules.require_room(name, area, cells, self.wall_segments_m, radius_m)
-            rules.require_way(name, area, self.goal_area_m, cells)
-            rules.require_outside_goal(name, area, self.goal_area_m, cells)
 
     @property
     def patience_remark(self) -> str:

@@ -12,9 +12,9 @@ import shapely
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_sim.scenario.occupancy import wall_distance_raster
-from serd_sim.scenario.polygon import contains, counter_clockwise
+from serd_sim.scenario.polygon import contains
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import Polygon
 
@@ -71,19 +71,17 @@ def _place_of(scenario: Scenario) -> _Place:
 
 
 @lru_cache(maxsize=32)
-def _visibility(
-    place: _Place,
-) -> tuple[shapely.Geometry, shapely.Geometry, FloatArray, FloatArray]:
-    """Free space, goal in it, (N, 2) corners that ways bend at, (N,) way from each to the goal."""
+def _visibility(place: _Place) -> tuple[shapely.Geometry, shapely.Geometry, FloatArray, FloatArray]:
+    """Free space, goal in it, (N, 2) corners of both, (N,) way from each to the goal."""
     outlines = [shapely.Polygon(each) for each in (place.area_m, *place.solids_m)]
     area, *solids = map(_sound, outlines)
     thin = [each.exterior.buffer(_TOUCHING_M) for each in outlines if not each.is_valid]
     room = area.difference(shapely.union_all([*solids, *thin]))
     free = room.buffer(-place.radius_m, quad_segs=_QUARTER_SEGMENTS)
     goal = _sound(shapely.Polygon(place.goal_m)).intersection(free)
-    free = free.buffer(_TOUCHING_M)
+    free = free.buffer(_TOUCHING_M, join_style="mitre")
     shapely.prepare(free)
-    corners_m = np.concatenate([_bends(free), shapely.get_coordinates(goal)])
+    corners_m = np.concatenate([shapely.get_coordinates(each) for each in (free, goal)])
     if not len(corners_m):
         return free, goal, corners_m, np.zeros(0)
     lines = _lines(corners_m, corners_m)
@@ -131,30 +129,6 @@ def _links(number: IntArray, down: int, right: int) -> tuple[IntArray, IntArray,
 
 def _lines(starts_m: FloatArray, ends_m: FloatArray) -> np.ndarray:
     """(M, N) lines between all pairs."""
-    shape = (len(starts_m), len(ends_m), 2)
-    ends = np.stack(
-        [np.broadcast_to(starts_m[:, None], shape), np.broadcast_to(ends_m[None], shape)], axis=2
-    )
-    lines: np.ndarray = shapely.linestrings(ends)
+    pairs = np.broadcast_arrays(starts_m[:, None], ends_m[None])
+    lines: np.ndarray = shapely.linestrings(np.stack(pairs, axis=2))
     return lines
-
-
-def _bends(free: shapely.Geometry) -> FloatArray:
-    """(N, 2) corners of the free space that are reflex: only there a shortest way bends."""
-    found = [np.zeros((0, 2))]
-    for part in shapely.get_parts(free):
-        outline, *holes = (
-            counter_clockwise(shapely.get_coordinates(ring)[:-1])
-            for ring in (part.exterior, *part.interiors)
-        )
-        rings = (outline, *(hole[::-1] for hole in holes))
-        found += [corners[_is_reflex(corners)] for corners in rings]
-    return np.concatenate(found)
-
-
-def _is_reflex(corners: FloatArray) -> BoolArray:
-    """(N,) whether the free side, left of every edge, is more than half the circle."""
-    before = corners - np.roll(corners, 1, axis=0)
-    after = np.roll(corners, -1, axis=0) - corners
-    turned: BoolArray = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0.0
-    return turned

@@ -42,12 +42,6 @@ def heading_to(waypoint: Waypoint, observation: Observation) -> float:
     return math.atan2(north_m, east_m)
 
 
-def waypoint_of_cell(grid: Grid, state: int) -> Waypoint:
-    """Centre of a state's cell."""
-    x_m, y_m = grid.centers_m[state]
-    return Waypoint(x_m=float(x_m), y_m=float(y_m))
-
-
 def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> Waypoint | None:
     """Where a robot drives that is to go on in a direction; None to wait.
 
@@ -63,7 +57,8 @@ def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> 
         here = int(np.argmin(np.hypot(*(grid.centers_m - (x_m, y_m)).T)))
     for _ in range(1 + math.ceil(_BEYOND_M / grid.cell_size_m)):
         here = int(grid.neighbours[here, action])
-    return waypoint_of_cell(grid, here)
+    x_m, y_m = grid.centers_m[here].tolist()
+    return Waypoint(x_m, y_m)
 
 
 def action_towards(waypoint: Waypoint, observation: Observation) -> Action:

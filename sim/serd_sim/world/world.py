@@ -6,9 +6,6 @@ it are distinguished from those of the last.
 """
 
 import math
-from copy import deepcopy
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,45 +14,19 @@ from serd_core.grid.grid import Grid
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
-from serd_sim.pictures.camera import Camera, overview_camera
 from serd_sim.pictures.scene import Scene
-from serd_sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
+from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
-from serd_sim.robot.robot import KinematicRobot, RobotState, standing_at
+from serd_sim.robot.robot import KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.goal import Area
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.rules import START_SPREAD
-from serd_sim.scenario.scenario import Scenario, scenario_digest
+from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import EPISODE_GAP_S, Observation, make_observation
 from serd_sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
-
-#: Attributes of a world that change, beside its robot.
-_CHANGING = (
-    "tick",
-    "n_rejected_commands",
-    "goal_area_m",
-    "_episode",
-    "_first_tick",
-    "_crowd",
-    "_contacts",
-    "_odometry",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class WorldState:
-    """A snapshot of a world of one scenario and seed; after a restore, steps repeat exactly.
-
-    values: of the attributes that change.
-    """
-
-    scenario_digest: str
-    seed: int
-    robot: RobotState
-    values: dict[str, Any]
 
 
 class HallwayWorld:
@@ -83,7 +54,6 @@ class HallwayWorld:
         except BaseException:
             self._robot.close()
             raise
-        self._pictures: Scene | None = None
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
@@ -138,9 +108,20 @@ class HallwayWorld:
 
     def _observed_now(self) -> Observation:
         """Make the observation of the present tick, and show it in the window."""
+        crowd, robot = self._running(), self._robot.state
         if self._window is not None:
-            self._show_in(self._window)
-        self._observation = self._observe()
+            self._window.place_robot(robot.pose)
+            self._window.place_people(crowd.position_m, crowd.velocity_mps)
+        self._observation = make_observation(
+            time_s=self.time_s,
+            tick=self.tick,
+            pose=robot.pose,
+            speed_mps=robot.speed_mps,
+            yaw_rate_radps=robot.yaw_rate_radps,
+            people_position_m=crowd.position_m,
+            people_velocity_mps=crowd.velocity_mps,
+            people_id=np.arange(len(crowd)),
+        )
         return self._observation
 
     @property
@@ -159,11 +140,6 @@ class HallwayWorld:
     def contacts(self) -> ContactCounts:
         """Contacts in this episode."""
         return self._contacts.counts
-
-    @property
-    def contact_events(self) -> tuple[ContactEvent, ...]:
-        """Contacts in this episode, in their order; the physical drive alone has them."""
-        return self._contacts.events
 
     @property
     def minimum_person_distance_m(self) -> float:
@@ -204,44 +180,11 @@ class HallwayWorld:
         self._scanned = seen, ranges_m
         return ranges_m
 
-    def picture(self, camera: Camera | None = None) -> NDArray[np.uint8]:
-        """(height, width, 3) picture of the world now, the whole of it when no camera is given."""
-        scene = self._window or self._pictures
-        if scene is None:
-            scene = self._pictures = Scene(self.scenario)
-        self._show_in(scene)
-        return scene.render(camera if camera else overview_camera(self.scenario))
-
-    def snapshot(self) -> WorldState:
-        """Copy of all that changes; it can be pickled."""
-        self._running()
-        values = deepcopy({name: getattr(self, name) for name in _CHANGING})
-        robot = self._robot.snapshot()
-        return WorldState(scenario_digest(self.scenario), self.seed, robot, values)
-
-    def restore(self, state: WorldState) -> Observation:
-        """Return to a snapshot of a world of this scenario and seed, also of another process."""
-        if state.scenario_digest != scenario_digest(self.scenario):
-            raise SimError(
-                f"state must be of this world's scenario {self.scenario.name!r} as it is, got "
-                "one of another scenario or version of it; make the world with that one"
-            )
-        if state.seed != self.seed:
-            raise SimError(
-                f"state must be of this world's seed {self.seed}, got seed {state.seed}"
-                f"; make the world with seed={state.seed}"
-            )
-        self._robot.place(state.robot)
-        vars(self).update(deepcopy(state.values))
-        self._observation = self._observe()
-        return self._observation
-
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
         self._robot.close()
-        for scene in (self._window, self._pictures):
-            if scene is not None:
-                scene.close()
+        if self._window is not None:
+            self._window.close()
 
     def __enter__(self) -> "HallwayWorld":
         return self
@@ -254,12 +197,6 @@ class HallwayWorld:
             raise SimError("the world must be reset before use; call reset(episode) first")
         return self._crowd
 
-    def _show_in(self, scene: Scene) -> None:
-        """Put robot and people of a scene where they are."""
-        crowd = self._running()
-        scene.place_robot(self._robot.state.pose)
-        scene.place_people(crowd.position_m, crowd.velocity_mps)
-
     def _rng(self, purpose: int, *more: int) -> np.random.Generator:
         """Random numbers of this episode."""
         return episode_rng(self.seed, self._episode, purpose, *more)
@@ -269,16 +206,3 @@ class HallwayWorld:
         spread = START_SPREAD * self.grid.cell_size_m
         x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
         return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))
-
-    def _observe(self) -> Observation:
-        crowd, robot = self._running(), self._robot.state
-        return make_observation(
-            time_s=self.time_s,
-            tick=self.tick,
-            pose=robot.pose,
-            speed_mps=robot.speed_mps,
-            yaw_rate_radps=robot.yaw_rate_radps,
-            people_position_m=crowd.position_m,
-            people_velocity_mps=crowd.velocity_mps,
-            people_id=np.arange(len(crowd)),
-        )

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from serd_app.teleop.direction_choice import DirectionChoice
 from serd_core.grid.grid import Action
-from serd_sim.drivers.expert_route import MOVES
+from serd_sim.drivers.expert import MOVES
 
 HELD = st.lists(st.sampled_from([*MOVES, None]), max_size=20)
 

@@ -8,30 +8,23 @@ import pytest
 from serd_core.grid.grid import Action
 from serd_sim.episodes.metrics import MetricsObserver, time_to_collision_s
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import Command
-from serd_sim.world.observation import make_observation
+from serd_sim.world.command import STOP, Command
+from support.observations import observation_at
 
 CORRIDOR = load_scenario("corridor")  # periods of 0.05 s; bodies touch at 0.5 m
 
 
-def observed(tick, pose, speed_mps, people=(), velocities=()):
-    return make_observation(
-        time_s=0.05 * tick,
-        tick=tick,
-        pose=pose,
-        speed_mps=speed_mps,
-        yaw_rate_radps=0.0,
-        people_position_m=np.array(people, dtype=float).reshape(-1, 2),
-        people_velocity_mps=np.array(velocities, dtype=float).reshape(-1, 2),
-        people_id=np.arange(len(people)),
-    )
-
-
 def metrics_of(*ticks, commands=None):
+    """Of (pose, speed, people, their velocities) at each tick."""
     observer = MetricsObserver(CORRIDOR)
-    for number, tick in enumerate(ticks):
-        command = commands[number] if commands else Command(0.0, 0.0)
-        observer.see(observed(number, *tick), command, Action.NORTH)
+    for number, (pose, speed_mps, *people) in enumerate(ticks):
+        seen = observation_at(
+            *pose,
+            tick=number,
+            speed_mps=speed_mps,
+            **dict(zip(("people", "velocity"), people, strict=False)),
+        )
+        observer.see(seen, commands[number] if commands else STOP, Action.NORTH)
     return observer.metrics
 
 

@@ -42,14 +42,15 @@ def drive(planner, pose, waypoint, n_ticks, people=()):
     return np.array(poses), np.array(speeds)
 
 
-@pytest.mark.parametrize("yaw_rad", np.linspace(-math.pi, math.pi, 5))
-@pytest.mark.parametrize("start", [(2.1, 8.1), (2.9, 8.1), (0.4, 8.6)])
+@pytest.mark.parametrize(
+    ("start", "yaw_rad"),
+    [((2.1, 8.1), -math.pi), ((2.9, 8.1), -math.pi / 2), ((0.4, 8.6), 0.0), ((2.1, 8.1), 1.6)],
+)
 def test_an_unhindered_robot_passes_the_next_cell_within_its_patience(planner, start, yaw_rad):
     """Near a border it may swing into the cell beside it first, where it faces that way."""
     observation = observation_at(*start, yaw_rad)
     waypoint = waypoint_of_intent(GRID, observation, Action.NORTH)
-    n_ticks = round(HALLWAY.patience_s / HALLWAY.control_period_s)
-    poses, _ = drive(planner, observation.pose, waypoint, n_ticks)
+    poses, _ = drive(planner, observation.pose, waypoint, round(HALLWAY.patience_s / 0.05))
     wanted = GRID.neighbours[GRID.state_at(*start), Action.NORTH]
     assert wanted in GRID.states_at(poses[:, :2])
 
@@ -62,24 +63,24 @@ def test_a_robot_passes_the_corner_of_a_table_in_cells_that_it_nearly_fills(name
     changes = {"cell_size_m": 0.24, "robot": robot, "obstacles": (table,)}
     planner = make_planner(name, HALLWAY.model_copy(update=changes))
     poses, _ = drive(planner, (1.843, 0.605, -0.4), Waypoint(2.28, 0.6), 60)
-    assert math.hypot(poses[-1, 0] - 2.28, poses[-1, 1] - 0.6) < 0.12
-    corner_m = np.hypot(poses[:, 0] - 2.0, poses[:, 1] - 0.7)
-    assert corner_m.min() > robot.radius_m
+    assert math.dist(poses[-1, :2], (2.28, 0.6)) < 0.12
+    assert np.hypot(*(poses[:, :2] - (2.0, 0.7)).T).min() > robot.radius_m
 
 
-def test_without_a_waypoint_or_at_the_waypoint_the_robot_stands_still(planner):
+def test_the_robot_stops_at_the_waypoint_and_drives_the_same_after_a_reset(planner):
     observation = observation_at(2.0, 5.0, 1.0, speed_mps=0.5)
-    assert planner.step(observation, None) == STOP
-    assert planner.step(observation, Waypoint(2.0, 5.0)) == STOP
-
-
-def test_the_robot_stops_at_the_waypoint_and_stays(planner):
-    poses, speeds = drive(planner, (2.0, 5.0, 0.0), Waypoint(3.5, 5.0), 100)
+    assert planner.step(observation, None) == planner.step(observation, Waypoint(2.0, 5.0)) == STOP
+    drives = []
+    for _ in range(2):
+        planner.reset()
+        drives.append(drive(planner, (2.0, 5.0, 0.0), Waypoint(3.5, 5.0), 100))
+    (poses, speeds), (again, _) = drives
+    np.testing.assert_array_equal(again, poses)
     assert np.abs(speeds[-10:]).max() < 1e-9
     assert np.hypot(*(poses[-1, :2] - [3.5, 5.0])) < 0.12
 
 
-@pytest.mark.parametrize("yaw_rad", [0.0, 0.3, math.pi / 2])
+@pytest.mark.parametrize("yaw_rad", [0.3, math.pi / 2])
 def test_a_waypoint_behind_a_wall_never_makes_the_robot_touch_it(planner, yaw_rad):
     poses, _ = drive(planner, (5.0, 8.0, yaw_rad), Waypoint(7.5, 8.0), 100)
     assert poses[:, 0].max() < 6.0 - HALLWAY.robot.radius_m
@@ -106,16 +107,11 @@ def test_a_person_who_leans_on_the_robot_does_not_keep_it_from_leaving(planner):
 
 
 def test_a_person_without_a_finite_velocity_is_driven_round_as_one_who_stands(planner):
-    people, ahead = [(3.0, 8.0), (5.0, 4.0)], Waypoint(4.5, 8.0)
-    known = observation_at(1.9, 8.0, 0.0, speed_mps=0.8, people=people)
-    strange = observation_at(
-        1.9, 8.0, 0.0, speed_mps=0.8, people=people, velocity=[(math.nan, 0), (0, 0)]
-    )
-    nowhere = observation_at(1.9, 8.0, 0.0, speed_mps=0.8, people=[*people, (math.nan, 8.0)])
-    commands = []
-    for observation in (known, strange, nowhere):
+    people, commands = [(3.0, 8.0), (5.0, 4.0)], []
+    for more, velocity in (([], None), ([], [(math.nan, 0), (0, 0)]), ([(math.nan, 8.0)], None)):
         planner.reset()
-        commands.append(planner.step(observation, ahead))
+        seen = observation_at(1.9, 8.0, 0.0, speed_mps=0.8, people=people + more, velocity=velocity)
+        commands.append(planner.step(seen, Waypoint(4.5, 8.0)))
     assert commands[0] == commands[1] == commands[2]
 
 
@@ -125,8 +121,7 @@ def both_kinds(seen):
     return [planner.step(seen, Waypoint(3.0, 9.0)) for planner in planners]
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 0.8])
-@pytest.mark.parametrize("y_m", [2.0, 6.0, 8.4])
+@pytest.mark.parametrize(("speed_mps", "y_m"), [(0.0, 2.0), (0.8, 6.0), (0.8, 8.4)])
 def test_the_smooth_planner_drives_a_sixth_of_the_way_to_the_chosen_speed(speed_mps, y_m):
     """Its time constant of 0.3 s is six control periods; it brakes at the waypoint as the other."""
     seen = observation_at(3.0, y_m, yaw_rad=math.pi / 2, speed_mps=speed_mps)
@@ -149,48 +144,38 @@ def test_the_smooth_planner_brakes_at_once_where_a_slower_approach_would_hit_a_p
 
 PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}
 
-finite = st.floats(-2.0, 2.0)
-
 
 @pytest.mark.parametrize("name", planner_names())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40)
 @given(
-    x_m=st.floats(0.3, 5.7),
-    y_m=st.floats(0.3, 23.7),
-    yaw_rad=st.floats(-math.pi, math.pi),
-    speed=st.floats(-0.3, 1.2),
-    turn=st.floats(-3.5, 3.5),
-    people=st.lists(st.tuples(finite, finite, finite, finite), max_size=12),
-    to=st.tuples(finite, finite),
+    place=st.tuples(st.floats(0.3, 5.7), st.floats(0.3, 23.7), st.floats(-math.pi, math.pi)),
+    speeds=st.tuples(st.floats(-0.3, 1.2), st.floats(-3.5, 3.5)),
+    people=st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 4), max_size=12),
+    to=st.tuples(*[st.floats(-2.0, 2.0)] * 2),
 )
 def test_whatever_is_seen_the_command_is_finite_and_within_the_robots_limits(
-    name, x_m, y_m, yaw_rad, speed, turn, people, to
+    name, place, speeds, people, to
 ):
     rows = np.array(people, dtype=float).reshape(-1, 4)
-    observation = observation_at(
-        x_m,
-        y_m,
-        yaw_rad,
-        speed_mps=speed,
-        yaw_rate_radps=turn,
-        people=rows[:, :2] + (x_m, y_m),
-        velocity=rows[:, 2:],
-    )
-    command = PLANNERS[name].step(observation, Waypoint(x_m + to[0], y_m + to[1]))
+    motion = dict(zip(("speed_mps", "yaw_rate_radps"), speeds, strict=True))
+    seen = observation_at(*place, **motion, people=rows[:, :2] + place[:2], velocity=rows[:, 2:])
+    command = PLANNERS[name].step(seen, Waypoint(place[0] + to[0], place[1] + to[1]))
     robot = HALLWAY.robot
     assert command.is_finite
     assert robot.min_vel_x_mps <= command.linear_mps <= robot.max_vel_x_mps + 1e-9
     assert abs(command.angular_radps) <= robot.max_vel_theta_radps + 1e-9
 
 
-@pytest.mark.parametrize("name", planner_names())
-@pytest.mark.parametrize("n_people", [30, 60])
-@pytest.mark.parametrize("driver", ["expert_with_flow", "expert_against_flow"])
-def test_the_robot_arrives_among_many_people_and_drives_into_nobody_with_the_flow(
-    name, n_people, driver
-):
-    row = run_task(EpisodeTask("crossing", 3, n_people=n_people, planner=name, driver=driver))
+@pytest.mark.parametrize(
+    ("name", "driver"),
+    [
+        ("dwa", "expert_against_flow"),
+        ("dwa_smooth", "expert_with_flow"),
+        ("mppi", "expert_with_flow"),
+    ],
+)
+def test_the_robot_arrives_among_many_people_and_drives_into_nobody_with_the_flow(name, driver):
+    row = run_task(EpisodeTask("crossing", 3, n_people=60, planner=name, driver=driver))
     assert row["outcome"] == "arrived"
     assert row["robot_on_wall"] == 0
-    if driver == "expert_with_flow":
-        assert row["robot_on_person"] == 0
+    assert row["robot_on_person"] == 0 or driver == "expert_against_flow"

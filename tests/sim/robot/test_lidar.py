@@ -24,7 +24,7 @@ def test_the_walls_of_the_empty_hallway_are_seen_at_their_distances():
     assert np.isinf(ranges[270])
 
 
-@pytest.mark.parametrize("pose", [(2.0, 8.0, 0.3), (5.0, 17.0, -2.0), (12.0, 18.0, 1.0)])
+@pytest.mark.parametrize("pose", [(2.0, 8.0, 0.3), (5.0, 17.0, -2.0)])
 def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     rng = np.random.default_rng(3)
     people_x, people_y = rng.uniform(0, 6, 24), rng.uniform(6, 20, 24)
@@ -39,8 +39,9 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     angle = LIDAR.angles_rad + pose[2]
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     start = np.array([pose[0], pose[1], 0.3]) + 0.1 * direction
-    share = ray_shares(client, start, start + 9.9 * direction)
+    hits = client.rayTestBatch(start.tolist(), (start + 9.9 * direction).tolist(), numThreads=1)
     client.disconnect()
+    share = np.array([hit[2] for hit in hits])
     expected = np.where(share < 1.0, 0.1 + 9.9 * share, np.inf)
     ranges = LIDAR.scan(pose, people_x, people_y)
     both = np.isfinite(expected) & np.isfinite(ranges)
@@ -49,43 +50,30 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     assert np.percentile(np.abs(ranges[both] - expected[both]), 98) < 0.005
 
 
-def ray_shares(client, start_m, end_m):
-    """(R,) free share of each ray from (R, 3) start to end; 1 where it hits nothing."""
-    hits = client.rayTestBatch(start_m.tolist(), end_m.tolist(), numThreads=1)
-    return np.array([hit[2] for hit in hits])
-
-
 def test_noise_has_its_deviation_and_is_the_same_when_asked_twice_at_one_tick():
-    lidar = HALLWAY.lidar.model_copy(update={"noise_deviation_m": 0.02})
-    noisy = HALLWAY.with_pedestrian_count(0).model_copy(update={"lidar": lidar})
+    """A scan is due at every second control period."""
+    noisy = HALLWAY.with_pedestrian_count(0).with_values("lidar", noise_deviation_m=0.02)
     with HallwayWorld(noisy, seed=4) as world:
         seen = world.reset(1)
         first, second = world.scan(seen), world.scan(replace(seen))
+        due = [world.is_scan_tick for _ in range(6) if world.step(STOP)]
     clean = LIDAR.scan(seen.pose, NO_PEOPLE, NO_PEOPLE)
     np.testing.assert_array_equal(first, second)
     both = np.isfinite(clean) & np.isfinite(first)
     error = first[both] - clean[both]
     assert error.std() == pytest.approx(0.02, rel=0.2)
     assert abs(error.mean()) < 0.005
+    assert due == [False, True] * 3
 
 
-def test_scans_are_due_at_the_lidars_rate():
-    with HallwayWorld(HALLWAY.with_pedestrian_count(0), seed=1) as world:
-        world.reset(0)
-        due = []
-        for _ in range(6):
-            due.append(world.is_scan_tick)
-            world.step(STOP)
-    assert due == [True, False] * 3
-
-
-def test_what_is_nearer_than_the_lidar_measures_is_minus_infinite_and_what_is_farther_infinite():
-    """A wall 3 m ahead, by lidars that see from 2, from 4, and up to 2.5 m."""
-    wall = np.array([[[3.0, -50.0], [3.0, 50.0]]])
-    seen = []
-    for nearest_m, farthest_m in ((2.0, 10.0), (4.0, 10.0), (0.1, 2.5)):
-        settings = LidarSettings(n_rays=4, range_min_m=nearest_m, range_max_m=farthest_m)
-        lidar = Lidar(settings, wall, 0.25)
-        ahead = int(np.argmin(np.abs(lidar.angles_rad)))
-        seen.append(float(lidar.scan((0.0, 0.0, 0.0), np.zeros(0), np.zeros(0))[ahead]))
-    assert seen == pytest.approx([3.0, -np.inf, np.inf])
+@pytest.mark.parametrize(
+    ("nearest_m", "farthest_m", "seen_m"),
+    [(2.0, 10.0, 3.0), (4.0, 10.0, -np.inf), (0.1, 2.5, np.inf)],
+)
+def test_what_is_nearer_than_the_lidar_measures_is_minus_infinite_and_what_is_farther_infinite(
+    nearest_m, farthest_m, seen_m
+):
+    settings = LidarSettings(n_rays=4, range_min_m=nearest_m, range_max_m=farthest_m)
+    lidar = Lidar(settings, np.array([[[3.0, -50.0], [3.0, 50.0]]]), 0.25)
+    ahead = int(np.argmin(np.abs(lidar.angles_rad)))
+    assert lidar.scan((0.0, 0.0, 0.0), NO_PEOPLE, NO_PEOPLE)[ahead] == pytest.approx(seen_m)

@@ -1,11 +1,9 @@
 """What is read of a URDF, and the sentence for one that cannot drive or has links out of place."""
 
-import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.robot.quaternion import matrix_of, of_roll_pitch_yaw, rotated
 from serd_sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
 from serd_sim.world.command import Command
 from serd_sim.world.world import HallwayWorld
@@ -21,6 +19,15 @@ def test_the_built_in_robot_has_two_wheels_and_their_measures():
     assert drive.axle_height_m == 0.08
 
 
+def speed_and_turn(path):
+    """Of a robot that is to drive straight on at 0.3 m/s for a second."""
+    with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
+        before = world.reset(0)
+        for _ in range(20):
+            seen = world.step(Command(0.3, 0.0))
+    return seen.speed_mps, seen.yaw_rad - before.yaw_rad
+
+
 def test_a_frame_that_is_turned_and_an_axis_that_points_back_are_the_same_drive(tmp_path):
     """The left joint is rolled by -90 degrees, so that its z is y; the right axis is -y."""
     path = urdf_with(
@@ -31,33 +38,29 @@ def test_a_frame_that_is_turned_and_an_axis_that_points_back_are_the_same_drive(
     drive = read_differential_drive(path)
     assert drive.turns_forward == (1.0, -1.0)
     assert drive.separation_m == pytest.approx(0.32)
-    with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
-        before = world.reset(0)
-        for _ in range(20):
-            seen = world.step(Command(0.3, 0.0))
-        assert seen.speed_mps == pytest.approx(0.3, abs=0.01)
-        assert seen.yaw_rad == pytest.approx(before.yaw_rad, abs=0.01)
+    assert speed_and_turn(path) == pytest.approx((0.3, 0.0), abs=0.01)
+
+
+def above_the_base(origin):
+    """A change of the URDF: a link without mass from which the base hangs."""
+    base = '<link name="base_link">'
+    parents = '<parent link="foot"/><child link="base_link"/>'
+    return (
+        base,
+        f'<link name="foot"/><joint name="foot" type="fixed">{parents}{origin}</joint>{base}',
+    )
 
 
 def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
-    """base_footprint 1 m behind the base and 0.1 m below it; the wheel is where it was."""
-    path = urdf_with(
-        tmp_path,
-        (
-            '<link name="base_link">',
-            '<link name="base_footprint"/><joint name="foot" type="fixed">'
-            '<parent link="base_footprint"/><child link="base_link"/>'
-            '<origin xyz="0.01 0 -0.1"/></joint><link name="base_link">',
-        ),
-    )
+    """The foot is 0.01 m behind the base and 0.1 m above it; the wheel is where it was."""
+    path = urdf_with(tmp_path, above_the_base('<origin xyz="0.01 0 -0.1"/>'))
     drive = read_differential_drive(path)
-    assert drive.massless == {"base_footprint"}
+    assert drive.massless == {"foot"}
     assert drive.axle_height_m == pytest.approx(-0.02)
-    with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
-        world.reset(0)
-        for _ in range(20):
-            seen = world.step(Command(0.3, 0.0))
-    assert seen.speed_mps == pytest.approx(0.3, abs=0.01)
+    assert speed_and_turn(path) == pytest.approx((0.3, 0.0), abs=0.01)
+
+
+WHEEL = '<link name="left_wheel">'
 
 
 @pytest.mark.parametrize(
@@ -72,41 +75,31 @@ def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
         ('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"',
          "must be continuous, got fixed"),
         ('<sphere radius="0.08"/>', '<sphere radius="${r}"/>', r"number above 0, got '\$\{r\}'"),
-        ('<link name="left_wheel">',
-         '<link name="left_wheel"><contact><lateral_friction value="-1"/></contact>',
+        (WHEEL, WHEEL + '<contact><lateral_friction value="-1"/></contact>',
          "lateral_friction of link 'left_wheel' must be a number from 0 on, got '-1'"),
-        ('<link name="left_wheel">', '<link name="alone"/><link name="left_wheel">',
-         "must have links that joints make one tree, got the roots alone, base_link"),
         ('<collision><geometry><sphere radius="0.08"/></geometry></collision>', "",
          "'left_wheel' must have <collision>, got none"),
         ('version="1.0"', 'version="1.0" encoding="none"', "is not: unknown encoding: none"),
         ("<robot", "<robot <", "must be a URDF in XML"),
         ("robot", "model", "must have the root element <robot>, got <model>"),
+        (WHEEL, '<link name="alone"/>' + WHEEL, "one tree, got the roots alone, base_link"),
+        ('<child link="right_wheel"/>', '<child link="left_wheel"/>', "joints make one tree"),
+        ('xyz="0.2 0 0.031"', 'xyz="0.2 0"', "origin of joint 'front_caster_joint' must be three"),
+        ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="inf 0 0"', "must be three finite numbers"),
     ],
 )  # fmt: skip
 def test_a_urdf_that_cannot_drive_is_refused_in_one_sentence(tmp_path, old, new, message):
-    path = urdf_with(tmp_path, (old, new))
-    with pytest.raises(USER_ERRORS, match=message):
-        read_differential_drive(path)
+    def read(path):
+        return physical(urdf=path), link_transforms(path, "base_link")
+
     with pytest.raises(ValueError, match=message):
-        physical(urdf=str(path))
-
-
-def test_a_wheel_without_inertia_is_refused(tmp_path):
-    text = BUILTIN_URDF.read_text(encoding="utf-8")
-    start = text.index("<inertial>", text.index('<link name="left_wheel">'))
-    path = tmp_path / "light.urdf"
-    path.write_text(text[:start] + text[text.index("</inertial>", start) + 11 :])
-    with pytest.raises(USER_ERRORS, match="'left_wheel' must have <inertial>"):
-        read_differential_drive(path)
+        read(str(urdf_with(tmp_path, (old, new))))
 
 
 def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
     box = '<box size="0.16 0.04 0.16"/>'
     path = urdf_with(
-        tmp_path,
-        ('<sphere radius="0.08"/>', box),
-        ('<cylinder radius="0.08" length="0.05"/>', box),
+        tmp_path, ('<sphere radius="0.08"/>', box), ('<cylinder radius="0.08" length="0.05"/>', box)
     )
     with pytest.raises(ValueError, match="wheel_radius_m must be given"):
         physical(urdf=str(path))
@@ -129,72 +122,23 @@ def test_a_shape_that_no_world_can_hold_is_refused(tmp_path, shape, message):
         HallwayWorld(physical(urdf=str(path)), seed=1)
 
 
-FOOTPRINT = (
-    '<link name="base_link">',
-    '<link name="base_footprint"/><joint name="foot" type="fixed">'
-    '<parent link="base_footprint"/><child link="base_link"/>'
-    '<origin xyz="0.01 0 0.1" rpy="0 0 1.5707963267948966"/></joint><link name="base_link">',
-)
-
-
-def point_at(placed, point_m):
-    """A point of the inner frame, in the outer one."""
-    position, turn = placed
-    return np.add(position, rotated(turn, point_m))
-
-
-def test_links_hang_from_the_base_as_their_joints_have_them():
-    found = {
-        child: (parent, placed)
-        for parent, child, placed in link_transforms(BUILTIN_URDF, "base_link")
-    }
+def test_links_hang_from_the_base_or_the_root_as_their_joints_have_them(tmp_path):
+    links = link_transforms(BUILTIN_URDF, "base_link")
+    found = {child: placed for parent, child, placed in links if parent == "base_link"}
     assert found.keys() == {"left_wheel", "right_wheel", "front_caster", "rear_caster"}
-    assert {parent for parent, _ in found.values()} == {"base_link"}
-    assert found["left_wheel"][1][0] == pytest.approx([0.0, 0.16, 0.08])
-    assert found["rear_caster"][1][0] == pytest.approx([-0.2, 0.0, 0.031])
+    assert found["left_wheel"][0] == pytest.approx([0.0, 0.16, 0.08])
+    assert found["rear_caster"][0] == pytest.approx([-0.2, 0.0, 0.031])
+    root, *links = link_transforms(urdf_with(tmp_path, ('"base_link"', '"chassis"')), "base_link")
+    assert root == ("base_link", "chassis", ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+    assert {parent for parent, _, _ in links} == {"chassis"}
 
 
 def test_a_link_above_the_base_hangs_from_the_base(tmp_path):
     """The base is 0.01 m ahead of the footprint and 0.1 m above it, turned to the left."""
-    links = link_transforms(urdf_with(tmp_path, FOOTPRINT), "base_link")
-    ((parent, placed),) = [each[::2] for each in links if each[1] == "base_footprint"]
-    assert parent == "base_link"
-    assert point_at(placed, (0.01, 0.0, 0.1)) == pytest.approx([0.0, 0.0, 0.0])
-    assert point_at(placed, (0.01, 1.0, 0.1)) == pytest.approx([1.0, 0.0, 0.0])
-    assert sorted(child for _, child, _ in links) == [
-        "base_footprint", "front_caster", "left_wheel", "rear_caster", "right_wheel"
-    ]  # fmt: skip
-
-
-def test_the_root_link_is_at_the_base_where_no_link_is_called_so(tmp_path):
-    links = link_transforms(urdf_with(tmp_path, ('"base_link"', '"chassis"')), "base_link")
-    parent, child, placed = links[0]
-    assert (parent, child) == ("base_link", "chassis")
-    assert placed == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    assert {parent for parent, _, _ in links[1:]} == {"chassis"}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('<parent link="base_link"/>\n    <child link="left_wheel"/>',
-         '<parent link="body"/>\n    <child link="left_wheel"/>', "joints make one tree"),
-        ('<child link="right_wheel"/>', '<child link="left_wheel"/>', "joints make one tree"),
-        ('xyz="0.2 0 0.031"', 'xyz="0.2 0"', "origin of joint 'front_caster_joint' must be three"),
-        ('xyz="0.2 0 0.031"', 'xyz="0 0 inf"', "must be three finite numbers"),
-        ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="inf 0 0"', "must be three finite numbers"),
-    ],
-)  # fmt: skip
-def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, new, message):
-    path = urdf_with(tmp_path, (old, new))
-    with pytest.raises(USER_ERRORS, match=message):
-        link_transforms(path, "base_link")
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_turns_are_those_of_scipy(seed):
-    angles = np.random.default_rng(seed).uniform(-7.0, 7.0, 3)
-    turn = of_roll_pitch_yaw(*angles.tolist())
-    np.testing.assert_allclose(
-        matrix_of(turn), Rotation.from_euler("xyz", angles).as_matrix(), atol=1e-15
+    path = urdf_with(
+        tmp_path, above_the_base('<origin xyz="0.01 0 0.1" rpy="0 0 1.5707963267948966"/>')
     )
+    (placed,) = [each for _, child, each in link_transforms(path, "base_link") if child == "foot"]
+    position, turn = placed
+    for point, expected in (((0.01, 0.0, 0.1), (0, 0, 0)), ((0.01, 1.0, 0.1), (1, 0, 0))):
+        assert position + Rotation.from_quat(turn).apply(point) == pytest.approx(expected)

@@ -99,16 +99,13 @@ def test_a_wall_ahead_slows_down_and_then_stops():
     assert 0.0 < gap_m < 0.06
 
 
-@pytest.mark.parametrize("command", [Command(-0.3, 0.0), Command(0.0, 2.0), Command(-0.2, 1.0)])
-def test_a_robot_that_touches_something_ahead_may_turn_and_drive_away(command):
-    for gap_m in (-0.05, 0.0, 0.01):
-        seen = obstacles(wall_ahead(0.25 + gap_m), people=[(0.5 + gap_m, 0.0)])
-        assert CollisionMonitor(SETTINGS).step(command, (0.0, 0.0), seen)[0] == command
-
-
-def test_a_robot_that_touches_something_may_not_drive_into_it_but_still_turn():
-    seen = obstacles(wall_ahead(0.25))
-    command, action, _ = CollisionMonitor(SETTINGS).step(Command(0.5, 1.0), (0.0, 0.0), seen)
+@pytest.mark.parametrize("gap_m", [-0.05, 0.0, 0.01])
+def test_a_robot_that_touches_something_may_turn_and_drive_away_but_not_into_it(gap_m):
+    seen = obstacles(wall_ahead(0.25 + gap_m), people=[(0.5 + gap_m, 0.0)])
+    monitor = CollisionMonitor(SETTINGS)
+    for command in (Command(-0.3, 0.0), Command(0.0, 2.0), Command(-0.2, 1.0)):
+        assert monitor.step(command, (0.0, 0.0), seen)[0] == command
+    command, action, _ = monitor.step(Command(0.5, 1.0), (0.0, 0.0), obstacles(wall_ahead(0.25)))
     assert (command, action) == (Command(0.0, 1.0), GuardAction.STOP)
 
 
@@ -119,33 +116,27 @@ def test_a_robot_may_follow_a_wall_that_is_nearer_than_the_margin():
 
 
 def test_a_person_who_walks_away_is_followed_and_one_who_comes_is_not():
-    monitor = CollisionMonitor(SETTINGS)
-    ahead = [(0.9, 0.0)]
+    monitor, ahead = CollisionMonitor(SETTINGS), [(0.9, 0.0)]
     away = obstacles(people=ahead, velocities=[(1.2, 0.0)])
     towards = obstacles(people=ahead, velocities=[(-1.2, 0.0)])
     assert monitor.step(FORWARD, (1.0, 0.0), away)[0] == FORWARD
     command, _, reasons = monitor.step(FORWARD, (1.0, 0.0), towards)
     assert command.linear_mps < 1.2
     assert reasons == (Reason(Source.PEOPLE, Fault.COLLISION),)
+    behind = obstacles(people=[(-0.45, 0.0)], velocities=[(1.5, 0.0)])
+    assert monitor.step(FORWARD, (0.0, 0.0), behind)[0] == FORWARD, "it leaves who runs into it"
 
 
-def test_a_person_who_runs_into_a_standing_robot_does_not_keep_it_from_leaving():
-    seen = obstacles(people=[(-0.45, 0.0)], velocities=[(1.5, 0.0)])
-    assert CollisionMonitor(SETTINGS).step(FORWARD, (0.0, 0.0), seen)[0] == FORWARD
-
-
-def test_points_that_may_come_nearer_keep_the_robot_further_away():
+@pytest.mark.parametrize(
+    ("points_m", "points_mps", "passes"),
+    [(wall_ahead(0.5), 0.0, True), (wall_ahead(0.5), 1.3, False), (wall_ahead(0.8), 1.3, True),
+     (-wall_ahead(0.4), 1.3, True)],
+)  # fmt: skip
+def test_points_that_may_come_nearer_keep_the_robot_further_away(points_m, points_mps, passes):
     """Until a robot at 0.5 m/s stands, 0.2 s later, a person comes 0.26 m nearer."""
-    robot, command = Robot(speed_mps=0.5), Command(0.5, 0.0)
-    monitor = CollisionMonitor(SETTINGS)
-    ahead = obstacles(wall_ahead(0.5))
-    walking = replace(ahead, points_mps=1.3)
-    assert monitor.step(command, robot.speeds, ahead)[0] == command
-    assert monitor.step(command, robot.speeds, walking)[0].linear_mps < 0.5
-    far = replace(walking, points_m=wall_ahead(0.8))
-    assert monitor.step(command, robot.speeds, far)[0] == command
-    behind = replace(walking, points_m=-wall_ahead(0.4))
-    assert monitor.step(command, robot.speeds, behind)[0] == command
+    seen = replace(obstacles(points_m), points_mps=points_mps)
+    command = CollisionMonitor(SETTINGS).step(Command(0.5, 0.0), (0.5, 0.0), seen)[0]
+    assert (command.linear_mps == 0.5) == passes
 
 
 def test_single_points_are_no_obstacle_where_more_are_wanted():
@@ -158,9 +149,9 @@ def test_single_points_are_no_obstacle_where_more_are_wanted():
 def test_the_slowdown_zone_halves_a_command_and_the_stop_zone_forbids_to_come_nearer():
     seen = obstacles([(0.7, 0.0), (0.7, 0.01)])
     slow = CollisionMonitor(SETTINGS.model_copy(update={"slowdown_radius": 0.8}))
-    assert slow.step(Command(0.2, 0.4), (0.1, 0.0), seen) == (
-        Command(0.1, 0.2), GuardAction.SLOWDOWN, (Reason(Source.SCAN, Fault.NEAR),)
-    )  # fmt: skip
+    near = (Reason(Source.SCAN, Fault.NEAR),)
+    slowed = Command(0.1, 0.2), GuardAction.SLOWDOWN, near
+    assert slow.step(Command(0.2, 0.4), (0.1, 0.0), seen) == slowed
     stop = CollisionMonitor(SETTINGS.model_copy(update={"stop_radius": 0.8}))
     assert stop.step(Command(0.2, 0.4), (0.0, 0.0), seen)[0] == Command(0.0, 0.4)
     assert stop.step(Command(-0.2, 0.0), (0.0, 0.0), seen)[0] == Command(-0.2, 0.0)

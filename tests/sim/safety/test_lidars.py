@@ -12,8 +12,6 @@ from serd_sim.safety.reasons import GuardAction
 from serd_sim.world.command import Command
 from support.corridor import AHEAD, RADIUS_M, Corridor
 
-TOO_NEAR, NOTHING = (-np.inf, 0.05, 0.02, -1.0), (np.nan, 0.0)
-
 
 def test_a_healthy_robot_travels_and_stands_before_the_wall():
     corridor = Corridor().run()
@@ -22,17 +20,23 @@ def test_a_healthy_robot_travels_and_stands_before_the_wall():
     assert corridor.faults == {"COLLISION"}
 
 
-@pytest.mark.parametrize(("degrees", "n_rays"), [(10, 360), (40, 97), (90, 360), (358, 97)])
-@pytest.mark.parametrize("value", [*TOO_NEAR, *NOTHING, np.inf, 12.0, 65.5])
+@pytest.mark.parametrize(
+    ("value", "degrees", "n_rays"),
+    [
+        (-np.inf, 10, 360), (0.05, 40, 97), (0.02, 90, 360), (-1.0, 358, 97), (np.nan, 10, 360),
+        (np.nan, 358, 97), (0.0, 40, 97), (0.0, 90, 360), (np.inf, 10, 360), (np.inf, 90, 360),
+        (np.inf, 358, 97), (12.0, 40, 97), (65.5, 90, 360),
+    ],
+)  # fmt: skip
 def test_no_reading_of_a_sector_ahead_drives_the_robot_into_the_wall(value, degrees, n_rays):
     corridor = Corridor(n_rays=n_rays).sector(value, degrees).run()
     assert corridor.gap_m > 0.0
     assert corridor.speeds[0] == pytest.approx(0.0, abs=0.02)
 
 
-@pytest.mark.parametrize("value", TOO_NEAR)
+@pytest.mark.parametrize("value", [-np.inf, 0.05])
 def test_a_return_that_is_too_near_is_an_obstacle_at_range_min(value):
-    corridor = Corridor().sector(value, 40.0).run()
+    corridor = Corridor().sector(value, 40.0).run(8.0)
     assert corridor.pose[0] < 3.5
     assert corridor.outputs[-1].action is GuardAction.STOP
     assert "COLLISION" in corridor.faults
@@ -49,7 +53,7 @@ def test_a_wall_nearer_than_a_large_range_min_is_no_obstacle_that_goes_along(sta
     assert corridor.gap_m < 0.15 or start_m
 
 
-@pytest.mark.parametrize("value", NOTHING)
+@pytest.mark.parametrize("value", [np.nan, 0.0])
 def test_a_robot_drives_no_faster_than_it_can_stop_within_what_is_known(value):
     corridor = Corridor(wall_m=30.0).sector(value, 60.0)
     corridor.run(8.0)
@@ -61,28 +65,23 @@ def test_a_robot_drives_no_faster_than_it_can_stop_within_what_is_known(value):
 
 
 def test_single_rays_without_a_statement_are_bridged():
-    def every_twentieth(ranges_m, _):
-        ranges_m[::20] = np.nan
-        return ranges_m
-
-    corridor = Corridor(every_twentieth).run(4.0)
+    one_in_twenty = np.arange(360) % 20 == 0
+    corridor = Corridor(lambda ranges_m, _: np.where(one_in_twenty, np.nan, ranges_m)).run(4.0)
     assert corridor.pose[0] > 4.0
     assert corridor.faults == set()
     assert corridor.run().gap_m < 0.1
 
 
-def test_what_zero_means_is_a_setting_of_the_lidar():
-    def zeros_beyond_four_metres(ranges_m, _):
-        return np.where(ranges_m > 4.0, 0.0, ranges_m)
-
-    def way_m(zero_is):
-        wide = {"wall_m": 40.0, "sides_m": (-20.0, 20.0), "range_m": (0.1, 4.0)}
-        corridor = Corridor(zeros_beyond_four_metres, zero_is=zero_is, **wide)
-        return corridor.run(8.0).pose[0]
-
-    assert way_m("free") > 8.0
-    assert way_m("unknown") == 0.0
-    assert way_m("obstacle") == 0.0
+@pytest.mark.parametrize(
+    ("zero_is", "drives"), [("free", True), ("unknown", False), ("obstacle", False)]
+)
+def test_what_zero_means_is_a_setting_of_the_lidar(zero_is, drives):
+    corridor = Corridor(
+        lambda ranges_m, _: np.where(ranges_m > 4.0, 0.0, ranges_m),
+        zero_is=zero_is, wall_m=40.0, sides_m=(-20.0, 20.0), range_m=(0.1, 4.0),
+    )  # fmt: skip
+    way_m = corridor.run(8.0).pose[0]
+    assert way_m > 8.0 if drives else way_m == 0.0
 
 
 @pytest.mark.parametrize("n_rays", [90, 1081])
@@ -94,44 +93,35 @@ def test_a_lidar_of_short_range_drives_in_a_wide_room(n_rays):
     assert corridor.faults == set()
 
 
-@pytest.mark.parametrize("degrees", [40, 90])
-def test_a_sector_that_turns_free_at_once_is_lost_and_named_until_it_has_returns(degrees):
+@pytest.mark.parametrize(
+    ("degrees", "fault", "most_m"),
+    [(40, "LOST_SECTOR", 6.0), (90, "LOST_SECTOR", 6.0), (360, "BLIND", 3.6)],
+)
+def test_a_sector_that_turns_free_at_once_is_lost_and_named_until_it_has_returns(
+    degrees, fault, most_m
+):
     corridor = Corridor(wall_m=8.0).sector(np.inf, degrees).run()
-    assert "LOST_SECTOR" in corridor.faults
-    assert 3.0 < corridor.pose[0] < 6.0
-    corridor.outputs.clear()
+    assert fault in corridor.faults
+    assert 3.0 < corridor.pose[0] < most_m
     corridor.sector(np.inf, 0.0).run(8.0)
     assert 0.0 < corridor.gap_m < 0.1
-    assert "LOST_SECTOR" not in {each.fault.name for each in corridor.outputs[-1].reasons}
+    assert fault not in {each.fault.name for each in corridor.outputs[-1].reasons}
 
 
-def test_a_lidar_that_loses_all_returns_at_once_is_blind():
-    corridor = Corridor().sector(np.inf, 360.0)
-    while corridor.pose[0] < 3.0:
-        corridor.tick()
-    corridor.run(1.0)
-    assert "BLIND" in corridor.faults
-    assert corridor.pose[0] < 3.5
+@pytest.mark.parametrize("degrees", [60.0, 0.0])
+def test_a_free_sector_where_the_map_has_a_wall_in_reach_is_lost(degrees):
+    corners = np.array([[-3.0, -1.5], [6.0, -1.5], [6.0, 1.5], [-3.0, 1.5]])
+    walls_m = np.stack([corners[:-1], corners[1:]], axis=1)
+    corridor = Corridor(walls_m=walls_m).sector(np.inf, degrees, after_m=-1.0).run()
+    assert ("LOST_SECTOR" in corridor.faults) == (degrees > 0.0)
+    assert corridor.gap_m > 3.0 if degrees else corridor.gap_m < 0.1
 
 
-def test_a_free_sector_where_the_map_has_a_wall_in_reach_is_lost():
-    walls_m = np.array(
-        [[[-3.0, -1.5], [6.0, -1.5]], [[6.0, -1.5], [6.0, 1.5]], [[6.0, 1.5], [-3.0, 1.5]]]
-    )
-    corridor = Corridor(walls_m=walls_m).sector(np.inf, 60.0, after_m=-1.0).run()
-    assert "LOST_SECTOR" in corridor.faults
-    assert corridor.gap_m > 3.0
-    healthy = Corridor(walls_m=walls_m).run()
-    assert "LOST_SECTOR" not in healthy.faults
-    assert healthy.gap_m < 0.1
-
-
-@pytest.mark.parametrize("scan_ticks", [1, 2, 4])
+@pytest.mark.parametrize("scan_ticks", [1, 4])
 def test_somebody_who_steps_aside_is_held_for_a_moment_and_delays_nobody_for_long(scan_ticks):
     """A person 0.5 m wide before a free room, who leaves at walking pace."""
-    corridor = Corridor(
-        wall_m=60.0, sides_m=(-20.0, 20.0), range_m=(0.1, 5.0), scan_ticks=scan_ticks
-    )
+    room = {"wall_m": 60.0, "sides_m": (-20.0, 20.0), "range_m": (0.1, 5.0)}
+    corridor = Corridor(**room, scan_ticks=scan_ticks)
 
     def person(ranges_m, _):
         x_m, y_m = 2.0 - corridor.pose[0], 1.3 * max(corridor.time_s - 2.0, 0.0)
@@ -140,12 +130,9 @@ def test_somebody_who_steps_aside_is_held_for_a_moment_and_delays_nobody_for_lon
         return np.where(on_body, away_m - 0.25, ranges_m)
 
     corridor.change = person
-    corridor.run(2.0)
-    assert corridor.pose[0] + RADIUS_M < 1.75
-    corridor.run(0.2)
-    assert corridor.pose[0] + RADIUS_M < 1.75
-    corridor.run(4.0)
-    assert corridor.pose[0] > 3.0
+    for duration_s in (2.0, 0.2):
+        assert corridor.run(duration_s).pose[0] + RADIUS_M < 1.75
+    assert corridor.run(4.0).pose[0] > 3.0
     assert "LOST_SECTOR" not in corridor.faults
 
 
@@ -159,53 +146,39 @@ def test_a_robot_creeps_where_its_lidar_does_not_look():
 
 
 @pytest.mark.parametrize(("gap_m", "yaw_rad"), [(-0.1, 0.1), (-0.05, 0.3), (0.0, 0.1), (0.2, 0.3)])
-def test_a_robot_beside_a_wall_moves_away_from_it_slowly(gap_m, yaw_rad):
+def test_a_robot_beside_a_wall_moves_away_from_it_slowly_and_comes_no_nearer(gap_m, yaw_rad):
     right_m = -(RADIUS_M + gap_m)
-    corridor = Corridor(wall_m=30.0, sides_m=(right_m, 6.0), start=(0.0, 0.0, yaw_rad))
-    corridor.run(1.0)
+    side = {"wall_m": 30.0, "sides_m": (right_m, 6.0)}
+    corridor = Corridor(**side, start=(0.0, 0.0, yaw_rad)).run(1.0)
     assert corridor.speeds[0] <= 0.11 or gap_m >= 0.0
     corridor.run(14.0)
     assert corridor.pose[1] - right_m > RADIUS_M
     assert corridor.speeds[0] == pytest.approx(1.2)
+    towards = Corridor(**side, start=(0.0, 0.0, -0.3 if gap_m else -1.5)).run(5.0)
+    assert towards.pose[1] > -0.03 - max(gap_m, 0.0)
 
 
-@pytest.mark.parametrize("yaw_rad", [-0.3, -1.5])
-def test_a_robot_that_touches_a_wall_comes_no_nearer(yaw_rad):
-    corridor = Corridor(wall_m=30.0, sides_m=(-0.2, 6.0), start=(0.0, 0.0, yaw_rad))
-    corridor.run(5.0)
-    assert corridor.pose[1] > -0.03
-
-
-@pytest.mark.parametrize("twist", [0.0, -1.0, 0.5, 1000.0])
-def test_a_twist_that_contradicts_the_pose_of_its_message_stands_the_robot(twist):
-    corridor = Corridor(wall_m=5.0)
+@pytest.mark.parametrize(
+    ("twist", "start_m", "pose_tolerance"),
+    [(0.0, 0.0, 0.5), (-1.0, 0.0, 0.15), (0.5, 0.0, 0.5), (1000.0, 0.0, 0.5), (0.0, 4.65, 0.5),
+     (-1.0, 4.55, 0.15), (0.0, 4.35, 0.15), (-1.0, 4.15, 0.5)],
+)  # fmt: skip
+def test_a_twist_that_contradicts_the_pose_of_its_message_stands_the_robot(
+    twist, start_m, pose_tolerance
+):
+    corridor = Corridor(wall_m=5.0, start=(start_m, 0.0, 0.0), pose_tolerance=pose_tolerance)
     corridor.twist = lambda speeds: (twist * speeds[0], speeds[1])
-    corridor.run()
-    assert corridor.pose[0] < 2.0
-    assert "TWIST" in corridor.faults
+    corridor.run(8.0)
+    assert corridor.pose[0] < 2.0 or start_m
+    assert "TWIST" in corridor.faults or start_m
     corridor.twist = lambda speeds: speeds
-    corridor.run(30.0)
+    corridor.run(25.0)
     assert 0.0 < corridor.gap_m < 0.1
-    assert "TWIST" not in {each.fault.name for each in corridor.outputs[-1].reasons}
-
-
-def test_a_turn_that_contradicts_the_pose_of_its_message_stands_the_robot():
-    corridor = Corridor()
-    corridor.twist = lambda speeds: (speeds[0], -speeds[1])
-    corridor.run(1.0, Command(0.0, 1.0))
-    assert corridor.outputs[-1].action is GuardAction.STOP
-    assert "TWIST" in corridor.faults
-
-
-def in_turn(*values):
-    """Values of a sector scan by scan; the last one stays."""
-    waiting = list(values)
-
-    def change(ranges_m, sector):
-        value = waiting.pop(0) if len(waiting) > 1 else waiting[0]
-        return np.where(sector, value, ranges_m)
-
-    return change
+    assert "TWIST" not in {each.fault.name for each in corridor.outputs[-1].reasons} or start_m
+    turning = Corridor()
+    turning.twist = lambda speeds: (speeds[0], -speeds[1])
+    assert turning.run(1.0, Command(0.0, 1.0)).outputs[-1].action is GuardAction.STOP
+    assert "TWIST" in turning.faults
 
 
 @pytest.mark.parametrize("degrees", [90, 170])
@@ -213,18 +186,22 @@ def in_turn(*values):
     "values",
     [
         (np.nan, np.inf),
-        (0.0, np.inf),
         (17.0, np.inf),
-        (np.nan, np.nan, np.nan, np.inf),
         (np.inf, np.inf, np.nan, np.inf),
-        (-np.inf, np.inf),
         tuple([np.inf, np.nan] * 100),
     ],
 )
 def test_a_sector_stays_lost_whatever_it_reads_but_returns(values, degrees):
-    corridor, change = Corridor(), in_turn(*values)
+    """One value scan by scan; the last one stays."""
+    corridor, waiting = Corridor(), list(values)
     aside = np.abs(np.degrees(corridor.angles_rad)) < degrees / 2
-    corridor.change = lambda ranges_m, x_m: change(ranges_m, aside) if x_m > 3.0 else ranges_m
+
+    def change(ranges_m, x_m):
+        if x_m <= 3.0:
+            return ranges_m
+        return np.where(aside, waiting.pop(0) if len(waiting) > 1 else waiting[0], ranges_m)
+
+    corridor.change = change
     assert corridor.run().gap_m > 0.0
 
 
@@ -247,15 +224,11 @@ def test_a_sector_stays_lost_while_the_number_of_rays_changes():
 @pytest.mark.parametrize("event", ["clock gap", "odometry jump", "clock falls back"])
 def test_a_sector_stays_lost_after_a_session_has_begun(event):
     corridor = Corridor(wall_m=8.0).sector(np.inf, 90.0).run(8.0)
-    before_m = corridor.pose[0]
-    if event == "clock gap":
-        corridor.time_s += 1.5
-    elif event == "clock falls back":
-        corridor.time_s = 0.0
+    before_m, now_s = corridor.pose[0], corridor.time_s
+    if event == "odometry jump":
+        corridor.guard.receive_odometry(now_s - 1e-3, (before_m - 5.0, 0.0, 0.0), (0.0, 0.0))
     else:
-        corridor.guard.receive_odometry(
-            corridor.time_s - 1e-3, (corridor.pose[0] - 5.0, 0.0, 0.0), (0.0, 0.0)
-        )
+        corridor.time_s = now_s + 1.5 if event == "clock gap" else 0.0
     corridor.run(6.0)
     assert corridor.pose[0] < before_m + 0.5
     assert corridor.gap_m > 0.0
@@ -269,36 +242,14 @@ def test_a_robot_drives_no_faster_than_it_can_stop_within_range_max(
     range_max_m, speed_mps, braking_mps2
 ):
     corridor = Corridor(
-        wall_m=20.0,
-        sides_m=(-9.0, 9.0),
-        range_m=(0.1, range_max_m),
-        acceleration_mps2=braking_mps2,
-        max_vel_x=speed_mps,
-    )
-    corridor.run(60.0, Command(speed_mps, 0.0))
+        wall_m=9.0, sides_m=(-9.0, 9.0), range_m=(0.1, range_max_m),
+        acceleration_mps2=braking_mps2, max_vel_x=speed_mps,
+    )  # fmt: skip
+    corridor.run(30.0, Command(speed_mps, 0.0))
     assert 0.0 < corridor.gap_m < 1.0
 
 
-@pytest.mark.parametrize(
-    ("gap_m", "twist", "pose_tolerance"),
-    [(0.1, 0.0, 0.5), (0.2, -1.0, 0.15), (0.4, 0.0, 0.15), (0.6, -1.0, 0.5)],
-)
-def test_a_wrong_twist_near_a_wall_hits_nothing(gap_m, twist, pose_tolerance):
-    start = (6.0 - RADIUS_M - gap_m, 0.0, 0.0)
-    corridor = Corridor(start=start, pose_tolerance=pose_tolerance)
-    corridor.twist = lambda speeds: (twist * speeds[0], speeds[1])
-    assert corridor.run().gap_m > 0.0
-
-
-def test_a_twist_that_is_right_again_ends_the_trial_with_the_settings_of_a_robot():
-    corridor = Corridor(wall_m=30.0, pose_tolerance=0.5)
-    corridor.twist = lambda speeds: (0.0, speeds[1])
-    corridor.run(1.5)
-    corridor.twist = lambda speeds: speeds
-    assert corridor.run(15.0).speeds[0] == pytest.approx(1.2)
-
-
-@pytest.mark.parametrize("delay_ticks", [1, 2, 4])
+@pytest.mark.parametrize("delay_ticks", [1, 4])
 def test_a_twist_that_is_late_is_no_fault(delay_ticks):
     """As that of a filter; the robot stops and goes, and turns to and fro."""
     corridor, waiting = Corridor(wall_m=60.0, sides_m=(-9.0, 9.0)), []
@@ -308,12 +259,12 @@ def test_a_twist_that_is_late_is_no_fault(delay_ticks):
         return waiting[max(len(waiting) - 1 - delay_ticks, 0)]
 
     corridor.twist = late
-    for number in range(12):
+    for number in range(8):
         corridor.run(1.0, AHEAD if number % 2 else Command(0.0, 0.8 * (-1) ** (number // 2)))
     assert "TWIST" not in corridor.faults
 
 
-@pytest.mark.parametrize(("lidar_x_m", "degrees"), [(0.0, 90), (0.2, 90), (0.26, 60), (0.3, 60)])
+@pytest.mark.parametrize(("lidar_x_m", "degrees"), [(0.0, 90), (0.26, 60), (0.3, 60)])
 def test_a_lidar_at_the_front_that_its_robot_covers_behind_drives(lidar_x_m, degrees):
     corridor = Corridor(lidar_x_m=lidar_x_m)
     corridor.sector(np.nan, degrees, after_m=-1.0, centre_deg=180.0).run()

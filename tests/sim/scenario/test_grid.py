@@ -5,9 +5,7 @@ import pytest
 from serd_core.grid.grid import Action
 from serd_sim.scenario.grid import (
     flow_of,
-    goal_states_of,
     grid_of,
-    start_states_of,
     wall_distance_of,
 )
 from serd_sim.scenario.scenario import load_scenario
@@ -34,16 +32,6 @@ def test_people_keep_right_and_left_hand_traffic_turns_every_flow_round(x_m, y_m
 
 def test_there_is_no_flow_without_people():
     assert (flow_of(HALLWAY.with_pedestrian_count(0), GRID) == -1).all()
-
-
-def test_goal_and_starts_are_where_the_scenario_puts_them():
-    goal = GRID.centers_m[goal_states_of(HALLWAY, GRID)]
-    train = GRID.centers_m[start_states_of(HALLWAY, GRID, "train")]
-    transfer = GRID.centers_m[start_states_of(HALLWAY, GRID, "transfer")]
-    assert len(goal) == 8
-    assert (goal[:, 0] > 11).all()
-    assert len(train) == len(transfer) == 6
-    assert train[:, 0].max() < 3 < transfer[:, 0].min()
 
 
 def test_wall_distance_in_the_middle_of_the_hallway_is_half_its_width_less_half_a_cell():

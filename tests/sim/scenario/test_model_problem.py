@@ -6,8 +6,8 @@ import pytest
 from serd_bag.errors import FileError
 from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
+from serd_sim.drivers.strategy import model_in_flow, problem_of_model
 from serd_sim.scenario.grid import flow_of, grid_of
-from serd_sim.scenario.model_problem import model_in_flow, problem_of_model
 from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
@@ -21,15 +21,12 @@ def planned(path, scenario=HALLWAY, **options):
     return problem_of_model(str(path), load_model(path), scenario, GRID, **options)
 
 
-def test_among_people_all_weights_count(save_model_of):
+def test_the_weight_of_the_social_norm_counts_among_people_only(save_model_of):
     path = save_model_of()
     problem, model = planned(path)
     assert model == load_model(path)
     assert problem.feature_names == model.feature_names
-
-
-def test_the_weight_of_the_social_norm_does_not_count_where_no_people_walk(save_model_of):
-    problem, model = planned(save_model_of(), HALLWAY.with_pedestrian_count(0))
+    problem, model = planned(path, HALLWAY.with_pedestrian_count(0))
     assert problem.feature_names == model.feature_names == WITHOUT_NORM
 
 
