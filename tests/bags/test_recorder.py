@@ -8,23 +8,18 @@ import pytest
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.recorder import BagRecorder, RecorderSettings
-
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-POSE = "geometry_msgs/msg/PoseStamped"
-
-
-class Clock:
-    """A clock that is set by hand."""
-
-    now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
+from support.bag_messages import DIAGNOSTICS, POSE
 
 
 @pytest.fixture
 def clock():
-    return Clock()
+    """A clock that is set by hand."""
+
+    def now():
+        return now.now_s
+
+    now.now_s = 0.0
+    return now
 
 
 def make(folder, clock, free_bytes=lambda _: 10**9, **settings):

@@ -8,25 +8,15 @@ from serd_bag.health.contents import contents_of_bag
 from serd_bag.writer import BagWriter
 
 
-@pytest.fixture
-def bytes_read(monkeypatch):
-    """Sizes of the places that are looked at in files."""
-    sizes = []
-    locate = FileWindow.locate
-
-    def located(window, offset, length):
-        sizes.append(length)
-        return locate(window, offset, length)
-
-    monkeypatch.setattr(FileWindow, "locate", located)
-    return sizes
-
-
 def counts(found):
     return {topic.name: (topic.type_name, topic.n_messages) for topic in found.topics}
 
 
-def test_contents_of_a_large_bag_need_only_its_end(tmp_path, bytes_read):
+def test_contents_of_a_large_bag_need_only_its_end(tmp_path, monkeypatch):
+    sizes, locate = [], FileWindow.locate
+    monkeypatch.setattr(
+        FileWindow, "locate", lambda self, at, size: sizes.append(size) or locate(self, at, size)
+    )
     with BagWriter(tmp_path / "large", max_file_bytes=5_000_000) as writer:
         writer.add_topic("/blocks", "std_msgs/msg/UInt8MultiArray")
         for number in range(20):
@@ -34,7 +24,7 @@ def test_contents_of_a_large_bag_need_only_its_end(tmp_path, bytes_read):
     found = contents_of_bag(tmp_path / "large")
     assert counts(found) == {"/blocks": ("std_msgs/msg/UInt8MultiArray", 20)}
     assert (found.span_s, found.topics[0].mean_hz) == (19.0, 1.0)
-    assert sum(bytes_read) < 30_000
+    assert sum(sizes) < 30_000
 
 
 @pytest.mark.parametrize("change", ["whole", "cut", "no metadata"])
