@@ -9,7 +9,6 @@ Columns without a name are called by their number. Public layouts state more tha
 | ETH/UCY | 4 numbers: frame, id, x, y; frames in steps of 10 | 25 frames per second, m |
 | Jülich archive | a comment `framerate: 25`, or 5 numbers: id, frame, x, y, z | rate, cm |
 | TUM | timestamp tx ty tz qx qy qz qw, or 8 numbers with a unit quaternion | s, m |
-| KITTI | rows of 12 numbers, 3 x 4 matrices of camera poses | 10 rows per second, m; x, z |
 | NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m |
 | rostopic echo -p | %time, field.... | ns, m |
 | fields of a ROS message | ...stamp.sec, ...stamp.nanosec | their sum in s |
@@ -40,7 +39,6 @@ _GZIP, _LARGEST_BYTES = b"\x1f\x8b", 2**30
 _ETH, _ETH_STEP = ("frame", "id", "x", "y"), 10
 _JUELICH = ("id", "frame", "x", "y", "z")
 _TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
-_KITTI = ("1", "2", "3", "x", "5", "6", "7", "8", "9", "10", "11", "y")
 _IN_NS = {"time_unit": "ns", "unit": "m"}
 #: What tables with these columns state.
 _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
@@ -228,11 +226,6 @@ def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:
         unit = "m" if any(map(_IN_M.search, comments)) else "cm"
         names = (*_JUELICH[:count], *cells.names[len(_JUELICH) :])
         return replace(cells, names=names, stated={"fps": rate, "unit": unit})
-    if count == len(_KITTI):
-        frame = cells.frame.assign(frame=np.arange(len(cells.frame)))
-        return replace(
-            cells, frame=frame, names=(*_KITTI, "frame"), stated={"fps": 10.0, "unit": "m"}
-        )
     if count == len(_TUM):
         norms = np.linalg.norm(numbers[:, 4:], axis=1)
         if np.mean(np.abs(norms - 1.0) < 0.02) > 0.9:

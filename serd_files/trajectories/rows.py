@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Least sizes of times since 1970 in ms, us and ns; in s they are below all of them.
 _SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
-#: Fewest rows per episode.
-_FEWEST_ROWS = 5
-#: Smallest share of an episode by which time goes back where the next one begins.
-_BACK = 0.5
 #: Pause put between episodes whose times overlap, so that agents of one are not seen in another.
 _APART_S = 100.0
 
@@ -60,7 +56,7 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
     frame, is_wide = cells.frame, columns.pairs.keys() != {""}
     time_s, of_time = _seconds(where, cells, columns.time, wanted)
     scale_of, of_place = _metres(where, cells, columns.pairs, wanted)
-    episode, labels = _episodes(cells, columns, time_s)
+    episode, labels = _episodes(cells, columns)
     parts, ids = [], list[str]()
     for name, pair in sorted(columns.pairs.items()):
         agent, texts = np.zeros(len(frame), dtype=np.int64), [name or "0"]
@@ -85,7 +81,7 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
     bad, rows = rows.row[~good].to_numpy(), rows[good].reset_index(drop=True)
     has_ids, names = is_wide or columns.agent >= 0, ids
     if labels:
-        word = cells.names[columns.episode] if columns.episode >= 0 else "episode"
+        word = cells.names[columns.episode]
         key = ["agent", "episode"]
         pairs = rows[key].drop_duplicates().sort_values(key).to_numpy().tolist()
         ids = [ids[agent] for agent, _ in pairs]
@@ -158,28 +154,12 @@ def _metres(
     return scale_of, {"unit": "places in m"} if silent else {}
 
 
-def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
-    """Return the number of the episode of each row, and their names, none where there is one.
-
-    Without ids and a column of episodes, one begins where the time goes back near to the start of
-    the one before.
-    """
-    if columns.episode >= 0:
-        episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
-        return (episode, labels) if len(labels) > 1 else (0 * episode, [])
-    back = np.diff(time_s, prepend=time_s[:1]) < 0
-    begins = np.concatenate([[0], np.flatnonzero(back)])
-    ends = np.concatenate([begins[1:], [len(time_s)]])
-    elapsed = (time_s[ends - 1] - time_s[begins])[:-1]
-    fallen = time_s[ends[:-1] - 1] - time_s[begins[1:]]
-    if (
-        columns.agent >= 0
-        or len(time_s) < _FEWEST_ROWS * len(begins)
-        or (fallen < _BACK * elapsed).any()
-    ):
-        return np.zeros(len(time_s), dtype=np.int64), []
-    labels = [str(number) for number in range(1, len(begins) + 1)]
-    return np.cumsum(back), labels if len(labels) > 1 else []
+def _episodes(cells: Cells, columns: Columns) -> tuple[IntArray, list[str]]:
+    """Return the number of the episode of each row, and their names, none where there is one."""
+    if columns.episode < 0:
+        return np.zeros(len(cells.frame), dtype=np.int64), []
+    episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
+    return (episode, labels) if len(labels) > 1 else (0 * episode, [])
 
 
 def _numbered(column: "pd.Series[Any]") -> tuple[IntArray, list[str]]:

@@ -97,6 +97,10 @@ def test_what_cannot_be_is_left_out_or_kept_apart_and_named(tmp_path, table, sen
             pd.concat([WALKS, WALKS.add([0, 0, 0, 2.0])]),
             r"in row 1 and row 101, as do 99 other rows; give each",
         ),
+        (
+            WALKS.drop(columns="id").assign(t=WALKS.t % 2.5),
+            "must have a column of ids where rows are of several agents",
+        ),
     ],
 )
 def test_units_and_ids_that_cannot_be_are_refused(tmp_path, table, sentence):
@@ -197,16 +201,12 @@ ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
     ("table", "agents", "overlap"),
     [
         (ALONE, ["0", "1", "2"], True),
-        (ALONE.drop(columns="run"), ["1", "2", "3"], True),
         (RUNS[RUNS.run == 0], ["ped", "robot"], False),
         (RUNS.assign(t=RUNS.t + 100.0 * RUNS.run), None, False),
         (WIDE, None, True),
-        (WIDE.drop(columns="run"), None, True),
     ],
 )
-def test_episodes_are_named_by_a_column_or_begin_where_times_go_back(
-    tmp_path, table, agents, overlap
-):
+def test_episodes_are_named_by_a_column(tmp_path, table, agents, overlap):
     found = read(tmp_path, table)
     assert (OVERLAP in found.assumed) == overlap
     assert [each.agent for each in found.tracks] == agents or (
