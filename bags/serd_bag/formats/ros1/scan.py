@@ -26,12 +26,13 @@ from serd_bag.formats.ros1.records import (
     MESSAGE,
     Connection,
     Entry,
+    Part,
     Record,
+    Walk,
     connection_of,
     record_at,
     unpacked_chunk,
 )
-from serd_bag.formats.ros1.walk import Part, Walk
 from serd_bag.formats.rosbag2.message_types import MessageType
 from serd_bag.formats.rosbag2.qos import RELIABLE
 from serd_bag.topic import RawMessage, Topic
