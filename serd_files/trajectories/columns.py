@@ -193,13 +193,13 @@ def mapping_of(names: Sequence[str], **columns: int) -> str:
 def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
     """Return the columns of a table; raises FileError where they are missing or not certain."""
     names = cells.names
+    found = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
     given = {
         role: _column_named(where, names, text, role)
         for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
-    by_name = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
-    found = by_name | given
+    found |= given
     if "time" not in given:
         _require_one_time(where, cells)
         found.setdefault("time", found.get("frame", -1))
@@ -213,12 +213,16 @@ def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
         raise _missing(where, names, found, has_pairs=bool(pairs))
     used = {column for pair in pairs.values() for column in pair}
     unused = [name for at, name in enumerate(names) if at not in used and place_of(name)]
-    columns = found["time"], found.get("agent", -1), found.get("episode", -1)
-    return Columns(*columns, pairs, _in_words(unused))
+    remarks = ()
+    if unused:
+        listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
+        what = f"columns {listed} are" if len(unused) > 1 else f"column {listed} is"
+        fix = "'x:' and 'y:' in a --mapping file name the columns that are"
+        remarks = (f"{what} not used; {fix}",)
+    return Columns(found["time"], found.get("agent", -1), found.get("episode", -1), pairs, remarks)
 
 
 def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
-    """Return the column that a mapping names for a role."""
     if text in names:
         return list(names).index(text)
     if text.isdecimal() and 1 <= int(text) <= len(names):
@@ -232,14 +236,16 @@ def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int
 def _require_one_time(where: str, cells: "Cells") -> None:
     """Raise FileError with the mappings to write if several columns hold times."""
     names = cells.names
-    times = [column for column, name in enumerate(names) if role_of(name) == "time"]
-    clocks = [at for at in times if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
+    clocks = [
+        at
+        for at, name in enumerate(names)
+        if role_of(name) == "time" and np.isfinite(numeric(cells.frame.iloc[:, at])).any()
+    ]
     if len(clocks) > 1:
-        mappings = " or ".join(mapping_of(names, time=column) for column in clocks)
         raise FileError(
             f"{where} must have one column of times, it has"
-            f" {' and '.join(names[column] for column in clocks)}; write one of them into a"
-            f" --mapping file: {mappings}"
+            f" {' and '.join(names[at] for at in clocks)}; write one of them into a --mapping file:"
+            f" {' or '.join(mapping_of(names, time=at) for at in clocks)}"
         )
 
 
@@ -258,89 +264,82 @@ def _named_pairs(names: Sequence[str]) -> list[tuple[Place, Pair]]:
     ]
 
 
-def _of_kind(where: str, names: Sequence[str], *kinds: str, but: Pair | None) -> dict[str, Pair]:
+def _of_kind(
+    where: str, names: Sequence[str], *kinds: str, but: Pair | None = None
+) -> dict[str, Pair]:
     """Return the pair of each agent of these kinds; raises FileError for an agent with two."""
     by_agent: dict[str, list[Pair]] = {}
     for place, pair in _named_pairs(names):
         if place.kind in kinds and pair != but:
             by_agent.setdefault(place.agent, []).append(pair)
-    for pairs in by_agent.values():
-        _require_one(where, names, pairs)
-    return {agent: pairs[0] for agent, pairs in by_agent.items()}
+    return {agent: _the_one(where, names, pairs) for agent, pairs in by_agent.items()}
 
 
 def _by_name(where: str, cells: "Cells", *, has_ids: bool) -> dict[str, Pair]:
-    """Return the columns of each agent by their names, none where there are none.
-
-    x and y are a person's beside columns of a robot, and the robot's beside columns of people.
-    """
+    """Return the columns of each agent by their names: x and y are a person's beside columns of a
+    robot, and the robot's beside columns of people."""
     names = cells.names
-    own, robots, people, numbered = (
-        _of_kind(where, names, kind, but=None) for kind in ("own", ROBOT, PERSON, "numbered")
-    )
+    kinds = ("own", ROBOT, PERSON, "numbered")
+    own, robots, people, numbered = (_of_kind(where, names, kind) for kind in kinds)
     if robots or (own and not has_ids):  # beside a column of ids, numbers behind x are none
         people |= {f"{PERSON} {number}": pair for number, pair in numbered.items()}
     if robots:
-        kinds = {re.sub(r"[\W_\d]+$", "", name): name for name in robots}
-        _require_one(where, names, [robots[name] for name in kinds.values()])
-        is_person = own and not _are_same(cells, own[""], next(iter(robots.values())))
+        without_numbers = {re.sub(r"[\W_\d]+$", "", name): robots[name] for name in robots}
+        _the_one(where, names, list(without_numbers.values()))
+        first = next(iter(robots.values()))
+        is_person = own and not np.allclose(
+            *([numeric(cells.frame.iloc[:, at]) for at in pair] for pair in (own[""], first)),
+            equal_nan=True,
+        )
         return robots | people | ({PERSON: own[""]} if is_person else {})
     if own:
         return {ROBOT: own[""], **people} if people else own
     if people:
         unknown = [pair for place, pair in _named_pairs(names) if place.kind == "unknown"]
-        _require_one(where, names, [*list(people.values())[:1], *unknown])
+        _the_one(where, names, [*list(people.values())[:1], *unknown])
     return people
 
 
 def _beside(where: str, names: Sequence[str], chosen: Pair) -> dict[str, Pair]:
-    """Return the columns that a mapping names, and those of people beside them.
-
-    Columns of x and y alone, and of numbered ones, are of people if the robot's have its name.
-    """
+    """Return the columns that a mapping names, and those of people beside them: of x and y alone,
+    and of numbered ones, if those of the robot have its name."""
     places = [place_of(names[column]) for column in chosen]
     has_name = all(place is not None and place.kind == ROBOT for place in places)
     kinds = (PERSON, "own", "numbered") if has_name else (PERSON,)
     people = _of_kind(where, names, *kinds, but=chosen)
-    people = {agent or PERSON: pair for agent, pair in people.items()}
-    return {ROBOT: chosen, **people} if people else {"": chosen}
+    if not people:
+        return {"": chosen}
+    return {ROBOT: chosen} | {agent or PERSON: pair for agent, pair in people.items()}
 
 
-def _require_one(where: str, names: Sequence[str], pairs: Sequence[Pair]) -> None:
-    """Raise FileError with the mappings to write if there are several pairs."""
-    if len(pairs) == 1:
-        return
-    listed = " and ".join(f"{names[pair.x]}, {names[pair.y]}" for pair in pairs)
-    mappings = " or ".join(mapping_of(names, **pair._asdict()) for pair in pairs)
-    raise FileError(
-        f"{where} must have one pair of columns for the robot, or for x and y, it has {listed};"
-        f" write one of them into a --mapping file: {mappings}"
-    )
-
-
-def _are_same(cells: "Cells", one: Pair, other: Pair) -> bool:
-    """Whether two pairs of columns hold the same numbers."""
-    a, b = ([numeric(cells.frame.iloc[:, column]) for column in pair] for pair in (one, other))
-    return np.allclose(a, b, equal_nan=True)
+def _the_one(where: str, names: Sequence[str], pairs: Sequence[Pair]) -> Pair:
+    """Return the only pair; raises FileError with the mappings to write if there are several."""
+    if len(pairs) > 1:
+        listed = " and ".join(f"{names[pair.x]}, {names[pair.y]}" for pair in pairs)
+        mappings = " or ".join(mapping_of(names, **pair._asdict()) for pair in pairs)
+        raise FileError(
+            f"{where} must have one pair of columns for the robot, or for x and y, it has {listed};"
+            f" write one of them into a --mapping file: {mappings}"
+        )
+    return pairs[0]
 
 
 def _missing(
     where: str, names: Sequence[str], found: Mapping[str, int], *, has_pairs: bool
 ) -> FileError:
     """Return the error about columns that are missing, with a mapping in the order of the table."""
-    pairs = [] if has_pairs else [pair for _, pair in _named_pairs(names)]
-    needed = ["time"] if found["time"] < 0 else []
-    lacking = needed if has_pairs else [*needed, "x", "y"]
+    lacking = ["time"] * (found["time"] < 0) + ["x", "y"] * (not has_pairs)
+    verb = "is" if len(lacking) == 1 else "are"
     sentence = (
-        f"{where} must have columns of time, x and y, {' and '.join(lacking)}"
-        f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
+        f"{where} must have columns of time, x and y, {' and '.join(lacking)} {verb} not among"
+        f" {', '.join(names)}"
     )
-    taken, chosen = set(found.values()), dict[str, int]()
+    pairs = [] if has_pairs else [pair for _, pair in _named_pairs(names)]
+    chosen = pairs[0]._asdict() if pairs else {}
+    needed = [role for role in lacking if role not in chosen]
+    taken = set(found.values())
     if has_pairs or pairs:
         taken |= {column for column, name in enumerate(names) if place_of(name)}
-        chosen = pairs[0]._asdict() if pairs else {}
-    else:
-        needed = lacking
     rest = [column for column in range(len(names)) if column not in taken]
     if len(rest) < len(needed):
         return FileError(f"{sentence}; export the table with them")
@@ -349,15 +348,3 @@ def _missing(
     rest.sort(key=lambda column: "time" not in names[column].lower())
     mapping = mapping_of(names, **dict(zip(needed, rest, strict=False)), **chosen)
     return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")
-
-
-def _in_words(unused: Sequence[str]) -> tuple[str, ...]:
-    """Return a sentence about columns that seem to hold places and are not used, if any are."""
-    if not unused:
-        return ()
-    listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
-    verb = "columns {} are" if len(unused) > 1 else "column {} is"
-    return (
-        f"{verb.format(listed)} not used; 'x:' and 'y:' in a --mapping file name the columns that"
-        " are",
-    )
