@@ -4,8 +4,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from operator import itemgetter
-from pathlib import Path
 
 import pytest
 from mcap.writer import Writer as FileWriter
@@ -20,8 +18,6 @@ from serd_bag.formats.rosbag2.message_types import MessageType, message_type
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
 from support.bag_messages import POSE, write_bag
-
-REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"
 
 
 def messages_in(folder):
@@ -106,20 +102,6 @@ def test_every_kind_of_bag_is_read_and_converted(tmp_path, messages, storage, mo
     assert report.counts == {"/robot_pose": 20}
     for folder in ("their", "our"):
         assert [each.data for each in BagReader(tmp_path / folder).messages()] == written
-
-
-@pytest.mark.skipif(not REAL_BAG.is_dir(), reason="../shared/data/bags has no real robot bag")
-def test_the_real_bag_is_converted_with_types_that_are_not_installed(tmp_path):
-    report = convert(REAL_BAG, tmp_path / "real")
-    counts = report.counts
-    assert (counts["/odom"], counts["/cmd_vel"], counts["/accel"]) == (290, 391, 290)
-    assert (report.n_messages, report.skipped) == (2862, {})
-    key = itemgetter(0, 2)
-    assert sorted(messages_in(tmp_path / "real"), key=key) == sorted(messages_in(REAL_BAG), key=key)
-    with AnyReader([tmp_path / "real"]) as reader:
-        odometry = next(each for each in reader.connections if each.topic == "/odom")
-        for connection, _, data in reader.messages(connections=[odometry]):
-            reader.deserialize(data, connection.msgtype)
 
 
 @pytest.mark.parametrize(

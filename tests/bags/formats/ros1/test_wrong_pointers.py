@@ -1,9 +1,10 @@
 """No offset, length, count or number of a .bag file hides a message where it is wrong."""
 
 import struct
+from collections import Counter
 
 import pytest
-from rosbags.rosbag1 import Writer
+from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from serd_bag.command.main import main
@@ -145,3 +146,46 @@ def test_of_a_chunk_that_is_not_finished_or_broken_all_else_is_read(tmp_path):
         path.write_bytes(begun + content[start : end - 5 * n_cut])
         found = list(BagReader(path, tolerant=True).messages())
         assert found == whole[: len(whole) - n_cut]
+
+
+def chunks_of(path):
+    """(place of its head, of its content and of its index, messages) of each chunk."""
+    with Reader(path) as sound:
+        return [
+            (each.pos, chunk.datapos, chunk.datapos + chunk.datasize, sum(counts.values()))
+            for each, chunk in zip(sound.chunk_infos, sound.chunks.values(), strict=True)
+            for counts in [each.connection_counts]
+        ]
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+@pytest.mark.parametrize("part", ["head", "compression", "content", "index"])
+def test_a_damaged_chunk_costs_its_own_messages(tmp_path, compression, part):
+    path = file_with(tmp_path / "file.bag", compression)
+    whole, content = [each.data for each in BagReader(path).messages()], path.read_bytes()
+    chunks = chunks_of(path)
+    assert len(chunks) == 5
+    for head, start, index, n_messages in (chunks[0], chunks[3], chunks[-1]):
+        middle = start + (index - start) // 2
+        place = {"head": head, "compression": head + 10, "content": middle, "index": index + 55}
+        write_wrong(path, content, place[part], b"\xff" * 4)
+        reader = BagReader(path, tolerant=True)
+        found = [each.data for each in reader.messages()]
+        assert (Counter(whole) - Counter(found)).total() <= n_messages
+        assert reader.losses.n_messages == len(whole) - len(found)
+        # Without checksums a number in a message may be another.
+        assert reader.damage or set(found) - set(whole)
+        if reader.damage:
+            assert reader.damage[0].offset == head
+            with pytest.raises(BagError, match=r"a chunk is damaged .* it with 'serd bag recov"):
+                list(BagReader(path).messages())
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_of_a_chunk_no_more_is_unpacked_than_the_limit(tmp_path, monkeypatch, compression):
+    path = file_with(tmp_path / "file.bag", compression)
+    monkeypatch.setattr("serd_bag.formats.ros1.scan.LARGEST_CONTENT", 200)
+    reader = BagReader(path, tolerant=True)
+    assert (len(list(reader.messages())) < sum(COUNTS.values())) == bool(compression)
+    assert bool(reader.damage) == bool(compression)
+    assert any("has no checksums" in remark for remark in check_bag(path).remarks)
