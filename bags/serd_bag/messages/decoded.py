@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import resolve_type, typestore_of
+from serd_bag.messages.fields import store_of
 from serd_bag.messages.plain import decode
 from serd_bag.reader import BagReader
+from serd_bag.topic import topic_named
 
 
 def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, Any]]:
@@ -16,27 +17,15 @@ def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, An
     Raises BagError where the bag is damaged or has no message of one of them.
     """
     reader = BagReader(directory)
-    topics = {_short(name): topic for name, topic in reader.topics.items()}
-    chosen = {topics[name].name: topics[name] for name in names if name in topics}
-    stores = {
-        name: typestore_of(resolve_type(topic.message_type)) for name, topic in chosen.items()
-    }
-    found: set[str] = set()
-    for message in reader.messages(chosen):
-        found.add(_short(message.topic))
+    short = {topic_named(reader.topics, name): name for name in names}
+    stores = {topic: store_of(reader.topics[topic]) for topic in short}
+    missing = set(names)
+    for topic, type_name, data, *_ in reader.messages(short):
+        missing.discard(short[topic])
         try:
-            yield (
-                _short(message.topic),
-                decode(message.data, message.type_name, stores[message.topic]),
-            )
+            message = decode(data, type_name, stores[topic])
         except BagError as error:
-            raise BagError(f"bag {directory}, {message.topic}: {error}") from None
-    for name in names:
-        if name not in found:
-            filled = {_short(message.topic) for message in reader.messages()}
-            known = ", ".join(sorted(filled)) or "nothing"
-            raise BagError(f"bag {directory} must hold {name}, it holds {known}; give another bag")
-
-
-def _short(topic: str) -> str:
-    return topic.rsplit("/", 1)[-1]
+            raise BagError(f"bag {directory}, {topic}: {error}") from None
+        yield short[topic], message
+    if missing:
+        raise BagError(f"bag {directory} must hold {min(missing)}, it has none; give another bag")
