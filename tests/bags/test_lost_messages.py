@@ -11,8 +11,7 @@ from serd_bag.errors import BagError
 from serd_bag.formats.mcap.chunks import CHUNK_PATTERN
 from serd_bag.formats.mcap.writer import McapWriter
 from serd_bag.formats.rosbag2.message_types import message_type
-from serd_bag.health.check import check_bag
-from serd_bag.health.contents import contents_of_bag
+from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from support.bag_messages import POSE

@@ -3,8 +3,7 @@
 import pytest
 
 from serd_bag.formats.mcap.window import FileWindow
-from serd_bag.health.check import check_bag
-from serd_bag.health.contents import contents_of_bag
+from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.writer import BagWriter
 
 

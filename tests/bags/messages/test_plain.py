@@ -5,7 +5,7 @@ import math
 import pytest
 
 from serd_bag.errors import BagError
-from serd_bag.messages.decoded import messages_of
+from serd_bag.messages.fields import messages_of
 from serd_bag.messages.plain import (
     decode,
     diagnostic_array,

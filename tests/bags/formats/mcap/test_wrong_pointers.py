@@ -19,8 +19,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 from serd_bag.command.rewrite import convert, recover
 from serd_bag.errors import BagError
 from serd_bag.formats.mcap.records import RECORD_HEAD
-from serd_bag.health.check import check_bag
-from serd_bag.health.contents import contents_of_bag
+from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
 from support.damaged_files import write_wrong
 from support.mcap_files import encoded

@@ -10,8 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from serd_bag.command.main import main
 from serd_bag.command.rewrite import recover
 from serd_bag.errors import BagError
-from serd_bag.health.check import check_bag
-from serd_bag.health.contents import contents_of_bag
+from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
 from support.damaged_files import write_wrong
 
