@@ -36,6 +36,7 @@ from support.valid_messages import valid_message
 from support.waiting import wait_until
 
 N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "50"))
+IS_FUZZ = "SERD_FUZZ_CASES" in os.environ
 SEED = int(os.environ.get("SERD_FUZZ_SEED", "0"))
 MUTATED_BETWEEN_VALID = 20
 TICK_S, TICKS_PER_DECISION = 0.05, 40
@@ -65,7 +66,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
-    "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],
+    "strategy": [{"episodes": 1_000_000, "reset": reset} for reset in (True, False)[: 1 + IS_FUZZ]],
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
     "teleop_page": [{"port": 0}],
     "watch_page": [{"port": 0}],
