@@ -1,5 +1,7 @@
 """Definitions, hashes and quality of service are those of the installation, or of older bags."""
 
+from dataclasses import replace
+
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -77,7 +79,7 @@ def test_an_unknown_type_gets_the_nearest(name, sentence):
 )
 def test_quality_of_service_survives_the_way_into_a_bag_and_back(profile):
     assert qos_of_text(qos_text((profile,))) == (profile,)
-    assert profile_to_offer((profile,)) == profile
+    assert profile_to_offer((profile,)) == replace(profile, history="keep_last")
 
 
 def test_quality_of_service_is_read_of_older_bags_and_reliable_where_it_is_damaged():
