@@ -77,8 +77,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays, n_strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns.episode >= 0)
-    kinds = _kinds(cells) if columns.pairs.keys() == {""} else []
-    tracks = _tracks(points, rows, kinds)
+    tracks = _tracks(points, rows, _kinds(cells))
     if not tracks:
         raise _no_agents(path, rows)
     left_out = (*strays, *_without_numbers(rows, cells.n_skipped), *_lists(cells))
@@ -97,7 +96,7 @@ def _no_agents(path: Path, rows: Rows) -> FileError:
 
 def _candidates(cells: Cells, columns: Columns) -> list[str]:
     """Return mappings of the columns that may hold the ids of a table without them."""
-    used = {columns.time, columns.episode, *(at for pair in columns.pairs.values() for at in pair)}
+    used = {columns.time, columns.episode, columns.x, columns.y}
     return [
         mapping_of(cells.names, agent=column)
         for column, name in enumerate(cells.names)
