@@ -5,6 +5,7 @@ import sys
 import time
 
 import numpy as np
+import pytest
 
 from serd_bag.reader import BagReader
 from support.waiting import ProcessorWait
@@ -24,6 +25,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_loses_less_than_half_a_second(tmp_path):
     rng = np.random.default_rng(20)
     for number in range(5):
