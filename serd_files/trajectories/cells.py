@@ -209,9 +209,9 @@ def _of_navwareset(cells: Cells) -> Cells:
 
     frame = cells.frame.set_axis(list(cells.names), axis=1)
     others = [name for name in cells.names if role_of(name) == "episode"]
-    agents = [("robot", "robot_x", "robot_y")]
+    agents: list[tuple[Any, str, str]] = [("robot", "robot_x", "robot_y")]
     if "column" in cells.names:
-        agents.append(("person " + frame.column.astype(str), "x", "y"))
+        agents.append(("person " + frame["column"].astype(str), "x", "y"))
     else:
         numbers = (name[1:] for name in cells.names if name[:1] == "x" and name[1:].isdecimal())
         agents += [(f"person {number}", f"x{number}", f"y{number}") for number in numbers]

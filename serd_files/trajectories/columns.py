@@ -182,8 +182,8 @@ def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
     if unused:
         listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
         remarks = (f"{listed} {'are' if len(unused) > 1 else 'is'} not used",)
-    numbers = (found.get(role, -1) for role in ("time", "agent", "episode", "x", "y"))
-    return Columns(*numbers, remarks)
+    time, x, y = (found[role] for role in ("time", "x", "y"))
+    return Columns(time, found.get("agent", -1), found.get("episode", -1), x, y, remarks)
 
 
 def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
