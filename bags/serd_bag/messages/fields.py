@@ -19,7 +19,7 @@ from serd_bag.formats.rosbag2.message_types import MessageType, resolve_type, ty
 from serd_bag.messages.plain import Header, decode, header_of
 from serd_bag.nearest import hint
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic, topic_named
+from serd_bag.topic import Topic, topics_named
 
 _HEADER = "std_msgs/msg/Header"
 _DEEPEST = 6
@@ -107,7 +107,7 @@ def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, An
     Raises BagError where the bag is damaged or has no message of one of them.
     """
     reader = BagReader(directory)
-    short = {topic_named(reader.topics, name): name for name in names}
+    short = {topic: name for name in names for topic in topics_named(reader.topics, name)}
     stores = {topic: store_of(reader.topics[topic]) for topic in short}
     missing = set(names)
     for topic, type_name, data, *_ in reader.messages(short):
@@ -118,7 +118,10 @@ def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, An
             raise BagError(f"bag {directory}, {topic}: {error}") from None
         yield short[topic], message
     if missing:
-        raise BagError(f"bag {directory} must hold {min(missing)}, it has none; give another bag")
+        name = next(each for each in names if each in missing)
+        filled = {topic.rsplit("/", 1)[-1] for topic, *_ in reader.messages()}
+        known = ", ".join(sorted(filled)) or "nothing"
+        raise BagError(f"bag {directory} must hold {name}, it holds {known}; give another bag")
 
 
 @lru_cache(maxsize=32)
