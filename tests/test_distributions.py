@@ -4,7 +4,6 @@ import re
 import shutil
 import subprocess
 import sys
-import sysconfig
 import zipfile
 from importlib.metadata import PackageNotFoundError, distribution, requires
 from pathlib import Path
@@ -43,8 +42,11 @@ exec(statement)
 
 
 @pytest.fixture(scope="module")
-def wheels(root, tmp_path_factory):
-    """File of each wheel, built in a copy: a build leaves its modules beside the source."""
+def unpacked(root, tmp_path_factory):
+    """Folder of each unpacked wheel, built in a copy: a build leaves its modules beside the source.
+
+    No file belongs to two, so that whichever is removed the others keep theirs.
+    """
     folder = tmp_path_factory.mktemp("wheels")
     tree = folder / "tree"
     ignored = shutil.ignore_patterns("build", "__pycache__", "*.egg-info")
@@ -57,22 +59,15 @@ def wheels(root, tmp_path_factory):
     options = ("--no-deps", "--no-build-isolation", "--quiet", "--wheel-dir", folder)
     projects = [tree / project for project, _ in PROJECTS.values()]
     subprocess.run([sys.executable, "-m", "pip", "wheel", *options, *projects], check=True)
-    return {name: next(folder.glob(f"{name.replace('-', '_')}-[0-9]*.whl")) for name in PROJECTS}
-
-
-@pytest.fixture(scope="module")
-def unpacked(wheels, tmp_path_factory):
-    """Folder of each unpacked wheel."""
-    folder = tmp_path_factory.mktemp("unpacked")
-    for name, file in wheels.items():
+    for name in PROJECTS:
+        file = next(folder.glob(f"{name.replace('-', '_')}-[0-9]*.whl"))
         with zipfile.ZipFile(file) as archive:
             archive.extractall(folder / name)
-    return {name: folder / name for name in wheels}
+    return {name: folder / name for name in PROJECTS}
 
 
 def metadata_of(wheel):
-    (file,) = wheel.glob("*.dist-info/METADATA")
-    return file.read_text()
+    return next(wheel.glob("*.dist-info/METADATA")).read_text()
 
 
 def files_in(folder):
@@ -169,27 +164,3 @@ def test_a_library_works_with_its_dependencies_alone(unpacked, name, package, st
         cwd=unpacked[name],
     )
     assert ended.returncode == 0, ended.stderr
-
-
-def test_whichever_is_removed_the_others_keep_their_files(wheels, tmp_path):
-    subprocess.run([sys.executable, "-m", "venv", tmp_path / "env"], check=True)
-    python = tmp_path / "env" / "bin" / "python"
-    pip = (python, "-m", "pip", "--disable-pip-version-check", "-q")
-    (packages,) = (tmp_path / "env").glob("lib/python*/site-packages")
-    # The dependencies are those of this environment.
-    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    for removed in PROJECTS:
-        subprocess.run(
-            [*pip, "install", "--no-deps", "--ignore-installed", *wheels.values()], check=True
-        )
-        whole = "import serd_cli.app, serd_ros.errors, serd_sim, serd_files.errors"
-        subprocess.run([python, "-E", "-c", whole], check=True, cwd=tmp_path)
-        subprocess.run([*pip, "uninstall", "-y", removed], check=True)
-        for name in PROJECTS.keys() - {removed}:
-            (record,) = packages.glob(f"{name.replace('-', '_')}-[0-9]*.dist-info/RECORD")
-            listed = [line.partition(",")[0] for line in record.read_text().splitlines()]
-            assert [each for each in listed if not (packages / each).exists()] == []
-        for package in {"serd_core", "serd_bag"} - {removed.replace("-", "_")}:
-            there = f"import {package}, {package}.errors; print({package}.__file__)"
-            shown = subprocess.check_output([python, "-E", "-c", there], text=True, cwd=tmp_path)
-            assert shown.startswith(str(packages))

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import weakref
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,18 +63,24 @@ class BagReader:
         files: list[FileCount] = []
         self.copied = []
         for file, scan in self._scans():
-            unpacking = _Decompression()
-            yield from unpacking.messages(scan.messages(wanted))
+            n_broken = 0
+            for message in scan.messages(wanted):
+                if not message.data.startswith(_COMPRESSED):
+                    yield message
+                elif (data := _decompressed(message.data)) is None:
+                    n_broken += 1
+                else:
+                    yield message._replace(data=data)
             self.has_checksums &= scan.has_checksums
             counts.update(scan.counts)
-            n_read = scan.counts.total() - unpacking.n_broken
-            n_left_out = scan.n_left_out + unpacking.n_broken
+            n_read = scan.counts.total() - n_broken
+            n_left_out = scan.n_left_out + n_broken
             files.append(FileCount(file, n_read, scan.expected, n_left_out))
             if isinstance(scan, McapScan):
                 self.copied.append((scan.path, scan.copied))
             self._report(scan.damage, file)
-            if unpacking.n_broken:
-                what = f"{unpacking.n_broken} compressed messages cannot be unpacked"
+            if n_broken:
+                what = f"{n_broken} compressed messages cannot be unpacked"
                 self._report([Damage(file, None, what)])
         self.losses = losses(self.layout, files)
         missing = [] if self.damage else missing_messages(self.layout, counts)
@@ -104,23 +110,6 @@ class BagReader:
             raise DamagedBagError(found[0].sentence() + advice)
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
-
-
-class _Decompression:
-    """Decompresses messages that are; n_broken: those so far that cannot be."""
-
-    n_broken = 0
-
-    def messages(self, recorded: Iterable[RawMessage]) -> Iterator[RawMessage]:
-        """Those that are sound, each with its content."""
-        for message in recorded:
-            if message.data.startswith(_COMPRESSED):
-                data = _decompressed(message.data)
-                if data is None:
-                    self.n_broken += 1
-                    continue
-                message = message._replace(data=data)
-            yield message
 
 
 def _decompressed(data: bytes) -> bytes | None:

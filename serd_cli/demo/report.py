@@ -24,7 +24,7 @@ from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportI
 from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import write_report
-from serd_bag.messages.decoded import messages_of
+from serd_bag.messages.fields import messages_of
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, print_json
 from serd_files.model_file import load_model

@@ -12,27 +12,26 @@ from contextlib import closing
 import lz4.frame
 import pytest
 import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, Message, Schema
 
 from serd_bag.formats.limits import MOST_FAULTS, most_records, most_unpacked
 from serd_bag.health.check import check_bag
-from support.mcap_files import CONTENTS, Feature, mcap_file
+from support.mcap_files import CONTENTS, Feature, encoded, mcap_file
 
 _MOST_MEMORY_MB = 300
+#: Prints faults, messages and peak memory (kB) of a check of each file, in a process of its own.
 _CHECK = """
-import re, sys
+import os, re, sys
 from pathlib import Path
 from serd_bag.health.check import check_bag
-found = check_bag(sys.argv[1])
-print(len(found.faults), re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
+for path in sys.argv[1:]:
+    if not os.fork():
+        found = check_bag(path)
+        peak = re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1]
+        print(len(found.faults), found.n_messages, peak, flush=True)
+        os._exit(0)
+    os.wait()
 """
-
-
-def encoded(record):
-    builder = RecordBuilder()
-    record.write(builder)
-    return bytes(builder.end())
 
 
 HEAD = mcap_file([], Feature.NONE)[:25]
@@ -90,7 +89,7 @@ BOMBS = {
     ),
     "many chunks that unpack to 60 MB": lambda: BEGINNING + chunk(zeros(60 << 20), 60 << 20) * 100,
     "many messages of no size": many_messages_of_no_size,
-    "many bad chunks": lambda: BEGINNING + chunk(b"\0", 1, "", checksum=1) * 300_000,
+    "many bad chunks": lambda: BEGINNING + chunk(b"\0", 1, "", checksum=1) * 100_000,
     "chunks within chunks": chunks_within_chunks_that_all_reach_to_the_end,
     "a definition of empty lines": a_definition_of_empty_lines,
     "nested quality of service": lambda: quality_of_service("[" * 37_000),
@@ -98,31 +97,23 @@ BOMBS = {
 }
 
 
-def checked(path):
-    """(faults, peak memory in MB) of a process that checks the file."""
-    command = [sys.executable, "-c", _CHECK, str(path)]
+@pytest.mark.slow
+def test_little_memory_is_used_and_few_lines_report_the_faults(tmp_path):
+    paths = [tmp_path / f"{name}.mcap" for name in BOMBS]
+    for path, bomb in zip(paths, BOMBS.values(), strict=True):
+        path.write_bytes(bomb())
+    packed = tmp_path / "bomb.mcap.zstd"
+    packed.write_bytes(zeros(8 << 30))
+    assert packed.stat().st_size < 263_000
+    assert most_unpacked(packed.stat().st_size) < 1 << 30
+    command = [sys.executable, "-c", _CHECK, *paths, packed]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    n_faults, peak_kb = map(int, output.split())
-    return n_faults, peak_kb / 1024
-
-
-@pytest.mark.parametrize("bomb", BOMBS.values(), ids=BOMBS)
-def test_little_memory_is_used_and_few_lines_report_the_faults(tmp_path, bomb):
-    path = tmp_path / "bomb.mcap"
-    path.write_bytes(bomb())
-    n_faults, peak_mb = checked(path)
-    assert 0 < n_faults <= MOST_FAULTS
-    assert peak_mb < _MOST_MEMORY_MB
-
-
-def test_a_compressed_file_is_unpacked_up_to_a_limit(tmp_path):
-    path = tmp_path / "bomb.mcap.zstd"
-    path.write_bytes(zeros(8 << 30))
-    assert path.stat().st_size < 263_000
-    n_faults, peak_mb = checked(path)
-    assert 0 < n_faults <= MOST_FAULTS
-    assert peak_mb < _MOST_MEMORY_MB
-    assert most_unpacked(path.stat().st_size) < 1 << 30
+    for path, line in zip([*paths, packed], output.splitlines(), strict=True):
+        n_faults, n_messages, peak_kb = map(int, line.split())
+        assert 0 < n_faults <= MOST_FAULTS, path
+        assert peak_kb / 1024 < _MOST_MEMORY_MB, path
+        if path.stem == "many messages of no size":
+            assert 900_000 < n_messages <= most_records(path.stat().st_size)
 
 
 def test_equal_faults_are_one_line_with_their_number(tmp_path):
@@ -131,15 +122,6 @@ def test_equal_faults_are_one_line_with_their_number(tmp_path):
     faults = check_bag(path).faults
     assert len(faults) == 1
     assert "checksum of a chunk does not fit its content (the first of 300 such" in faults[0]
-
-
-def test_no_more_records_are_read_than_a_file_of_its_size_can_hold(tmp_path):
-    path = tmp_path / "bomb.mcap"
-    path.write_bytes(many_messages_of_no_size())
-    check = check_bag(path)
-    assert 900_000 < check.n_messages <= most_records(path.stat().st_size)
-    assert any("more records than a file of its size" in each for each in check.faults)
-    assert any("those of the first" in each for each in check.remarks) or check.n_messages < 10**6
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,13 @@
 from serd_bag.nearest import choice_rule, hint
 
 
-def test_the_hint_offers_the_nearest_or_all():
+def test_the_nearest_name_is_offered_or_all_are():
     for slip in ("juncton", "JUNCTION"):
         assert hint(slip, ["hallway", "junction"]) == "did you mean 'junction'?"
     assert hint("zebra", ["junction", "hallway"]) == "choose from hallway, junction"
     assert hint("zebra", []) == "none is known"
-
-
-def test_a_rule_names_the_choices_and_only_a_near_one_as_meant():
     rule = "place must be one of hallway, junction, got "
     choices = ["hallway", "junction"]
-    assert (
-        choice_rule("place", "junktion", choices) == f"{rule}'junktion'; did you mean 'junction'?"
-    )
+    near = f"{rule}'junktion'; did you mean 'junction'?"
+    assert choice_rule("place", "junktion", choices) == near
     assert choice_rule("place", "zebra", choices) == f"{rule}'zebra'"

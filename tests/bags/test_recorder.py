@@ -8,23 +8,18 @@ import pytest
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.recorder import BagRecorder, RecorderSettings
-
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-POSE = "geometry_msgs/msg/PoseStamped"
-
-
-class Clock:
-    """A clock that is set by hand."""
-
-    now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
+from support.bag_messages import DIAGNOSTICS, POSE
 
 
 @pytest.fixture
 def clock():
-    return Clock()
+    """A clock that is set by hand."""
+
+    def now():
+        return now.now_s
+
+    now.now_s = 0.0
+    return now
 
 
 def make(folder, clock, free_bytes=lambda _: 10**9, **settings):
@@ -65,26 +60,27 @@ def test_recording_ends_with_a_sound_bag_before_the_disk_is_full(tmp_path, clock
     assert len(list(BagReader(tmp_path / "bag").messages())) == 1
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
 def test_a_failed_write_is_reported_and_what_was_written_stays(
-    tmp_path, clock, messages, monkeypatch, code
+    tmp_path, clock, messages, monkeypatch
 ):
     recorder = make(tmp_path / "bag", clock, sync=False)
-    recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
-    clock.now_s = 0.3
-    recorder.poll()
+
+    def write(second):
+        clock.now_s += 0.3
+        written = recorder.record("/robot_pose", messages.pose(second, 0.0, 0.0), second * 10**9)
+        recorder.poll()
+        return written
 
     def refuse(*_):
-        raise OSError(code, os.strerror(code))
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    recorder.record("/robot_pose", messages.pose(2.0, 0.0, 0.0), 2 * 10**9)
-    monkeypatch.setattr(os, "write", refuse)
-    clock.now_s = 0.6
-    recorder.poll()
-    monkeypatch.undo()
+    assert write(1)
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", refuse)
+        write(2)
     assert recorder.status.problem.startswith("cannot write")
     assert (recorder.status.n_messages, recorder.status.n_lost) == (1, 1)
-    assert not recorder.record("/robot_pose", messages.pose(3.0, 0.0, 0.0), 3 * 10**9)
+    assert not write(3)
     recorder.close()
     found = list(BagReader(tmp_path / "bag", tolerant=True).messages())
     assert [message.log_time_ns for message in found] == [10**9]

@@ -14,8 +14,7 @@ from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import QosProfile
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
-
-POSE = "geometry_msgs/msg/PoseStamped"
+from support.bag_messages import POSE, TWIST
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": "zstd"}, {"max_file_bytes": 4000}])
@@ -72,39 +71,35 @@ def test_metadata_is_that_of_version_9(small_bag):
     assert sum(each["message_count"] for each in info["files"]) == info["message_count"] == 69
 
 
-def test_quality_of_service_survives(tmp_path):
+def test_quality_of_service_survives_also_in_an_empty_bag(tmp_path):
     latched = QosProfile(durability="transient_local", depth=1)
     sensor_data = QosProfile(reliability="best_effort", depth=5)
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/map", "nav_msgs/msg/OccupancyGrid", (latched,))
         writer.add_topic("/scan", "sensor_msgs/msg/LaserScan", (sensor_data,))
+    assert list(BagReader(tmp_path / "bag").messages()) == []
     with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 0
         profiles = {each.topic: each.ext.offered_qos_profiles[0] for each in reader.connections}
     assert profiles["/map"].durability == QosDurability.TRANSIENT_LOCAL
     assert profiles["/scan"].reliability == QosReliability.BEST_EFFORT
 
 
-def test_an_empty_bag_is_a_bag(tmp_path):
-    BagWriter(tmp_path / "bag").close()
-    with AnyReader([tmp_path / "bag"]) as reader:
-        assert reader.message_count == 0
-    assert list(BagReader(tmp_path / "bag").messages()) == []
-
-
-def test_wrong_use_raises(tmp_path, messages):
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (lambda writer: writer.write("/robot_pos", b"", 1), "'/robot_pos' must be added first"),
+        (lambda writer: writer.write("/robot_pose", b"", -1), "times must be 0 to"),
+        (lambda writer: writer.add_topic("/robot_pose", TWIST), "must keep its type"),
+        (lambda writer: BagWriter(writer.directory), "must be new or empty"),
+        (lambda writer: BagWriter(writer.directory / "bag_0.mcap" / "bag"), "cannot write"),
+    ],
+)
+def test_wrong_use_raises(tmp_path, wrong, sentence):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/robot_pose", POSE)
-        with pytest.raises(BagError, match="'/robot_pos' must be added first; did you mean"):
-            writer.write("/robot_pos", messages.pose(1.0, 0.0, 0.0), 1)
-        with pytest.raises(BagError, match="times must be 0 to"):
-            writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), -1)
-        with pytest.raises(BagError, match="must keep its type"):
-            writer.add_topic("/robot_pose", "geometry_msgs/msg/Twist")
-    with pytest.raises(BagError, match="must be new or empty"):
-        BagWriter(tmp_path / "bag")
-    (tmp_path / "file").touch()
-    with pytest.raises(BagError, match="cannot write"):
-        BagWriter(tmp_path / "file" / "bag")
+        with pytest.raises(BagError, match=sentence):
+            wrong(writer)
 
 
 def test_a_full_disk_keeps_what_was_written_before(tmp_path, messages, monkeypatch):

@@ -32,7 +32,7 @@ from serd_files.grid_file import load_grid, save_grid
 from serd_files.model_file import load_model
 from serd_files.table import RowTable, write_rows, write_table
 from serd_files.trajectories.read import read_trajectories
-from serd_files.yaml_config import StrictModel, load_yaml_model, model_yaml
+from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_ros.graph.graph import find_stack
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS
 from serd_sim.scenario.grid import flow_of, grid_of
@@ -67,49 +67,35 @@ _MODELS: dict[str, StrictModel] = {
     "demonstrations": DemonstrationRecord(
         scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0, bags=(_BAG,)
     ),
-    "begun drive": BegunDrive(model="model.yaml"),
+    "begun_drive": BegunDrive(model="model.yaml"),
     "demo": DemoSettings(),
 }
-_TEXTS = {
-    "mux": _ROOT / "serd_app" / "teleop" / "mux.yaml",
-    "joy": _ROOT / "serd_app" / "teleop" / "joy.yaml",
-    "study": YAML,
+_TEXTS: dict[str, tuple[Path, Callable[[Path], object]]] = {
+    "mux": (_ROOT / "serd_app" / "teleop" / "mux.yaml", load_mux),
+    "joy": (_ROOT / "serd_app" / "teleop" / "joy.yaml", load_joy_mapping),
+    "study": (YAML, lambda path: study_settings(config=path)),
 }
 _RINGS = [[[0, 0], [8, 0], [8, 4], [0, 4], [0, 0]], [[2, 1], [3, 1], [3, 2], [2, 2], [2, 1]]]
 _AREAS = {
     "area.wkt": "POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (2 1, 3 1, 3 2, 2 2, 2 1))",
     "area.geojson": json.dumps({"type": "Polygon", "coordinates": _RINGS}),
 }
-_AREA_PIECES = (
-    "nan",
-    "1e999",
-    "-0",
-    "(",
-    ")",
-    "[",
-    "]",
-    ",",
-    "EMPTY",
-    "MULTIPOLYGON",
-    "null",
-    "8 4",
-)
-_YAML_LOADERS: dict[str, Callable[[Path], object]] = {
-    "model": load_model,
-    "grid": load_grid,
-    "mux": load_mux,
-    "joy": load_joy_mapping,
-    "study": lambda path: study_settings(config=path),
-    **{name: partial(load_yaml_model, model_class=type(each)) for name, each in _MODELS.items()},
+_PIECES = {
+    ".yaml": YAML_PIECES,
+    ".csv": CSV_PIECES,
+    **dict.fromkeys(
+        (".wkt", ".geojson"),
+        ("nan", "1e999", "-0", *"()[],", "EMPTY", "MULTIPOLYGON", "null", "8 4"),
+    ),
 }
 
 
 def _save_decisions(path: Path) -> None:
-    numbers = {"episode": [0, 1], "state": [0, 1], "action": [1, 0], "next_state": [1, 2]}
-    columns = {name: np.array(values) for name, values in numbers.items()}
-    times = {"time_s": np.array([0.0, 0.5]), "dwell_s": np.array([0.5, 1.0])}
-    censored = np.zeros(2, dtype=bool)
-    save_decisions(path, TimedDecisions(**columns, **times, censored=censored, source="bag a"))
+    decisions = TimedDecisions(
+        episode=[0, 1], time_s=[0.0, 0.5], state=[0, 1], action=[1, 0], next_state=[1, 2],
+        dwell_s=[0.5, 1.0], censored=[False, False], source="bag a",
+    )  # fmt: skip
+    save_decisions(path, decisions)
 
 
 def _save_flow(path: Path) -> None:
@@ -149,31 +135,47 @@ def _save_unnamed_tracks(path: Path) -> None:
     path.write_text(f"# framerate: 25 fps\n{''.join(lines)}")
 
 
-#: Writer of a valid table and loader, by name.
-_TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
-    "decisions": (_save_decisions, load_decisions),
-    "flow": (_save_flow, lambda path: load_flow(path, _GRID)),
-    "episodes": (_save_episodes, load_episodes),
-    "arrivals": (_save_arrivals, load_arrivals),
-    "rows": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS)),
-    "tracks": (_save_tracks, read_trajectories),
-    "unnamed tracks": (_save_unnamed_tracks, read_trajectories),
+#: Writer of a valid file and its loader, by the name of the file.
+_FILES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
+    "grid.yaml": (lambda path: save_grid(path, _GRID, "corridor"), load_grid),
+    "decisions.csv": (_save_decisions, load_decisions),
+    "flow.csv": (_save_flow, lambda path: load_flow(path, _GRID)),
+    "episodes.csv": (_save_episodes, load_episodes),
+    "arrivals.csv": (_save_arrivals, load_arrivals),
+    "rows.csv": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS)),
+    "tracks.csv": (_save_tracks, read_trajectories),
+    "tracks.parquet": (_save_tracks, read_trajectories),
+    "unnamed_tracks.csv": (_save_unnamed_tracks, read_trajectories),
+    **{
+        f"{name}.yaml": (
+            lambda path, model=model: save_yaml_model(path, model),
+            partial(load_yaml_model, model_class=type(model)),
+        )
+        for name, model in _MODELS.items()
+    },
+    **{
+        f"{name}.yaml": (lambda path, text=text: path.write_bytes(text.read_bytes()), load)
+        for name, (text, load) in _TEXTS.items()
+    },
+    **{
+        name: (lambda path, area=area: path.write_text(area), read_area_m)
+        for name, area in _AREAS.items()
+    },
 }
 
 
-def _valid_yaml(name: str, folder: Path, save_model_of: Callable[..., Path]) -> str:
-    if name == "model":
-        return save_model_of("corridor").read_text()
-    if name == "grid":
-        save_grid(folder / "grid.yaml", _GRID, "corridor")
-        return (folder / "grid.yaml").read_text()
-    return _TEXTS[name].read_text() if name in _TEXTS else model_yaml(_MODELS[name])
-
-
-def assert_each_loads_or_one_line(
-    cases: st.SearchStrategy[bytes], path: Path, load: Callable[[Path], object]
-) -> None:
-    """Every content of the file loads, or is refused in one line."""
+@pytest.mark.parametrize("name", ["model.yaml", *_FILES])
+def test_a_mutated_file_loads_or_is_refused_in_one_line(name, tmp_path, save_model_of):
+    path = tmp_path / name
+    save, load = _FILES.get(name, (lambda _: save_model_of("corridor"), load_model))
+    save(path)
+    load(path)
+    valid = path.read_bytes()
+    cases = mutated_bytes(valid)
+    if path.suffix != ".parquet":
+        cases |= mutated_text(valid.decode(), _PIECES[path.suffix]).map(_encoded)
+    if path.suffix == ".yaml":
+        cases |= mutated_yaml(valid.decode()).map(_encoded)
 
     @FUZZ
     @given(cases)
@@ -182,42 +184,6 @@ def assert_each_loads_or_one_line(
         assert_loads_or_one_line(lambda: load(path))
 
     check()
-
-
-@pytest.mark.parametrize("name", _YAML_LOADERS)
-def test_a_mutated_yaml_file_loads_or_is_refused_in_one_line(name, tmp_path, save_model_of):
-    valid = _valid_yaml(name, tmp_path, save_model_of)
-    path = tmp_path / "case.yaml"
-    path.write_text(valid)
-    _YAML_LOADERS[name](path)
-
-    cases = mutated_yaml(valid) | mutated_text(valid, YAML_PIECES)
-    assert_each_loads_or_one_line(
-        cases.map(_encoded) | mutated_bytes(valid.encode()), path, _YAML_LOADERS[name]
-    )
-
-
-@pytest.mark.parametrize("name", [*_TABLES, "tracks.parquet"])
-def test_a_mutated_table_loads_or_is_refused_in_one_line(name, tmp_path):
-    kind, _, suffix = name.partition(".")
-    save, load = _TABLES[kind]
-    path = tmp_path / f"case.{suffix or 'csv'}"
-    save(path)
-    load(path)
-    valid = path.read_bytes()
-    cases = mutated_bytes(valid)
-    if not suffix:
-        cases |= mutated_text(valid.decode(), CSV_PIECES).map(_encoded)
-    assert_each_loads_or_one_line(cases, path, load)
-
-
-@pytest.mark.parametrize("name", _AREAS)
-def test_a_mutated_area_is_read_or_refused_in_one_line(name, tmp_path):
-    path, valid = tmp_path / name, _AREAS[name]
-    path.write_text(valid)
-    read_area_m(path)
-    cases = mutated_text(valid, _AREA_PIECES).map(_encoded) | mutated_bytes(valid.encode())
-    assert_each_loads_or_one_line(cases, path, read_area_m)
 
 
 @FUZZ

@@ -2,7 +2,7 @@
 
 The subscriptions are those of the running nodes. Each node gets valid messages between the mutated
 ones, and publishes on the same topics afterwards as before. SERD_FUZZ_CASES sets the number of
-mutations per subscription (200), SERD_FUZZ_SEED the seed (0).
+mutations per subscription (50), SERD_FUZZ_SEED the seed (0).
 """
 
 import os
@@ -35,7 +35,8 @@ from support.people_messages import DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
 from support.waiting import wait_until
 
-N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "200"))
+N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "50"))
+IS_FUZZ = "SERD_FUZZ_CASES" in os.environ
 SEED = int(os.environ.get("SERD_FUZZ_SEED", "0"))
 MUTATED_BETWEEN_VALID = 20
 TICK_S, TICKS_PER_DECISION = 0.05, 40
@@ -65,7 +66,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
-    "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],
+    "strategy": [{"episodes": 1_000_000, "reset": reset} for reset in (True, False)[: 1 + IS_FUZZ]],
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
     "teleop_page": [{"port": 0}],
     "watch_page": [{"port": 0}],
@@ -74,12 +75,10 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "nav2_bridge": [{"publish_tf": True}, {"mode": "through_poses"}],
 }
 CASES = [
-    pytest.param(
-        kind, parameters, id="-".join([kind, *(f"{k}={v}" for k, v in parameters.items())])
-    )
-    for kind in load_graph().nodes
+    (kind, parameters)
+    for kind, node in load_graph().nodes.items()
     for parameters in VARIANTS.get(kind, [{}])
-    if load_graph().nodes[kind].subscribes
+    if node.subscribes
 ]
 
 
@@ -90,7 +89,7 @@ class Session:
         self.running, self.node = running, running.node
         self._model = model
         self._time_s = START_S
-        self._n_recorded = 0
+        self.n_sent = 0
 
     def messages(self, subscription) -> Iterator[object]:
         """Valid messages for a subscription, as objects."""
@@ -154,7 +153,7 @@ class Session:
         """Call the subscription; raw ones take bytes."""
         raw = subscription.raw and not isinstance(message, bytes)
         deliver(subscription, serialize_message(message) if raw else message)
-        self._n_recorded += 1
+        self.n_sent += 1
 
     def send_mutated(self, subscription, rng: random.Random) -> None:
         """One mutated message; an error states it."""
@@ -168,12 +167,6 @@ class Session:
         except Exception as error:
             raise AssertionError(f"{subscription.topic_name}: {str(message)[:3000]}") from error
 
-    def assert_recorded(self) -> None:
-        """A recorder has every message but those without a stamp."""
-        if isinstance(self.node, DemoRecorderNode):
-            n_kept = self._n_recorded - self.node.callbacks.n_rejected
-            assert self.running.work._recorder.status.n_messages == n_kept
-
 
 def follow_tf(running: NodeInProcess) -> None:
     """Let the node subscribe to /tf, which it does where there is a publisher."""
@@ -185,6 +178,7 @@ def follow_tf(running: NodeInProcess) -> None:
 
 
 def memory_mb() -> float:
+    """Resident memory of this process."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
 
@@ -205,7 +199,7 @@ def raising(guard) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("nav2_server")
 @pytest.mark.parametrize(("kind", "parameters"), CASES)
-def test_no_message_ends_a_node_or_fails_in_it(kind, parameters, tmp_path, save_model_of, capsys):
+def test_no_message_ends_a_node_or_fails_in_it(kind, parameters, tmp_path, save_model_of):
     model = save_model_of()
     given = {
         "strategy": {"model": str(model)},
@@ -221,21 +215,15 @@ def test_no_message_ends_a_node_or_fails_in_it(kind, parameters, tmp_path, save_
         before_mb = memory_mb()
         for subscription in list(running.node.subscriptions):
             rng = random.Random(f"{SEED} {subscription.topic_name}")
-            dropped = running.node.callbacks.n_rejected
             for number in range(N_MUTATIONS):
                 if number % MUTATED_BETWEEN_VALID == 0:
                     session.feed(1, subscription.topic_name.strip("/"))
                 session.send_mutated(subscription, rng)
-            with capsys.disabled():
-                print(
-                    f"\n{kind} {subscription.topic_name}: {N_MUTATIONS} mutated messages, seed"
-                    f" {SEED}, {running.node.callbacks.n_rejected - dropped} dropped, "
-                    f"{memory_mb() - before_mb:+.0f} MB",
-                    end="",
-                )
         # A busy machine can take longer than a held key counts, so that the node stops driving.
         wait_until(lambda: session.work() >= published, turn=lambda: None)
-        session.assert_recorded()
+        if isinstance(running.node, DemoRecorderNode):  # it has all but those without a stamp
+            n_kept = session.n_sent - running.node.callbacks.n_rejected
+            assert running.work._recorder.status.n_messages == n_kept
         running.assert_alive()
         assert memory_mb() - before_mb < MOST_GROWTH_MB
 

@@ -19,20 +19,22 @@ from serd_bag.files import (
 from serd_files.files import FileWatch
 
 
-def test_the_content_is_written_and_folders_are_made(tmp_path):
-    path = tmp_path / "new" / "folder" / "file.txt"
-    atomic_write_text(path, "grüße\n")
-    assert path.read_bytes() == "grüße\n".encode()
+def failing(code):
+    def fail(*_, **__):
+        raise OSError(code, os.strerror(code))
+
+    return fail
 
 
-def test_a_link_is_followed_and_the_mode_kept(tmp_path):
-    target, link = tmp_path / "target", tmp_path / "link"
-    target.write_bytes(b"old")
+def test_the_content_is_written_folders_are_made_links_followed_and_the_mode_kept(tmp_path):
+    target, link = tmp_path / "new" / "folder" / "target", tmp_path / "link"
+    atomic_write_text(target, "grüße\n")
+    assert target.read_bytes() == "grüße\n".encode()
     target.chmod(0o640)
     link.symlink_to(target)
     atomic_write_bytes(link, b"new")
     assert link.is_symlink()
-    assert target.read_bytes() == b"new"
+    assert read_bytes(link) == target.read_bytes() == b"new"
     assert stat.S_IMODE(target.stat().st_mode) == 0o640
 
 
@@ -46,11 +48,7 @@ def test_a_failure_keeps_the_old_content_and_leaves_no_temporary(
 ):
     path = tmp_path / "file"
     path.write_bytes(b"old")
-
-    def fail(*_):
-        raise OSError(code, os.strerror(code))
-
-    monkeypatch.setattr(os, step, fail)
+    monkeypatch.setattr(os, step, failing(code))
     with pytest.raises(FileError, match=sentence):
         atomic_write_bytes(path, b"new")
     assert path.read_bytes() == b"old"
@@ -77,58 +75,36 @@ def test_a_file_is_deleted_where_there_is_one_and_a_folder_gets_a_sentence(tmp_p
     path.touch()
     delete_file(path)
     assert not path.exists()
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(FileError, match=r"cannot delete .*folder: "):
-        delete_file(tmp_path / "folder")
-
-    def fail(*_, **__):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr(Path, "unlink", fail)
+    with pytest.raises(FileError, match=f"cannot delete {tmp_path}: "):
+        delete_file(tmp_path)
+    monkeypatch.setattr(Path, "unlink", failing(errno.EROFS))
     delete_file(path)
     path.touch()
     with pytest.raises(FileError, match="the file system is read-only; choose a folder"):
         delete_file(path)
 
 
-def test_devices_and_pipes_are_rejected_before_they_are_opened(tmp_path):
+def test_devices_pipes_folders_and_missing_files_are_rejected_before_they_are_opened(tmp_path):
     pipe, link = tmp_path / "pipe", tmp_path / "link"
     os.mkfifo(pipe)
     link.symlink_to("/dev/zero")
-    for path in (Path("/dev/zero"), pipe, link):
+    for path, sentence in (
+        *((path, f"{path} must be a regular file, got a device, pipe") for path in (pipe, link)),
+        (tmp_path, "it is a folder; name a file"),
+        (tmp_path / "other", "it does not exist; check the path"),
+    ):
         for read in (read_bytes, read_text):
-            with pytest.raises(FileError) as error:
+            with pytest.raises(FileError, match=sentence):
                 read(path)
-            assert str(error.value) == (
-                f"{path} must be a regular file, got a device, pipe or socket; write its content to"
-                " a file first"
-            )
 
 
-def test_links_to_files_are_read_and_folders_are_not(tmp_path):
-    (tmp_path / "file").write_bytes(b"content")
-    (tmp_path / "link").symlink_to(tmp_path / "file")
-    assert read_bytes(tmp_path / "link") == b"content"
-    with pytest.raises(FileError, match="it is a folder; name a file"):
-        read_bytes(tmp_path)
-    with pytest.raises(FileError, match="it does not exist; check the path"):
-        read_bytes(tmp_path / "other")
-
-
-def test_every_writing_is_noticed_once(tmp_path):
+def test_every_writing_is_noticed_once_and_a_file_that_is_gone_when_it_is_back(tmp_path):
     path = tmp_path / "model.yaml"
     path.write_text("one")
     watch = FileWatch(path)
     assert not watch.changed()
     atomic_write_text(path, "two")
-    assert watch.changed()
-    assert not watch.changed()
-
-
-def test_a_file_that_is_gone_is_unchanged_until_it_is_back(tmp_path):
-    path = tmp_path / "model.yaml"
-    path.write_text("one")
-    watch = FileWatch(path)
+    assert [watch.changed(), watch.changed()] == [True, False]
     path.unlink()
     assert not watch.changed()
     path.write_text("three")

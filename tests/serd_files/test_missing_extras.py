@@ -1,9 +1,7 @@
 """`serd` without the extra `sim`: what a robot needs works, the rest says what to install."""
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -20,10 +18,13 @@ sys.meta_path.insert(0, Without())
 """
 
 
-def run(statement, *words):
+SERD = "from serd_cli.main import main; sys.exit(main())"
+
+
+def run(statement, *words, **options):
     program = f"{WITHOUT}sys.argv[1:] = {list(words)!r}\n{statement}"
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=dict(os.environ)
+        [sys.executable, "-c", program], capture_output=True, text=True, **options
     )
 
 
@@ -41,39 +42,31 @@ def test_what_runs_on_a_robot_needs_neither_simulator_nor_figures():
 
 
 @pytest.mark.parametrize(
-    ("words", "library"),
+    ("statement", "words", "code", "library"),
     [
-        (["scenario", "show", "hallway", "--output", "plan.png"], "matplotlib"),
-        (["batch", "--scenario", "hallway", "--output", "runs.csv"], "pybullet"),
+        (SERD, ["scenario", "show", "hallway", "--output", "plan.png"], 2, "serd: matplotlib"),
+        (SERD, ["batch", "--scenario", "hallway", "--output", "runs.csv"], 2, "serd: pybullet"),
+        (
+            "from serd_ros.process.executable import run; run('hallway_sim')", [], 1,
+            "hallway_sim: pybullet",
+        ),
     ],
-)
-def test_a_command_says_which_extra_it_needs(words, library, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    ended = run("from serd_cli.main import main; sys.exit(main())", *words)
-    assert ended.returncode == 2
-    expected = f"serd: {library} is not installed; run: pip install 'serd[sim]'"
+)  # fmt: skip
+@pytest.mark.ros
+def test_a_command_and_a_node_say_which_extra_they_need(
+    statement, words, code, library, tmp_path, ros_env
+):
+    ended = run(statement, *words, cwd=tmp_path, env=ros_env)
+    assert ended.returncode == code
+    expected = f"{library} is not installed; run: pip install 'serd[sim]'"
     assert expected in ended.stderr.replace("\n", " ")
 
 
-@pytest.mark.ros
-def test_the_simulators_node_says_which_extra_it_needs(ros_env):
-    program = "from serd_ros.process.executable import run; run('hallway_sim')"
-    ended = subprocess.run(
-        [sys.executable, "-c", WITHOUT + program],
-        capture_output=True,
-        text=True,
-        env=ros_env,
-    )
-    assert ended.returncode == 1
-    assert "hallway_sim: pybullet is not installed; run: pip install 'serd[sim]'" in ended.stderr
-
-
-def test_a_table_is_written_where_no_picture_can_be_drawn(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_table_is_written_where_no_picture_can_be_drawn(tmp_path):
     rows = [f"{agent},{t / 2:.1f},{t / 2:.2f},1.0" for agent in range(3) for t in range(12)]
-    Path("walk.csv").write_text("\n".join(["agent,time,x,y", *rows]) + "\n")
-    ended = run("from serd_cli.main import main; sys.exit(main())", "demos", "walk.csv")
+    (tmp_path / "walk.csv").write_text("\n".join(["agent,time,x,y", *rows]) + "\n")
+    ended = run(SERD, "demos", "walk.csv", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
     assert "no picture is drawn: matplotlib is not installed" in ended.stderr.replace("\n", " ")
-    assert Path("decisions.csv").exists()
-    assert not Path("decisions.png").exists()
+    assert (tmp_path / "decisions.csv").exists()
+    assert not (tmp_path / "decisions.png").exists()

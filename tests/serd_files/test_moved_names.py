@@ -1,16 +1,16 @@
 """Names of the version before answer where they went."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 from serd_bag.errors import FileError
+from serd_cli.app import make_app, run
 from serd_files.yaml_config import model_yaml, yaml_model
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import addressees, find_stack
 from serd_sim.scenario.scenario import Scenario, load_scenario
+from support.commands import work_in_empty_folder
 
 
 @pytest.mark.parametrize(
@@ -36,11 +36,15 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
         (["scenario", "film", "--pixels-per-m", "5"], "24 pixels per metre"),
     ],
 )
-def test_a_command_says_where_it_went(words, went):
-    program = "import sys; from serd_cli.main import main; sys.exit(main())"
-    ended = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
-    assert ended.returncode == 2
-    assert went in ended.stderr.replace("\n", " ")
+def test_a_command_says_where_it_went(monkeypatch, tmp_path, capsys, words, went):
+    work_in_empty_folder(monkeypatch, tmp_path)
+    monkeypatch.setattr("sys.argv", ["serd", *words])
+    try:
+        code = run(make_app())
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert went in capsys.readouterr().err.replace("\n", " ")
 
 
 def test_a_parameter_says_where_it_went():

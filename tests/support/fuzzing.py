@@ -22,7 +22,7 @@ from serd_files.errors import USER_ERRORS
 
 #: Settings of one target; the cases are the same in every run.
 FUZZ = settings(
-    max_examples=int(os.environ.get("SERD_FUZZ_CASES", "200")),
+    max_examples=int(os.environ.get("SERD_FUZZ_CASES", "50")),
     deadline=None,
     database=None,
     derandomize=True,

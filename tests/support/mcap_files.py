@@ -182,20 +182,21 @@ class _File:
         if Feature.SUMMARY_OFFSET in self._features and offsets:
             offset_start = start + len(summary)
             summary += b"".join(map(self._encoded, offsets))
-        footer = _encoded(Footer(start if summary else 0, offset_start, 0))
+        footer = encoded(Footer(start if summary else 0, offset_start, 0))
         checksum = zlib.crc32(summary + footer[:-4]) if self._checksums else 0
         return data_end + summary + footer[:-4] + checksum.to_bytes(4, "little") + MCAP0_MAGIC
 
     def _encoded(self, record: McapRecord) -> bytes:
         """With extra data at the end, which a reader must ignore; data of messages has no end."""
-        content = _encoded(record)
+        content = encoded(record)
         if Feature.EXTRA_DATA not in self._features or content[0] == Opcode.MESSAGE:
             return content
         length = len(content) - 9 + len(_EXTRA)
         return content[:1] + length.to_bytes(8, "little") + content[9:] + _EXTRA
 
 
-def _encoded(record: McapRecord) -> bytes:
+def encoded(record: McapRecord) -> bytes:
+    """The bytes of a record."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())

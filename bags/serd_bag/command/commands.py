@@ -13,8 +13,7 @@ from serd_bag.command.rewrite import RewriteReport, convert, recover
 from serd_bag.errors import BagError, printable
 from serd_bag.formats.mcap.writer import Compression
 from serd_bag.formats.rosbag2.layout import storage_name
-from serd_bag.health.check import BagCheck, TopicCheck, check_bag
-from serd_bag.health.contents import BagContents, contents_of_bag
+from serd_bag.health.check import BagCheck, BagContents, TopicCheck, check_bag, contents_of_bag
 from serd_bag.quantities import counted, seconds_in_words
 
 Style = Literal["good", "notable", "bad"]

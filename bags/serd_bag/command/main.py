@@ -5,11 +5,10 @@ Exit codes: `EXIT_CODES` of the commands, 130 interrupted.
 
 import argparse
 import json
-import shutil
 import sys
-import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from serd_bag.command.commands import (
     BAD_INPUT,
     EXIT_CODES,
     Page,
-    Table,
     convert_bags,
     recover_bags,
     show_checks,
@@ -27,7 +25,6 @@ from serd_bag.errors import FileError
 from serd_bag.standard_output import written_output
 
 INTERRUPTED = 130
-_LEAST_TEXT_WIDTH = 12
 _BETWEEN = "  "
 
 
@@ -47,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class PlainScreen:
-    """Prints to stdout, tables in columns as wide as the terminal."""
+    """Prints to stdout, tables in columns as wide as their texts."""
 
     def __init__(self, *, as_json: bool) -> None:
         self.as_json = as_json
@@ -59,12 +56,17 @@ class PlainScreen:
     def show(self, page: Page) -> None:
         """The table with a line below its head; remarks on stderr."""
         print(page.heading)
-        table = page.table
-        widths = _widths(table, shutil.get_terminal_size().columns)
-        for number, row in enumerate((table.columns, *table.rows)):
-            for line in _folded(row, widths, table.texts):
-                print(line.rstrip())
-            if number == 0:
+        heads = [column.split("\n") for column in page.table.columns]
+        n_heads = max(map(len, heads))
+        lines = [*zip_longest(*heads, fillvalue=""), *page.table.rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        for number, line in enumerate(lines):
+            cells = (
+                text.ljust(width) if column in page.table.texts else text.rjust(width)
+                for column, (text, width) in enumerate(zip(line, widths, strict=True))
+            )
+            print(_BETWEEN.join(cells).rstrip())
+            if number == n_heads - 1:
                 print(_BETWEEN.join("-" * width for width in widths))
         for sentence in page.lines:
             print(sentence.text)
@@ -80,34 +82,6 @@ def _done(given: argparse.Namespace, screen: PlainScreen) -> int:
     if given.command == "recover":
         return recover_bags(given.bags, given.output, screen)
     return convert_bags(given.bags, given.output, given.compression, screen)
-
-
-def _widths(table: Table, most: int) -> list[int]:
-    """Of each column; those of texts are folded where all together are wider than `most`."""
-    cells = zip(table.columns, *table.rows, strict=True)
-    widths = [
-        max(len(line) for text in each for line in text.splitlines() or [""]) for each in cells
-    ]
-    while sum(widths) + len(_BETWEEN) * (len(widths) - 1) > most:
-        widest = max(table.texts, key=lambda column: widths[column])
-        if widths[widest] <= _LEAST_TEXT_WIDTH:
-            break
-        widths[widest] -= 1
-    return widths
-
-
-def _folded(row: Sequence[str], widths: Sequence[int], texts: Sequence[int]) -> Iterator[str]:
-    """The lines of a row, numbers on the right of their columns."""
-    cells = [
-        [part for line in text.splitlines() for part in textwrap.wrap(line, width)]
-        for text, width in zip(row, widths, strict=True)
-    ]
-    for number in range(max(map(len, cells))):
-        parts = [cell[number] if number < len(cell) else "" for cell in cells]
-        yield _BETWEEN.join(
-            part.ljust(width) if column in texts else part.rjust(width)
-            for column, (part, width) in enumerate(zip(parts, widths, strict=True))
-        )
 
 
 def _parser() -> argparse.ArgumentParser:

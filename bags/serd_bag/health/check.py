@@ -1,27 +1,27 @@
-"""Checks of a whole recording: damage, counts, gaps, clocks.
+"""Checks of a whole recording: damage, counts, gaps, clocks; and what a bag holds.
 
 The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
-recorder received it. Stamps that step back, jump or drift against the log times indicate two
-clocks. These are compared by delay = log time - stamp. A late message has a long delay; the least
-delay within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
-likewise: RFC 5905, section 10.)
+recorder received it. Stamps that step back, or do not agree with the log times, are of another
+clock. What a bag holds is known by the summaries at the ends of its files; only without them all is
+read.
 """
 
 from array import array
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from serd_bag.damage import at_most
+from serd_bag.damage import at_most, missing_messages
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
+from serd_bag.formats.mcap.file_end import FileEnd
+from serd_bag.formats.rosbag2.layout import bag_layout
 from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
 from serd_bag.messages.plain import message_stamp_ns
-from serd_bag.messages.times import AGREEMENT_S, FloatArray
+from serd_bag.messages.times import AGREEMENT_S, FloatArray, agrees
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, nearest_topic, topics_named
 
@@ -30,12 +30,6 @@ _SECOND_NS = 1_000_000_000
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
 #: Messages closer together are one burst, or have no stamps and were given the same log time.
 _BURST_S = 1e-3
-_BLOCK_S = 1.0
-_FEWEST_BLOCKS = 5
-_LEAST_JUMP_S = 0.5
-_LEAST_DRIFT_S = 0.1
-#: A trend must be that many standard deviations of the residuals.
-_CLEAR = 5.0
 #: Messages whose times are kept in memory.
 _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
@@ -47,19 +41,6 @@ _NO_CHECKSUMS = (
 
 
 @dataclass(frozen=True)
-class TwoClocks:
-    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
-
-    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
-    """
-
-    jumps_s: tuple[float, ...] = ()
-    drift_s: float = 0.0
-    span_s: float = 0.0
-    offset_s: float = 0.0
-
-
-@dataclass(frozen=True)
 class TopicCheck:
     """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
 
@@ -67,7 +48,7 @@ class TopicCheck:
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    clocks: stamps compared with log times.
+    ahead_s: stamps before log times in the median, where their clocks do not agree, else 0.
     """
 
     name: str
@@ -82,7 +63,7 @@ class TopicCheck:
     n_log_steps_back: int
     n_stamp_steps_back: int
     stamp_delay_s: tuple[float, float] | None
-    clocks: TwoClocks
+    ahead_s: float
 
 
 def check_topic(
@@ -102,6 +83,7 @@ def check_topic(
     sent = stamps > 0
     sent_logs = logs[: len(stamps)][sent]
     delay_s = (sent_logs - stamps[sent]) / _SECOND_NS
+    is_same_clock = agrees(sent_logs / _SECOND_NS, stamps[sent] / _SECOND_NS)
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
@@ -115,7 +97,7 @@ def check_topic(
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
         n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
         stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
-        clocks=two_clocks((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
+        ahead_s=0.0 if is_same_clock else -float(np.median(delay_s)),
     )
 
 
@@ -129,44 +111,6 @@ def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
         return usual_s, 1.0 / usual_s if usual_s > 0 else None
     usual_s = float(np.median(apart))
     return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
-
-
-def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
-    """Compare the clocks by log times and delays (N,); no result for less than 5 s."""
-    time_s, delay_s = _least_delays(log_s, delay_s)
-    if len(time_s) < _FEWEST_BLOCKS:
-        return TwoClocks()
-    # The middle one of each three: without single outliers.
-    time_s, delay_s = time_s[1:-1], np.median(sliding_window_view(delay_s, 3), axis=1)
-    steps_s, apart_s = np.diff(delay_s), np.diff(time_s)
-    unusual_s = steps_s - np.median(steps_s / apart_s) * apart_s
-    jumped = np.abs(unusual_s) > _LEAST_JUMP_S
-    jumps_s = np.where(jumped, unusual_s, 0.0)
-    smooth_s = delay_s - np.concatenate([[0.0], np.cumsum(jumps_s)])
-    drift_s = -_trend(time_s, smooth_s)
-    offset_s = -float(np.median(delay_s))
-    is_offset = not jumped.any() and not drift_s and abs(offset_s) > AGREEMENT_S
-    return TwoClocks(
-        jumps_s=tuple(float(-jump_s) for jump_s in jumps_s[jumped]),
-        drift_s=drift_s,
-        span_s=float(time_s[-1] - time_s[0]),
-        offset_s=offset_s if is_offset else 0.0,
-    )
-
-
-def _least_delays(log_s: FloatArray, delay_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(log time, delay) of the least delayed message of each second that has any."""
-    order = np.lexsort((delay_s, np.floor(log_s / _BLOCK_S)))
-    _, first = np.unique(np.floor(log_s[order] / _BLOCK_S), return_index=True)
-    return log_s[order][first], delay_s[order][first]
-
-
-def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
-    """Change over the whole time by a straight line; 0 where there is no clear trend."""
-    slope, level = np.polyfit(time_s - time_s[0], delay_s, 1)
-    rest_s = float(np.std(delay_s - level - slope * (time_s - time_s[0])))
-    change_s = float(slope * (time_s[-1] - time_s[0]))
-    return change_s if abs(change_s) > max(_LEAST_DRIFT_S, _CLEAR * rest_s) else 0.0
 
 
 @dataclass(frozen=True)
@@ -261,42 +205,26 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
             remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
         if topic.n_stamp_steps_back:
             remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
-        remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
     return remarks + _offset_remarks(topics)
 
 
 def _offset_remarks(topics: Sequence[TopicCheck]) -> list[str]:
-    """Clocks that differ by a constant; that of log times may be the one that differs."""
-    compared = [topic for topic in topics if topic.clocks.span_s]
-    offsets_s = {each.name: each.clocks.offset_s for each in compared if each.clocks.offset_s}
-    ahead_s = list(offsets_s.values())
-    if len(compared) > 1 and len(ahead_s) == len(compared) and np.ptp(ahead_s) <= AGREEMENT_S:
+    """Clocks that differ; that of log times may be the one that differs."""
+    compared = [topic.ahead_s for topic in topics if topic.stamp_delay_s]
+    if len(compared) > 1 and all(compared) and np.ptp(compared) <= AGREEMENT_S:
         return [
-            f"all stamps are {_ahead(ahead_s[0])} log times: those of another or simulated time"
+            f"all stamps are {_ahead(compared[0])} log times: those of another or simulated time"
         ]
     return [
-        f"{name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
-        for name, offset_s in offsets_s.items()
+        f"{topic.name}: stamps are {_ahead(topic.ahead_s)} log times: the clock of its sender is"
+        " wrong"
+        for topic in topics
+        if topic.ahead_s
     ]
 
 
 def _ahead(offset_s: float) -> str:
     return f"{abs(offset_s):.2f} s {'ahead of' if offset_s > 0 else 'behind'}"
-
-
-def _clock_remarks(clocks: TwoClocks) -> list[str]:
-    remarks = []
-    if clocks.jumps_s:
-        largest_s = max(clocks.jumps_s, key=abs)
-        way = "forward" if largest_s > 0 else "back"
-        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
-        remarks.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
-    if clocks.drift_s:
-        way = "ahead of" if clocks.drift_s > 0 else "behind"
-        remarks.append(
-            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
-        )
-    return remarks
 
 
 def _times(number: int) -> str:
@@ -324,3 +252,75 @@ def _stamp_ns(data: bytes) -> int:
         return message_stamp_ns(data)
     except BagError:
         return 0
+
+
+@dataclass(frozen=True)
+class TopicContents:
+    """mean_hz: messages per second of the whole bag, None for less than two messages."""
+
+    name: str
+    type_name: str
+    n_messages: int
+    mean_hz: float | None
+
+
+@dataclass(frozen=True)
+class BagContents:
+    """span_s: from the first log time of the bag to the last; faults: of a bag that was read.
+
+    n_lost: messages that are known to be lost.
+    """
+
+    path: Path
+    topics: tuple[TopicContents, ...]
+    span_s: float
+    faults: tuple[str, ...] = ()
+    n_lost: int = 0
+
+    @property
+    def n_messages(self) -> int:
+        """Messages by the summaries, or those that are readable."""
+        return sum(topic.n_messages for topic in self.topics)
+
+
+def contents_of_bag(path: str | Path) -> BagContents:
+    """The contents; bags other than MCAP, damaged ones and those without summary are read."""
+    path = Path(path)
+    layout = bag_layout(path)
+    ends = []
+    for file in layout.files:
+        ends.append(FileEnd(file) if file.suffix == ".mcap" else None)
+        if ends[-1] is None or not ends[-1].states_contents:
+            return _of_all_messages(path)
+    known = [end for end in ends if end is not None]
+    counts = sum((_counts(end) for end in known), Counter[str]())
+    if layout.fault or missing_messages(layout, counts):
+        return _of_all_messages(path)
+    types = {topic.name: topic.type_name for end in known for topic in end.definitions.topics()}
+    filled = [each for end in known if (each := end.statistics) and each.message_count]
+    last_ns = max((each.message_end_time for each in filled), default=0)
+    first_ns = min((each.message_start_time for each in filled), default=0)
+    return _contents(path, {name: (types[name], counts[name]) for name in types},
+                     (last_ns - first_ns) / 1e9)  # fmt: skip
+
+
+def _counts(end: FileEnd) -> Counter[str]:
+    found: Counter[str] = Counter()
+    if end.statistics:
+        for number, count in end.statistics.channel_message_counts.items():
+            found[end.definitions.channels[number].topic] += count
+    return found
+
+
+def _of_all_messages(path: Path) -> BagContents:
+    check = check_bag(path)
+    topics = {topic.name: (topic.type_name, topic.n_messages) for topic in check.topics}
+    return replace(_contents(path, topics, check.span_s), faults=check.faults, n_lost=check.n_lost)
+
+
+def _contents(path: Path, topics: dict[str, tuple[str, int]], span_s: float) -> BagContents:
+    rows = (
+        TopicContents(name, kind, count, (count - 1) / span_s if count > 1 and span_s else None)
+        for name, (kind, count) in sorted(topics.items())
+    )
+    return BagContents(path, tuple(rows), span_s)

@@ -1,7 +1,6 @@
 """Tables of trajectories in the layouts in which other programs write them."""
 
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,77 +12,47 @@ from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
 from support.trajectory_tables import mappings_in
 
-PEDESTRIANS = Path(__file__).parents[3].parent / "shared" / "data" / "pedestrians"
 #: Two agents: 1 walks east at 1.25 m/s from (0, 1), 2 north at 1 m/s from (3, 0).
-N_STEPS = 12
+TIME_S = np.repeat(0.4 * np.arange(12), 2)
+WALK = pd.DataFrame({"a": [1, 2] * 12, "t": TIME_S, "x": 3.0, "y": TIME_S})
+WALK.loc[WALK.a == 1, ["x", "y"]] = np.column_stack([1.25 * TIME_S[::2], np.ones(12)])
 
 
-def rows(step_s=0.4):
-    """(time, agent, x, y) in the order of time."""
-    for step in range(N_STEPS):
-        time_s = step * step_s
-        yield time_s, 1, 1.25 * time_s, 1.0
-        yield time_s, 2, 3.0, 1.0 * time_s
+def lines(header, scales=(1, 1, 1), time=None, separator=",", **options):
+    """A table below a header; scales: of time, x and y; time: the columns in place of the agent's
+    and of times."""
+    table = WALK * [1, scales[0], scales[1], scales[2]]
+    if time is not None:
+        table = pd.DataFrame(time).assign(a=WALK.a, x=table.x, y=table.y)
+    return header + table.to_csv(index=False, header=False, sep=separator, **options)
 
 
-def eth(separator="\t"):
-    return "\n".join(
-        separator.join(map(str, (round(time_s * 25) + 780, agent, x, y)))
-        for time_s, agent, x, y in rows()
-    )
-
-
-def petrack(header):
-    by_agent = sorted(rows(0.04), key=lambda row: (row[1], row[0]))
-    lines = (f"{a} {round(t * 25) + 94} {100 * x:.4f} {100 * y:.4f} 176" for t, a, x, y in by_agent)
-    return header + "\n".join(lines)
-
-
-def named(header, separator, scale=1.0, time_scale=1.0, decimal="."):
-    lines = (
-        separator.join(
-            str(each).replace(".", decimal) for each in (a, t * time_scale, x * scale, y * scale)
-        )
-        for t, a, x, y in rows()
-    )
-    return header + "\n" + "\n".join(lines)
-
-
-def stamped(header, *of_time):
-    return f"{header}\n" + "\n".join(
-        ",".join(map(str, (*(each(t) for each in of_time), a, x, y))) for t, a, x, y in rows()
-    )
-
-
+FRAME = (TIME_S * 25).round().astype(int)
+PETRACK_ROWS = sorted(lines("", (1, 100, 100), {"f": FRAME + 94}, " ").splitlines())
+PETRACK = "".join(f"{a} {f} {x} {y} 176\n" for f, a, x, y in map(str.split, PETRACK_ROWS))
+TIME_NS = (TIME_S * 1e9).round().astype(int)
+STAMPS = {"s": TIME_NS // 10**9, "ns": TIME_NS % 10**9}
+OF_MESSAGE = "id,pose.position.x,pose.position.y\n"
 LAYOUTS = {
-    "ETH/UCY as SGAN has it": eth(),
-    "ETH/UCY with spaces": eth(" "),
-    "PeTrack": petrack("# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"),
-    "PeTrack without names": petrack("# framerate: 25.00\n"),
-    "names with units": named("track_id,time_s,x_m,y_m", ","),
-    "other units": named("person;t [ms];x [cm];y [cm]", ";", 100.0, 1000.0),
-    "decimal commas": named("ID;Time;X;Y", ";", decimal=","),
-    "Unix time in ns": stamped("timestamp,agent,px,py", lambda t: round(t * 1e9) + 17 * 10**17),
-    "rostopic echo -p": stamped(
-        "%time,id,field.pose.pose.position.x,field.pose.pose.position.y", lambda t: round(t * 1e9)
-    ),
-    "fields of a ROS message": stamped(
-        "header.stamp.sec,header.stamp.nanosec,id,pose.position.x,pose.position.y",
-        lambda t: int(t + 1e-6),
-        lambda t: round((t - int(t + 1e-6)) * 1e9),
-    ),
+    "ETH/UCY as SGAN has it": lines("", time={"f": FRAME + 780}, separator="\t"),
+    "ETH/UCY with spaces": lines("", time={"f": FRAME + 780}, separator=" "),
+    "PeTrack": f"# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n{PETRACK}",
+    "PeTrack without names": f"# framerate: 25.00\n{PETRACK}",
+    "names with units": lines("track_id,time_s,x_m,y_m\n"),
+    "other units": lines("person;t [ms];x [cm];y [cm]\n", (1000, 100, 100), separator=";"),
+    "decimal commas": lines("ID;Time;X;Y\n", separator=";", decimal=","),
+    "Unix time in ns": lines("timestamp,agent,px,py\n", time={"t": TIME_NS + 17 * 10**17}),
+    "rostopic echo -p": lines("%time,id,field.pose.position.x,field.y\n", time={"t": TIME_NS}),
+    "fields of a ROS message": lines(f"stamp.sec,stamp.nanosec,{OF_MESSAGE}", time=STAMPS),
 }
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_two_agents_are_read_from_every_layout(tmp_path, layout):
-    path = tmp_path / "table.txt"
-    path.write_text(LAYOUTS[layout])
-    found = read_trajectories(path)
+    found = read(tmp_path, LAYOUTS[layout])
     assert [track.agent for track in found.tracks] == ["1", "2"]
     first, second = found.tracks
-    step_s = 0.04 if "PeTrack" in layout else 0.4
-    np.testing.assert_allclose(np.diff(first.time_s), step_s, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(first.time_s), 0.4, rtol=1e-6)
     np.testing.assert_allclose(first.position_m[:, 1], 1.0, rtol=1e-6)
     speed = np.diff(first.position_m[:, 0]) / np.diff(first.time_s)
     np.testing.assert_allclose(speed, 1.25, rtol=1e-3)
@@ -91,216 +60,50 @@ def test_two_agents_are_read_from_every_layout(tmp_path, layout):
     assert found.n_bad == 0
 
 
-def test_a_tum_trajectory_is_one_agent(tmp_path):
-    lines = [f"{1305031102.1 + 0.1 * n:.4f} {0.1 * n} 2.0 0.3 0 0 0.6 0.8" for n in range(30)]
-    path = tmp_path / "groundtruth.txt"
-    path.write_text(
-        "# ground truth trajectory\n# timestamp tx ty tz qx qy qz qw\n" + "\n".join(lines)
-    )
-    (track,) = read_trajectories(path).tracks
-    path.write_text("\n".join(lines))
-    (unnamed,) = read_trajectories(path).tracks
-    for each in (track, unnamed):
-        np.testing.assert_allclose(each.position_m[[0, -1]], [[0.0, 2.0], [2.9, 2.0]])
-        np.testing.assert_allclose(each.time_s[[0, -1]] - 1305031102.1, [0.0, 2.9], atol=1e-6)
-
-
-def test_a_kitti_trajectory_lies_in_the_plane_of_the_camera_s_x_and_z(tmp_path):
-    path = tmp_path / "00.txt"
-    path.write_text("\n".join(f"1 0 0 {0.2 * n} 0 1 0 0.01 0 0 1 {0.8 * n}" for n in range(20)))
-    found = read_trajectories(path)
-    np.testing.assert_allclose(found.tracks[0].position_m[-1], [3.8, 15.2])
-    np.testing.assert_allclose(found.tracks[0].time_s[-1], 1.9)
-    assert found.assumed == ()
-    given = read_trajectories(path, TableColumns(y="8", fps=5.0))
-    np.testing.assert_allclose(given.tracks[0].position_m[-1], [3.8, 0.01])
-    np.testing.assert_allclose(given.tracks[0].time_s[-1], 3.8)
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (named("id,frame,x,y", ",", time_scale=25), "has frames in the column frame and does not"),
-        (petrack(""), "has frames in the column frame and does not state how many there are per"),
-        (stamped("when,who,east,north", float), "time and x and y are not among when, who, east,"),
-        (named("id,rosbag_time,x,y", ","), "time is not among id, rosbag_time, x, y; name the col"),
-        (named("who,t,x,y", ","), "is in two places at time 0, in row 1 and row 2, as do 1"),
-        (
-            stamped("0.0,1,0,1", float),
-            "time and x and y are not among 1, 2, 3, 4; name the columns",
-        ),
-    ],
-)
-def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, text, sentence):
-    path = tmp_path / "table.txt"
-    path.write_text(text)
-    with pytest.raises(FileError, match=sentence) as raised:
-        read_trajectories(path)
-    (advised,) = mappings_in(raised.value)
-    wanted = yaml_model(advised, TableColumns, name="mapping")
-    first, second = read_trajectories(path, wanted).tracks
-    np.testing.assert_allclose(second.position_m[:, 0], 3.0)
-    np.testing.assert_allclose(first.position_m[:, 1], 1.0)
-
-
-def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_path):
+def read(tmp_path, text, **wanted):
+    """Trajectories of a file of the text, or of its bytes."""
     path = tmp_path / "table.csv"
-    path.write_text("id,t,x,y\n1,0.0,1,1\n1,0.1,nan,1\n1,0.2,,1\n1,0.3,2,1\n1,0.3,9,9\n1,0.4,3")
-    found = read_trajectories(path)
-    assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [2.0, 1.0]]
-    assert found.n_bad == 3
-    assert found.assumed[-1] == "row 2 lacks a number of time, x or y, as do 2 other rows; left out"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_trajectories(path, TableColumns(**wanted) if wanted else None)
 
 
-@pytest.mark.parametrize("separator", [";", "\t"])
-def test_decimal_commas_are_read_behind_semicolons_and_tabs(tmp_path, separator):
-    path = tmp_path / "table.txt"
-    rows = [("t", "x", "y"), ("0", "1,5", "2"), ("0,5", "2,25", "-1,5")]
-    path.write_text("\n".join(map(separator.join, rows)))
-    (track,) = read_trajectories(path).tracks
-    assert track.time_s.tolist() == [0.0, 0.5]
-    assert track.position_m.tolist() == [[1.5, 2.0], [2.25, -1.5]]
-
-
-def test_a_rate_in_a_mapping_does_not_change_times_of_a_stated_unit(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("t [s],x,y\n0,1,1\n1,2,1\n")
-    (track,) = read_trajectories(path, TableColumns(fps=16.0, unit="m")).tracks
-    assert track.time_s[-1] == 1.0
-
-
-def test_a_rate_in_a_mapping_makes_the_named_time_one_of_frames(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16)))
-    given = TableColumns(time="frame_nr", fps=16.0, unit="m")
-    assert read_trajectories(path, given).tracks[0].time_s.tolist() == [0.0, 1.0, 2.0]
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "line"),
-    [
-        ("t", "ms", "places in m are assumed (then agents move at 1 m/s); 'unit:' in a --mapping"),
-        ("t [ms]", None, "places in m are assumed (then agents move at 1 m/s); 'unit:' in a"),
-    ],
-)
-def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit, line):
-    path = tmp_path / "table.csv"
-    path.write_text(f"{name},x,y\n" + "\n".join(f"{500 * n},{0.5 * n},0" for n in range(20)))
-    found = read_trajectories(path, TableColumns(time_unit=unit))
-    assert len(found.assumed) == 1
-    assert found.assumed[0].startswith(line)
-    assert found.tracks[0].time_s[-1] == 9.5
-
-
-def two_agents(ids, shift_s=0.0):
-    """Rows of two people who walk 3 m apart, the second shift_s later in each frame."""
-    rng = np.random.default_rng(0)
-    rows = [
-        (
-            0.1 * frame + shift_s * person,
-            ids[person],
-            0.13 * frame,
-            3.0 * person + rng.normal() / 99,
-        )
-        for frame in range(60)
-        for person in (0, 1)
-    ]
-    return "\n".join(",".join(map(str, row)) for row in sorted(rows))
-
-
-@pytest.mark.parametrize(
-    ("shift_s", "sentence"),
-    [
-        (0.0, r"in two places at time 0, .* 59 other rows; name the column of ids in .*quality\}"),
-        (0.03, r"in 100 % of the steps .* comes back; name the column of ids in .*quality\}"),
-    ],
-)
-def test_several_agents_without_ids_are_rejected(tmp_path, shift_s, sentence):
-    path = tmp_path / "table.csv"
-    path.write_text("t,quality,x,y\n" + two_agents((1, 1), shift_s))
-    with pytest.raises(FileError, match=sentence):
-        read_trajectories(path)
-
-
-@pytest.mark.parametrize("kind", ["still", "repeated", "laps", "outliers", "rounded"])
-def test_one_agent_without_ids_is_one(tmp_path, kind):
-    rng = np.random.default_rng(0)
-    time_s = np.arange(400) / 10.0
-    place = np.column_stack([np.cos(time_s), np.sin(time_s)]) + rng.normal(size=(400, 2)) / 100
-    if kind == "still":
-        place = np.round(place * 0.0 + rng.normal(size=(400, 2)) / 100, 2)
-    if kind == "repeated":
-        time_s, place = np.repeat(time_s, 2), np.repeat(place, 2, axis=0)
-    if kind == "outliers":
-        place[::10] += 5.0
-    if kind == "rounded":
-        time_s, place = np.floor(time_s), np.column_stack([0.5 * time_s, np.zeros(400)])
-    path = tmp_path / "table.csv"
-    np.savetxt(path, np.column_stack([time_s, place]), "%.3f", ",", header="t,x,y", comments="")
-    assert len(read_trajectories(path).tracks) == 1
-
-
-def test_dates_without_other_numbers_than_places_are_read(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("t,x,y\n2024-01-01T00:00:00,1,1\n2024-01-01T00:00:02,2,1\n")
-    assert read_trajectories(path).tracks[0].time_s.tolist() == [0.0, 2.0]
-
-
-def test_rows_with_more_cells_than_the_first_are_counted(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("t,x,y\n0,1,1\n1,2,1\n2,3,1,9\n3,4,1,9\n")
-    found = read_trajectories(path)
-    assert found.n_bad == 2
-    assert found.assumed[-1] == "2 rows with more cells than the first left out"
-
-
-def test_a_column_that_the_first_line_does_not_name_has_its_number(tmp_path):
-    lines = (line.split(",") for line in two_agents((7, 9), 0.0).splitlines())
-    path = tmp_path / "table.csv"
-    path.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y},{who}" for t, who, x, y in lines))
-    found = read_trajectories(path, TableColumns(agent="4"))
-    assert [track.agent for track in found.tracks] == ["7", "9"]
-
-
-@pytest.mark.parametrize("text", ["9" * 400, "-1" + "0" * 5000])
-def test_an_integer_beyond_all_numbers_is_no_place(tmp_path, text):
-    path = tmp_path / "table.csv"
-    path.write_text(f"t,x,y\n0,1,1\n1,{text},1\n2,3,1\n")
-    found = read_trajectories(path)
-    assert found.n_bad == 1
-    assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [3.0, 1.0]]
-
-
-PETRACK = "# PeTrack project: walk.pet\n# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+TUM = "\n".join(f"{1305031102.1 + 0.1 * n:.4f} {0.1 * n} 2.0 0.3 0 0 0.6 0.8" for n in range(30))
+TUM_NAMES = "# ground truth trajectory\n# timestamp tx ty tz qx qy qz qw\n"
+NAMED = "# PeTrack project: walk.pet\n# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+FRAMES = "frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16))
+GZIP = gzip.compress(b"t,x,y\n0,1,1\n1,2,1", mtime=0)
 
 
 def walked(*last):
     """Rows of one person at 1.25 m/s along x, with further cells."""
-    return "".join(f"1 {f} {5.0 * f:g} {' '.join(map(str, last))}\n" for f in range(60))
+    return NAMED + "".join(f"1 {f} {5 * f} {' '.join(map(str, last))}\n" for f in range(60))
 
 
-@pytest.mark.parametrize("last", [(80,), (80, 170), (80, 170, 1)])
-def test_the_comment_names_the_columns_of_tables_with_fewer_or_more(tmp_path, last):
-    path = tmp_path / "walk.txt"
-    path.write_text(PETRACK + walked(*last))
-    found = read_trajectories(path)
-    assert found.assumed == ()
-    np.testing.assert_allclose(found.tracks[0].position_m[-1], [2.95, 0.8])
-    np.testing.assert_allclose(np.diff(found.tracks[0].time_s), 0.04)
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
-def test_text_with_a_byte_order_mark_and_windows_line_ends_is_read(tmp_path, encoding):
-    path = tmp_path / "walk.txt"
-    path.write_bytes((PETRACK + walked(80, 170)).replace("\n", "\r\n").encode(encoding))
-    assert len(read_trajectories(path).tracks[0].time_s) == 60
-
-
-def test_the_unit_does_not_depend_on_a_step_shorter_than_a_nanosecond(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text("t,x,y\n0,1,1\n3e-308,2,1\n1,3,1\n")
-    (track,) = read_trajectories(path).tracks
-    assert track.position_m.tolist() == [[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]
+@pytest.mark.parametrize(
+    ("text", "wanted", "times_s", "last_m"),
+    [
+        (TUM_NAMES + TUM, {}, (30, 2.9), (2.9, 2.0)),
+        (TUM, {}, (30, 2.9), (2.9, 2.0)),
+        # The comment names the columns of tables with fewer or more of them.
+        (walked(80), {}, (60, 2.36), (2.95, 0.8)),
+        (walked(80, 170, 1), {}, (60, 2.36), (2.95, 0.8)),
+        (walked(80, 170).replace("\n", "\r\n").encode("utf-16"), {}, (60, 2.36), (2.95, 0.8)),
+        (walked(80, 170).replace("\n", "\r\n").encode("utf-8-sig"), {}, (60, 2.36), (2.95, 0.8)),
+        ("t;x;y\n0;1,5;2\n0,5;2,25;-1,5", {}, (2, 0.5), (2.25, -1.5)),
+        ("t\tx\ty\n0\t1,5\t2\n0,5\t2,25\t-1,5", {}, (2, 0.5), (2.25, -1.5)),
+        # A rate makes the named time one of frames, but changes none of a stated unit.
+        ("t [s],x,y\n0,1,1\n1,2,1\n", {"fps": 16.0, "unit": "m"}, (2, 1.0), (2, 1)),
+        (FRAMES, {"time": "frame_nr", "fps": 16.0, "unit": "m"}, (3, 2.0), (32, 0)),
+        ("t,x,y\n2024-01-01T00:00:00,1,1\n2024-01-01T00:00:02,2,1\n", {}, (2, 2.0), (2, 1)),
+        # The unit of times does not depend on a step shorter than a nanosecond.
+        ("t,x,y\n0,1,1\n3e-308,2,1\n1,3,1\n", {}, (3, 1.0), (3, 1)),
+        (GZIP, {}, (2, 1.0), (2, 1)),
+    ],
+)
+def test_one_agent_is_read_from_every_layout(tmp_path, text, wanted, times_s, last_m):
+    (track,) = read(tmp_path, text, **wanted).tracks
+    assert (len(track.time_s), np.ptp(track.time_s)) == (times_s[0], pytest.approx(times_s[1]))
+    np.testing.assert_allclose(track.position_m[-1], last_m)
 
 
 def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
@@ -311,55 +114,103 @@ def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "places_m", "n_bad", "last_sentence"),
     [
-        ("", "must hold rows of values, it holds none"),
-        ("# only a comment\n", "must hold rows of values, it holds none"),
-        ("t,x,y\n", "must hold rows of values below the names of its columns, it holds none"),
-        ("t,x,y\n0,1e300,2e300\n1,2e300,2e300\n", "holds none in 2 rows, 0 of which have numb"),
-        ("hello\nworld\n", "time and x and y are not among hello; export the table with them"),
-        ("t,z\n0,1\n1,2\n", "x and y are not among t, z; export the table with them"),
-        ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", "must hold agents with two places at least"),
-        ("id,t,x,y\n1,0,1\n2,0,1\n", "must hold agents with two places at least"),
-        ("a\0b", "must be a table of text or Parquet"),
+        (
+            "id,t,x,y\n1,0.0,1,1\n1,0.1,nan,1\n1,0.2,,1\n1,0.3,2,1\n1,0.3,9,9\n1,0.4,3",
+            [[1.0, 1.0], [2.0, 1.0]],
+            3,
+            "row 2 lacks a number of time, x or y, as do 2 other rows; left out",
+        ),
+        (
+            "t,x,y\n0,1,1\n1,2,1\n2,3,1,9\n3,4,1,9\n",
+            [[1.0, 1.0], [2.0, 1.0]],
+            2,
+            "2 rows with more cells than the first left out",
+        ),
+        *(
+            (f"t,x,y\n0,1,1\n1,{number},1\n2,3,1\n", [[1.0, 1.0], [3.0, 1.0]], 1, "row 2 lacks")
+            for number in ("9" * 400, "-1" + "0" * 5000)
+        ),
     ],
 )
-def test_what_is_no_table_gets_a_sentence(tmp_path, text, sentence):
-    path = tmp_path / "table.csv"
-    path.write_text(text)
-    with pytest.raises(FileError, match=sentence):
-        read_trajectories(path)
+def test_rows_without_numbers_or_with_too_many_cells_are_left_out_and_counted(
+    tmp_path, text, places_m, n_bad, last_sentence
+):
+    found = read(tmp_path, text)
+    assert (found.tracks[0].position_m.tolist(), found.n_bad) == (places_m, n_bad)
+    assert found.assumed[-1].startswith(last_sentence)
 
 
-def test_a_column_that_is_not_there_gets_a_sentence(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text(LAYOUTS["names with units"])
-    with pytest.raises(
-        FileError, match=r"x must be one of the columns track_id, .* got 'east'; cor"
-    ):
-        read_trajectories(path, TableColumns(x="east"))
+@pytest.mark.parametrize(("name", "unit"), [("t", "ms"), ("t [ms]", None)])
+def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit):
+    text = f"{name},x,y\n" + "\n".join(f"{500 * n},{0.5 * n},0" for n in range(20))
+    found = read(tmp_path, text, time_unit=unit)
+    assert len(found.assumed) == 1
+    assert found.assumed[0].startswith("places in m are assumed (then agents move at 1 m/s); 'uni")
+    assert found.tracks[0].time_s[-1] == 9.5
 
 
-@pytest.mark.skipif(not PEDESTRIANS.is_dir(), reason="../shared/data/pedestrians is missing")
 @pytest.mark.parametrize(
-    ("name", "n_agents", "fps"),
-    [("bi_corr_400_b_03", 480, None), ("uo-100-180-180", 121, 16.0), ("uo-180-180-120", 170, 16.0)],
+    ("text", "sentence"),
+    [
+        (lines("id,frame,x,y\n", (25, 1, 1)), "has frames in the column frame and does not"),
+        (PETRACK, "has frames in the column frame and does not state how many there are per"),
+        (lines("when,who,east,north\n", time={"t": TIME_S}), "time and x and y are not among when"),
+        (lines("id,rosbag_time,x,y\n"), "time is not among id, rosbag_time, x, y; name the col"),
+        (lines("who,t,x,y\n"), "is in two places at time 0, in row 1 and row 2, as do 1"),
+        (lines("", time={"t": TIME_S}), "time and x and y are not among 1, 2, 3, 4; name the col"),
+    ],
 )
-def test_real_crowds_walk_at_the_speed_of_people(name, n_agents, fps):
-    found = read_trajectories(PEDESTRIANS / f"{name}.txt", TableColumns(fps=fps))
-    assert len(found.tracks) == n_agents
-    speeds = [
-        np.linalg.norm(track.position_m[-1] - track.position_m[0]) / np.ptp(track.time_s)
-        for track in found.tracks
-    ]
-    assert 0.3 < np.median(speeds) < 1.5
+def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, text, sentence):
+    with pytest.raises(FileError, match=sentence) as raised:
+        read(tmp_path, text)
+    (advised,) = mappings_in(raised.value)
+    wanted = yaml_model(advised, TableColumns, name="mapping")
+    first, second = read_trajectories(tmp_path / "table.csv", wanted).tracks
+    np.testing.assert_allclose(second.position_m[:, 0], 3.0)
+    np.testing.assert_allclose(first.position_m[:, 1], 1.0)
 
 
-def test_a_table_compressed_by_gzip_is_read(tmp_path):
-    path = tmp_path / "walk.csv.gz"
-    packed = gzip.compress(LAYOUTS["names with units"].encode())
-    path.write_bytes(packed)
-    assert len(read_trajectories(path).tracks) == 2
-    path.write_bytes(packed[:40])
-    with pytest.raises(FileError, match="must be a file of gzip, but Compressed file ended before"):
-        read_trajectories(path)
+@pytest.mark.parametrize(
+    ("text", "wanted", "sentence"),
+    [
+        ("", {}, "must hold rows of values, it holds none"),
+        ("# only a comment\n", {}, "must hold rows of values, it holds none"),
+        ("t,x,y\n", {}, "must hold rows of values below the names of its columns, it holds none"),
+        ("t,x,y\n0,1e300,2e300\n1,2e300,2e300\n", {}, "holds none in 2 rows, 0 of which have"),
+        ("hello\nworld\n", {}, "time and x and y are not among hello; export the table with them"),
+        ("t,z\n0,1\n1,2\n", {}, "x and y are not among t, z; export the table with them"),
+        ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", {}, "must hold agents with two places at least"),
+        ("a\0b", {}, "must be a table of text or Parquet"),
+        ("t,x,y\n0,1,1", {"x": "east"}, "x must be one of the columns t, x, y, got 'east'; cor"),
+        (GZIP[:20], {}, "must be a file of gzip, but Compressed file ended before"),
+    ],
+)
+def test_what_is_no_table_gets_a_sentence(tmp_path, text, wanted, sentence):
+    with pytest.raises(FileError, match=sentence):
+        read(tmp_path, text, **wanted)
+
+
+def two_agents(ids, shift_s):
+    """Rows of two people who walk 3 m apart, the second shift_s later in each frame."""
+    rows = sorted(
+        (0.1 * n + shift_s * who, 0.13 * n, 3.0 * who, ids[who])
+        for n in range(60)
+        for who in (0, 1)
+    )
+    return "\n".join(",".join(map(str, row)) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("shift_s", "sentence"),
+    [
+        (0.0, r"in two places at time 0, .* 59 other rows; name the column of ids in .*quality\}"),
+        (0.03, r"half of them move at .* m/s or faster; .*, or the column of ids by agent:"),
+    ],
+)
+def test_several_agents_without_ids_are_rejected(tmp_path, shift_s, sentence):
+    with pytest.raises(FileError, match=sentence):
+        read(tmp_path, "t,x,y,quality\n" + two_agents((1, 1), shift_s))
+    found = read(tmp_path, "t,x,y\n" + two_agents((7, 9), shift_s), agent="4")
+    assert [track.agent for track in found.tracks] == ["7", "9"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
+from typing import Any
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
@@ -65,22 +66,20 @@ class Definitions:
 
     def faults_of(self, other: "Definitions") -> Iterator[str]:
         """Describe each number that `other` defines in another way."""
-        for kind, own, others in (
-            ("schema", self.schemas, other.schemas),
-            ("channel", self.channels, other.channels),
-        ):
+        for kind, own, others in self._beside(other):
             for number in own.keys() & others.keys():
                 if own[number] != others[number]:
                     yield _DEFINED_TWICE.format(what=f"{kind} {number}")
 
     def missing(self, other: "Definitions") -> Iterator[str]:
         """Describe each kind of definitions of which these have some, but not all of `other`."""
-        for kind, own, others in (
-            ("schemas", self.schemas, other.schemas),
-            ("channels", self.channels, other.channels),
-        ):
+        for kind, own, others in self._beside(other):
             if own and others.keys() - own.keys():
-                yield f"the summary does not have all {kind}"
+                yield f"the summary does not have all {kind}s"
+
+    def _beside(self, other: "Definitions") -> Iterator[tuple[str, dict[int, Any], dict[int, Any]]]:
+        yield "schema", self.schemas, other.schemas
+        yield "channel", self.channels, other.channels
 
     def have(self, channels: Iterable[int]) -> bool:
         """Whether these channels and their schemas are known."""

@@ -9,7 +9,6 @@ off, reading continues at the next message of the index behind it.
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -26,12 +25,13 @@ from serd_bag.formats.ros1.records import (
     MESSAGE,
     Connection,
     Entry,
+    Part,
     Record,
+    Walk,
     connection_of,
     record_at,
     unpacked_chunk,
 )
-from serd_bag.formats.ros1.walk import Part, Walk
 from serd_bag.formats.rosbag2.message_types import MessageType
 from serd_bag.formats.rosbag2.qos import RELIABLE
 from serd_bag.topic import RawMessage, Topic
@@ -40,8 +40,7 @@ _HEADER = "std_msgs/msg/Header"
 _LARGEST_CHUNK = 2 * LARGEST_CONTENT
 
 
-@dataclass(frozen=True)
-class _Converted:
+class _Converted(NamedTuple):
     """One connection: its topic, and the store that converts its messages, None where unknown."""
 
     topic: Topic
@@ -261,31 +260,22 @@ def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
         return False
 
 
-def _converted(connection: Connection) -> _Converted:
-    return _converted_type(*connection)
-
-
 @lru_cache(maxsize=256)
-def _converted_type(topic_name: str, name: str, text: str) -> _Converted:
-    recorded = MessageType(name, "", "", "")
+def _converted(connection: Connection) -> _Converted:
+    """The topic with the definition of ROS 2, whose Header has no `seq`."""
+    topic, name, text = connection
     try:
-        store = _store(name, text)
+        types = get_types_from_msg(text, name)
+        if _HEADER in types:
+            constants, fields = types[_HEADER]
+            types[_HEADER] = constants, [each for each in fields if each[0] != "seq"]
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
         definition, _ = store.generate_msgdef(name, ros_version=2)
         recorded = MessageType(name, definition, store.hash_rihs01(name))
     except Exception:  # a recorded text may be anything
-        return _Converted(Topic(topic_name, recorded, (RELIABLE,)), None)
-    return _Converted(Topic(topic_name, recorded, (RELIABLE,)), store)
-
-
-def _store(name: str, text: str) -> Typestore:
-    """The types with the Header of ROS 2, which has no `seq`."""
-    types = get_types_from_msg(text, name)
-    if _HEADER in types:
-        constants, fields = types[_HEADER]
-        types[_HEADER] = constants, [each for each in fields if each[0] != "seq"]
-    store = get_typestore(Stores.EMPTY)
-    store.register(types)
-    return store
+        return _Converted(Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None)
+    return _Converted(Topic(topic, recorded, (RELIABLE,)), store)
 
 
 def _cdr(kind: _Converted, data: bytes) -> bytes | None:

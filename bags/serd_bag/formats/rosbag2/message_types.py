@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -86,17 +85,32 @@ def message_type(name: str) -> MessageType:
     if not _TYPE_NAME.fullmatch(name):
         raise BagError(f"message type must be written package/msg/Type, got {name!r}")
     interface = _interface_file(name, ".json")
-    if interface is None or _interface_file(name, ".msg") is None:
+    if interface is None:
         return _type_of_rosbags(name)
     values = json.loads(interface.read_text("utf-8"))
-    used: list[str] = []
-    _collect_dependencies(name, _nested_types(values["type_description_msg"]), used)
-    texts = [_text(name)]
-    for each in used:
-        package, _, short = each.split("/")
-        texts.append(f"\n{_SEPARATOR}\nMSG: {package}/{short}\n{_text(each)}")
+    description = values["type_description_msg"]
+    fields_of = {
+        each["type_name"]: each["fields"]
+        for each in (description["type_description"], *description["referenced_type_descriptions"])
+    }
+    used: list[str] = [name]
+
+    def collect_dependencies(of: str) -> None:
+        """Append the types that a type uses, depth first and in alphabetical order, each once."""
+        for each in sorted({field["type"]["nested_type_name"] for field in fields_of[of]} - {""}):
+            if each not in used:
+                used.append(each)
+                collect_dependencies(each)
+
+    collect_dependencies(name)
+    files = [_interface_file(each, ".msg") for each in used]
+    parts = [f"\n{_SEPARATOR}\nMSG: {each.replace('/msg/', '/')}\n" for each in used]
+    texts = [file.read_text("utf-8") for file in files if file is not None]
+    if len(texts) < len(files):
+        return _type_of_rosbags(name)
+    text = texts[0] + "".join(map("".join, zip(parts[1:], texts[1:], strict=True)))
     hashes = {each["type_name"]: str(each["hash_string"]) for each in values["type_hashes"]}
-    return MessageType(name, "".join(texts), hashes[name])
+    return MessageType(name, text, hashes[name])
 
 
 def resolve_type(recorded: MessageType) -> MessageType:
@@ -157,33 +171,6 @@ def _interface_file(name: str, suffix: str) -> Path | None:
     """The file of a type, `share/<package>/msg/<Type><suffix>`, in the first folder that has it."""
     files = (folder / f"{name}{suffix}" for folder in share_folders())
     return next((path for path in files if path.is_file()), None)
-
-
-def _text(name: str) -> str:
-    path = _interface_file(name, ".msg")
-    if path is None:
-        raise BagError(
-            f"message definition of {name} must be installed, got none in "
-            f"{', '.join(map(str, share_folders()))}; install the package {name.partition('/')[0]}"
-        )
-    return path.read_text("utf-8")
-
-
-def _nested_types(description: dict[str, Any]) -> dict[str, list[str]]:
-    """Types that each type uses directly, in alphabetical order."""
-    types = [description["type_description"], *description["referenced_type_descriptions"]]
-    return {
-        each["type_name"]: sorted({field["type"]["nested_type_name"] for field in each["fields"]})
-        for each in types
-    }
-
-
-def _collect_dependencies(name: str, nested: dict[str, list[str]], used: list[str]) -> None:
-    """Append the types that `name` uses, depth first, each once."""
-    for each in nested[name]:
-        if each and each not in used:
-            used.append(each)
-            _collect_dependencies(each, nested, used)
 
 
 def _type_of_rosbags(name: str) -> MessageType:

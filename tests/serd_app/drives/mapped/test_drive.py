@@ -26,7 +26,7 @@ from serd_app.drives.sessions import read_drives
 from serd_app.drives.transforms import Poses, TransformTree
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
-from serd_bag.messages.decoded import messages_of
+from serd_bag.messages.fields import messages_of
 from serd_bag.messages.plain import Header, Transform
 from serd_bag.reader import BagReader
 from serd_core.grid.grid import Action
