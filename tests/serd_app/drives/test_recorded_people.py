@@ -156,13 +156,11 @@ def test_a_person_who_jumps_or_was_away_is_another_one():
     assert [len(track.time_s) for track in tracks_of_sightings(sightings)] == [5, 5, 5]
 
 
-def test_ids_name_the_tracks_and_each_person_has_the_others_around():
+def test_ids_name_the_tracks_of_whom_all_demonstrate():
     crowd = crowd_of_sightings(list(crossing_walks(names=("anna", "ben"))), "here")
     assert {track.agent for track in crowd.tracks} == {"anna", "ben"}
-    (first,), (none,) = crowd.others_at(0, np.array([1.0])), crowd.others_at(0, np.array([9.0]))
-    other = crowd.tracks[1]
-    assert first == pytest.approx(other.position_m[other.time_s == 1.0])
-    assert none.shape == (0, 2)
+    assert (len(crowd.experts), len(crowd.people)) == (2, 2)
+    assert len(crowd.position_m) == len(crowd.velocity_mps) == 80
 
 
 def test_nobody_who_is_seen_twice_gets_a_sentence():

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from serd_app.demonstrations.grid.flow_field import (
-    FlowEstimator,
     FlowField,
     flow_from_recordings,
+    flow_of_people,
     load_flow,
     save_flow,
 )
@@ -48,20 +48,23 @@ def test_named_fields_of_a_cloud_read_as_written_and_missing_ones_get_a_sentence
 
 
 def test_each_cell_gets_the_direction_its_people_walk_in_if_they_walk_in_one():
-    estimator, rng = FlowEstimator(GRID), np.random.default_rng(1)
-    for _ in range(50):
-        places = np.stack([np.arange(3) + rng.uniform(0, 1, 3), np.full(3, 0.5)], axis=1)
-        velocity = np.array([[1, 0], [0, -1], [rng.choice([1, -1]), 0]])
-        estimator.add(places, velocity + rng.normal(0, 0.2, (3, 2)))
-    field = estimator.field()
+    rng, moves = np.random.default_rng(1), [[1, 0], [0, -1]]
+    places = np.stack([np.arange(3) + rng.uniform(0, 1, (50, 3)), np.full((50, 3), 0.5)], axis=2)
+    velocity = np.array([[*moves, [rng.choice([1, -1]), 0]] for _ in range(50)])
+    strays = np.array([[9.0, 9.0], [np.nan, 0.5], [0.5, 0.5]])
+    people = (
+        np.concatenate([places.reshape(-1, 2), strays]),
+        np.concatenate(
+            [(velocity + rng.normal(0, 0.2, (50, 3, 2))).reshape(-1, 2),
+             [[1.0, 0.0], [1.0, 0.0], [np.inf, 0.0]]]
+        ),
+    )  # fmt: skip
+    field = flow_of_people(GRID, *people)
     assert field.flow.tolist() == [Action.EAST, Action.SOUTH, -1, -1]
     assert field.count.tolist() == [50, 50, 50, 0]
     assert field.order[0] > 0.9 > 0.5 > field.order[2]
     np.testing.assert_allclose(field.mean_velocity_mps[1], [0, -1], atol=0.1)
-    assert estimator.field(minimum_count=51).flow.tolist() == [-1] * 4
-    strays = np.array([[9.0, 9.0], [np.nan, 0.5], [0.5, 0.5]])
-    estimator.add(strays, np.array([[1.0, 0.0], [1.0, 0.0], [np.inf, 0.0]]))
-    assert estimator.field().count.sum() == 150
+    assert flow_of_people(GRID, *people, minimum_count=51).flow.tolist() == [-1] * 4
 
 
 @pytest.fixture

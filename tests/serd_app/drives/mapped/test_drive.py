@@ -10,7 +10,7 @@ from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped.actions import (
     PoseTrack,
-    actions_of_waypoints,
+    actions_of_ways,
     hidden_intents,
     intents_of_velocities,
     posed_intents,
@@ -105,12 +105,9 @@ def test_each_episode_has_an_intent_at_its_start():
 
 
 def test_waypoints_mean_the_direction_to_them():
-    actions = actions_of_waypoints(
-        position_m=np.zeros((3, 2)),
-        waypoint_m=np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1]]),
-        reached_m=0.25,
-    )
-    assert actions.tolist() == [EAST, SOUTH, WAIT]
+    ways_m = np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1], [0.0, 0.0]])
+    assert actions_of_ways(ways_m, np.full(4, 0.25)).tolist() == [EAST, SOUTH, WAIT, WAIT]
+    assert actions_of_ways(ways_m[2:], np.zeros(2)).tolist() == [EAST, WAIT]
 
 
 KINDS = {"/pose": POSE, "/cmd_vel": TWIST, "/tf": TF}
