@@ -32,6 +32,8 @@ _LONGEST_STEP_BACK_S = 1.0
 _FEWEST_OF_A_RUN = 20
 #: Earlier stamps (s since 1970) are of a simulated world, which begins near 0.
 _FIRST_REAL_STAMP_S = 1e8
+#: Poses that are placed at once, as matrices.
+_AT_ONCE = 100_000
 _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -207,8 +209,7 @@ class MappedPoses:
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
         self.usual_gap_s = usual_gap_s(rows[:, 1])
-        poses = matrices_of(rows[:, 3:])
-        in_grid = self._in_frame(poses, rows[:, 1], rows[:, 2].astype(np.int64))
+        in_grid = self._in_frame(rows[:, 3:], rows[:, 1], rows[:, 2].astype(np.int64))
         placed = np.isfinite(in_grid).all(axis=1)
         self.n_unplaced = int((~placed).sum())
         return PoseTrack(rows[placed, 0], rows[placed, 1], in_grid[placed])
@@ -235,24 +236,23 @@ class MappedPoses:
             return given
         return self.tree.root(plain_name(self._mapping.robot_frame))
 
-    def _in_frame(self, poses: FloatArray, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
+    def _in_frame(self, numbers: FloatArray, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
         """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
         reach."""
-        target = self._target
-        into = planar(poses)
+        target, into = self._target, np.zeros((len(numbers), 3))
         if not target and len(self._frames) > 1:
             raise BagError(
                 f"{self._source}: poses on {self._topic} must be given in one frame where the"
                 f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
                 " the grid as frame"
             )
-        if not target:
-            return into
         for name, number in self._frames.items():
-            rows = np.flatnonzero(frame_of == number)
-            if name != target and len(rows):
-                frame = self.tree.placements(target, name, time_s[rows])
-                into[rows] = planar(frame @ poses[rows])
+            own = np.flatnonzero(frame_of == number)
+            for rows in np.array_split(own, 1 + len(own) // _AT_ONCE):
+                poses = matrices_of(numbers[rows])
+                if target not in ("", name) and len(rows):
+                    poses = self.tree.placements(target, name, time_s[rows]) @ poses
+                into[rows] = planar(poses)
         if not np.isfinite(into).all(axis=1).any():
             frames = " and ".join(map(repr, self._frames))
             raise BagError(

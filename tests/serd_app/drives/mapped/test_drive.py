@@ -189,7 +189,10 @@ def test_each_press_of_a_button_ends_an_episode(drive_of, messages, kind, field,
     assert drive.cuts == {"button": 1}
 
 
-def test_poses_given_in_several_frames_are_each_brought_from_their_own(drive_of, messages):
+def test_poses_given_in_several_frames_are_each_brought_from_their_own(
+    drive_of, messages, monkeypatch
+):
+    monkeypatch.setattr("serd_app.drives.mapped.drive._AT_ONCE", 7)
     rows = [*drive_east(messages, "odom"), *odom_at(messages, range(50, 59))]
     mixed = [
         (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
