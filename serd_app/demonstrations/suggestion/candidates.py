@@ -143,14 +143,9 @@ class Candidates:
         if self.own and mapping == self.own.mapping:
             messages = self.own
         else:
-            messages = MappedMessages(
-                mapping,
-                self._source,
-                self._poses[mapping.pose_topic].under(mapping),
-                self.actions[mapping.action_topic].under(mapping)
-                if mapping.has_action_topic
-                else MappedActions(mapping, None, self._source),
-            )
+            poses = self._poses[mapping.pose_topic]
+            actions = self.actions[mapping.action_topic] if mapping.has_action_topic else None
+            messages = MappedMessages(mapping, self._source, poses, actions)
         for name in sorted(self._damaged.keys() & messages.topics):
             raise self._damaged[name]
         return messages.drive()
@@ -209,7 +204,7 @@ def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:
     frames = _robot_frames(collected.tree.names) or (bodies if len(bodies) == 1 else [])
     if collected.from_tf and frames:
         mapping = mapping.model_copy(update={"robot_frame": frames[0]})
-    track = collected.under(mapping).track()
+    track = collected.track(mapping)
     if len(track.time_s) < _FEWEST_POSES:
         raise BagError(f"{topic.name} has {len(track.time_s)} poses, too few")
     way_m = float(np.ptp(track.poses[:, :2], axis=0).max())
@@ -228,7 +223,7 @@ def _corrected(mapping: BagMapping, collected: MappedPoses) -> BagMapping:
         return mapping
     corrected = mapping.model_copy(update={"frame": frame})
     try:
-        track = collected.under(corrected).track()
+        track = collected.track(corrected)
     except BagError:  # as where the localisation is of another clock
         return mapping
     return corrected if len(track.time_s) >= _FEWEST_POSES else mapping

@@ -11,7 +11,6 @@ times a second, and stated as an intent where it changes.
 """
 
 from array import array
-from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,7 +24,7 @@ from serd_app.drives.recorded_drive import (
     actions_of_directions,
 )
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
+from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
@@ -72,41 +71,29 @@ class MappedIntents:
 
 
 class MappedActions:
-    """Collects the messages of the action topic; topic: None where none has actions."""
+    """Collects the messages of the action topic."""
 
-    def __init__(self, mapping: BagMapping, topic: Topic | None, source: str) -> None:
-        self._mapping, self._source = mapping, source
-        self._rows = array("d")
-        self._read: FieldReader | None = None
-        self.topics: frozenset[str] = frozenset()
-        if topic is not None:
-            shapes, wanted = _CARRIED[mapping.action_from]
-            self.topics = frozenset({topic.name})
-            self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
+    def __init__(self, mapping: BagMapping, topic: Topic, source: str) -> None:
+        shapes, wanted = _CARRIED[mapping.action_from]
+        self.topics = frozenset({topic.name})
+        self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
+        self._source, self._rows = source, array("d")
 
     @property
     def n_taken(self) -> int:
         """Messages so far."""
         return len(self._rows) // 4
 
-    def under(self, mapping: BagMapping) -> "MappedActions":
-        """The same messages with another hold, delay, silence or least speed."""
-        other = copy(self)
-        other._mapping = mapping
-        return other
-
     def take(self, message: RawMessage) -> None:
         """One of them; BagError where it is damaged."""
-        assert self._read is not None
         header, (x, *others) = self._read(message.data)
         times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
         self._rows.extend((*times_s, x, others[0] if others else 0.0))
 
-    def intents(self, track: PoseTrack, spans: tuple[EpisodeSpan, ...]) -> MappedIntents:
-        """The intents; BagError where the topic has no message."""
-        if self._read is None:
-            return posed_intents(self._mapping, track, spans)
-        mapping = self._mapping
+    def intents(
+        self, mapping: BagMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
+    ) -> MappedIntents:
+        """The intents by a mapping of this topic; BagError where it has no message."""
         at_s, vectors, n_unclear = self.stated(track)
         if mapping.action_from == "velocity":
             found = intents_of_velocities(
@@ -120,13 +107,12 @@ class MappedActions:
                 waits_in_silence=mapping.silence == "wait",
             )
             return replace(found, n_bad_commands=n_unclear)
-        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
         if mapping.action_from == "intent":
-            return MappedIntents(at_s, actions_of_directions(vectors), dropped=dropped)
-        least_m = np.full(len(at_s), mapping.waypoint_reached_m)
-        return MappedIntents(
-            at_s, actions_of_ways(vectors - track.at(at_s), least_m), dropped=dropped
-        )
+            actions = actions_of_directions(vectors)
+        else:
+            least_m = np.full(len(at_s), mapping.waypoint_reached_m)
+            actions = actions_of_ways(vectors - track.at(at_s), least_m)
+        return MappedIntents(at_s, actions, dropped={NOT_FINITE: n_unclear} if n_unclear else {})
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
         """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite,

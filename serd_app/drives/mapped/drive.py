@@ -7,14 +7,13 @@ any rate between the two (`bags/serd_bag/messages/times.py`).
 
 from array import array
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from serd_app.drives.frame_graph import matrices_of, plain_name, planar
-from serd_app.drives.mapped.actions import MappedActions, PoseTrack
+from serd_app.drives.mapped.actions import MappedActions, PoseTrack, posed_intents
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import RecordedDrive, finite_poses, source_of
 from serd_app.drives.transforms import TF_TYPES, RecordedTransforms
@@ -50,8 +49,9 @@ def mapped_messages(
 ) -> "MappedMessages":
     """To be filled; BagError where the topics do not hold what the mapping needs."""
     poses = MappedPoses(known, mapping, source)
-    action = known[topic_named(known, mapping.action_topic)] if mapping.has_action_topic else None
-    actions = MappedActions(mapping, action, source)
+    actions = None
+    if mapping.has_action_topic:
+        actions = MappedActions(mapping, known[topic_named(known, mapping.action_topic)], source)
     marks = topic_named(known, mapping.episode_topic) if mapping.episode_topic else ""
     button = None
     if mapping.button_topic:
@@ -67,14 +67,14 @@ def mapped_messages(
 class MappedMessages:
     """Messages of the topics of a mapping; marks: of episodes, with their log times in s.
 
-    button: its topic and the reader of its state, of no number where each message is a press;
-    states: log time, stamp and state of each message.
+    actions: None where these are of the poses. button: its topic and the reader of its state, of no
+    number where each message is a press; states: log time, stamp and state of each message.
     """
 
     mapping: BagMapping
     source: str
     poses: "MappedPoses"
-    actions: MappedActions
+    actions: MappedActions | None
     mark_topic: str = ""
     button: tuple[str, FieldReader] | None = None
     marks: list[tuple[float, EpisodeMark]] = field(default_factory=list)
@@ -91,14 +91,15 @@ class MappedMessages:
     @property
     def topics(self) -> set[str]:
         """Those to take messages of."""
-        button = {self.button[0]} if self.button else set()
-        return {*self.poses.topics, *self.actions.topics, self.mark_topic} | button
+        actions = self.actions.topics if self.actions else ()
+        button = self.button[:1] if self.button else ()
+        return {*self.poses.topics, *actions, *button, self.mark_topic}
 
     def take(self, message: RawMessage) -> None:
         """A message of one of them; BagError where it is damaged."""
         self.poses.take(message)
         log_s = message.log_time_ns / 1e9
-        if message.topic in self.actions.topics:
+        if self.actions is not None and message.topic in self.actions.topics:
             self.actions.take(message)
         if message.topic == self.mark_topic:
             self.marks.extend((log_s, mark) for mark in marks_of(message.data))
@@ -108,10 +109,13 @@ class MappedMessages:
 
     def drive(self) -> RecordedDrive:
         """The drive of all messages so far."""
-        track = self.poses.track()
+        track = self.poses.track(self.mapping)
         longest_gap_s = self.mapping.longest_gap_s or self.poses.usual_gap_s
         spans, cuts = self._spans(track, longest_gap_s)
-        intents = self.actions.intents(track, spans)
+        if self.actions is None:
+            intents = posed_intents(self.mapping, track, spans)
+        else:
+            intents = self.actions.intents(self.mapping, track, spans)
         return RecordedDrive(
             pose_time_s=track.time_s,
             position_m=track.poses[:, :2],
@@ -158,7 +162,7 @@ class MappedPoses:
     """
 
     def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
-        self._mapping, self._source = mapping, source
+        self._source = source
         self._has_clock = bool(topics_named(known, "clock"))
         self._topic = topic_named(known, mapping.pose_topic)
         topic = known[self._topic]
@@ -182,12 +186,6 @@ class MappedPoses:
         names = list(self._frames)
         return self.tree.frame_that_corrects(names[0]) if len(names) == 1 else ""
 
-    def under(self, mapping: BagMapping) -> "MappedPoses":
-        """The same messages with another `frame` and `robot_frame`."""
-        other = copy(self)
-        other._mapping = mapping
-        return other
-
     def take(self, message: RawMessage) -> None:
         """A message; those of other topics are left."""
         if self.tree.take(message):
@@ -198,9 +196,15 @@ class MappedPoses:
             times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
             self._rows.extend((*times_s, frame, *numbers))
 
-    def track(self) -> PoseTrack:
-        """The poses that are finite and that /tf reaches."""
-        found = self._found()
+    def track(self, mapping: BagMapping) -> PoseTrack:
+        """The poses that are finite and that /tf reaches, by `frame` and `robot_frame`."""
+        target = plain_name(mapping.frame)
+        if self._read is None:
+            robot = plain_name(mapping.robot_frame)
+            target = target or self.tree.root(robot)
+            found = self._poses_of_frame(robot, target)
+        else:
+            found = np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
         rows = finite_poses(found, self._source)
         self.n_bad = len(found) - len(rows)
         rows[:, 1] = self._placed(rows[:, 0], rows[:, 1])
@@ -209,37 +213,29 @@ class MappedPoses:
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
         self.usual_gap_s = usual_gap_s(rows[:, 1])
-        in_grid = self._in_frame(rows[:, 3:], rows[:, 1], rows[:, 2].astype(np.int64))
+        frame_of = rows[:, 2].astype(np.int64)
+        in_grid = self._in_frame(target, rows[:, 3:], rows[:, 1], frame_of)
         placed = np.isfinite(in_grid).all(axis=1)
         self.n_unplaced = int((~placed).sum())
         return PoseTrack(rows[placed, 0], rows[placed, 1], in_grid[placed])
 
-    def _found(self) -> FloatArray:
-        """(N, n) log time, stamp, number of the frame, and the numbers of a pose."""
-        if self._read is not None:
-            return np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
-        robot = plain_name(self._mapping.robot_frame)
+    def _poses_of_frame(self, robot: str, target: str) -> FloatArray:
+        """(N, 10) log time, stamp, number of the frame, and a pose at its origin."""
         if robot not in self.tree.names:
             raise BagError(
                 f"{self._source}: robot_frame must be a frame of {self._topic}, got {robot!r};"
                 f" {hint(robot, self.tree.names)}"
             )
         self._frames = {robot: 0}
-        times_s = self.tree.times(self._target, robot)
+        times_s = self.tree.times(target, robot)
         return np.column_stack([times_s, np.tile((0.0, *_AT_FRAME), (len(times_s), 1))])
 
-    @property
-    def _target(self) -> str:
-        """The frame of the grid; of /tf without one in the mapping, the topmost."""
-        given = plain_name(self._mapping.frame)
-        if given or not self.from_tf:
-            return given
-        return self.tree.root(plain_name(self._mapping.robot_frame))
-
-    def _in_frame(self, numbers: FloatArray, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
+    def _in_frame(
+        self, target: str, numbers: FloatArray, time_s: FloatArray, frame_of: IntArray
+    ) -> FloatArray:
         """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
         reach."""
-        target, into = self._target, np.zeros((len(numbers), 3))
+        into = np.zeros((len(numbers), 3))
         if not target and len(self._frames) > 1:
             raise BagError(
                 f"{self._source}: poses on {self._topic} must be given in one frame where the"
