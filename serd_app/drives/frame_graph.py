@@ -61,9 +61,9 @@ class FrameGraph:
         self._parents: dict[str, str] = {}
 
     @property
-    def names(self) -> list[str]:
+    def names(self) -> tuple[str, ...]:
         """All frames that occur."""
-        return sorted(self._parents.keys() | set(self._parents.values()))
+        return tuple(sorted(self._parents.keys() | set(self._parents.values())))
 
     def chain(self, frame: str) -> list[str]:
         """A frame and those that it is in, each once."""
