@@ -36,8 +36,8 @@ MOST_MOVING_WAITS = 0.02
 #: Longer steps between poses are divided: decisions end between them.
 _LONGEST_STEP_S = 0.2
 _STAMP_TOLERANCE_S = 1e-6
-
-
+#: What is counted while a drive is read.
+_COUNTED = ("n_bad_poses", "n_unplaced_poses", "n_bad_commands")
 _Count = Annotated[int, Field(ge=0)]
 
 
@@ -128,8 +128,7 @@ def decisions_from_drive(
     """Decisions of a recorded drive on a grid, and what was left out.
 
     patience_s, wait_s: see `DecisionEpochs`. seen: `episode_rows` of episodes that are dropped
-    here; those of this drive are added. divided: episodes that are not divided anew; those of this
-    drive are added.
+    here; divided: episodes that are not divided anew. Those of this drive are added to both.
     """
     dropped = Counter(drive.dropped) + _outside(drive)
     epochs = DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
@@ -155,9 +154,7 @@ def decisions_from_drive(
         n_censored=int(decisions.censored.sum()),
         n_episodes=len(decisions.episodes),
         dropped=dict(+dropped),
-        n_bad_poses=drive.n_bad_poses,
-        n_unplaced_poses=drive.n_unplaced_poses,
-        n_bad_commands=drive.n_bad_commands,
+        **{name: getattr(drive, name) for name in _COUNTED},
         n_moving_waits=_moving_waits(drive, decisions),
     )
 

@@ -154,16 +154,12 @@ def grid_scenario(
     radius_m = min(robot.radius_m, cell_m)
     goals = _largest_group(grid, goal_states)
     rooms = _rooms(grid, area, radius_m)
-    counts = np.bincount(start_states, minlength=len(rooms)) * rooms
-    counts[goals] = 0
-    start = int(np.argmax(counts)) if counts.any() else None
     try:
+        start = _usual_start(start_states, rooms, goals)
         _, start, n_steps = _ends(grid, rooms, int(goals[0]), start)
-        boxes = [shapely.Polygon(cell_area_m(grid, int(state))) for state in goals]
-        goal_m = rings_m(largest(shapely.union_all(boxes)))[0]
         text = _text(
             area,
-            (goal_m, cell_area_m(grid, start)),
+            (_outline_m(grid, goals), cell_area_m(grid, start)),
             n_steps,
             name=name,
             source="The cells of a grid that was fitted to recordings",
@@ -177,6 +173,13 @@ def grid_scenario(
     except USER_ERRORS:
         return None
     return (text, found) if grid_of(found).fingerprint() == grid.fingerprint() else None
+
+
+def _usual_start(start_states: IntArray, rooms: BoolArray, goals: IntArray) -> int | None:
+    """The state with room from which most episodes began, None where there is none."""
+    counts = np.bincount(start_states, minlength=len(rooms)) * rooms
+    counts[goals] = 0
+    return int(np.argmax(counts)) if counts.any() else None
 
 
 def _text(
@@ -283,3 +286,9 @@ def _largest_group(grid: Grid, states: IntArray) -> IntArray:
     picture[rows, columns] = True
     labels = label(picture)[0][rows, columns]
     return np.asarray(states[labels == np.argmax(np.bincount(labels))])
+
+
+def _outline_m(grid: Grid, states: IntArray) -> Corners:
+    """The outline of states that lie side by side."""
+    boxes = [shapely.Polygon(cell_area_m(grid, int(state))) for state in states]
+    return rings_m(largest(shapely.union_all(boxes)))[0]
