@@ -83,13 +83,10 @@ def concatenate_renumbered(tables: Sequence[TimedDecisions]) -> TimedDecisions:
     sources = [table.source for table in tables]
     if len(set(sources)) == 1:
         return found
-    return replace(found, source="; ".join(map(_labelled, sources, episodes)))
-
-
-def _labelled(source: str, episodes: IntArray) -> str:
-    if not len(episodes) or _LABEL in source:
-        return source
-    return f"{source}{_LABEL} {episodes.min()} to {episodes.max()}"
+    for row, numbers in enumerate(episodes):
+        if len(numbers) and _LABEL not in sources[row]:
+            sources[row] += f"{_LABEL} {numbers.min()} to {numbers.max()}"
+    return replace(found, source="; ".join(sources))
 
 
 _Table = TypeVar("_Table", bound=Decisions)

@@ -43,23 +43,17 @@ def joined(parts: Sequence[Demonstrations]) -> Demonstrations:
 
 
 def demonstrations_of_bag(
-    bag: str | Path,
-    grid: Grid,
-    patience_s: float,
-    wait_s: float,
-    *,
-    seen: set[bytes] | None = None,
-    hidden: bool = False,
+    bag: str | Path, grid: Grid, patience_s: float, wait_s: float, *, hidden: bool = False
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of a bag, and what was left out; BagError where there is nothing to use.
 
-    patience_s, wait_s: see `DecisionEpochs`. seen: see `fresh_from_drive`. hidden: without intents,
-    from poses and episodes alone.
+    patience_s, wait_s: see `DecisionEpochs`. hidden: without intents, from poses and episodes
+    alone.
     """
     drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
     if hidden:
-        drives = [with_hidden_actions(each) for each in drives]
-    found, report = demonstrations_of_drives(drives, grid, patience_s, wait_s, seen=seen)
+        drives = [with_hidden_actions(drive) for drive in drives]
+    found, report = demonstrations_of_drives(drives, grid, patience_s, wait_s)
     if not len(found.decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
     return found, report
@@ -72,41 +66,25 @@ def demonstrations_of_drives(
     wait_s: float,
     *,
     seen: set[bytes] | None = None,
-) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
-    seen = set() if seen is None else seen
-    return joined_demonstrations(demonstrations_of_each(drives, grid, patience_s, wait_s, seen))
-
-
-def joined_demonstrations(
-    parts: Sequence[tuple[Demonstrations, DiscretisationReport]],
-) -> tuple[Demonstrations, DiscretisationReport]:
-    """All parts, with the counts of all."""
-    return joined([here for here, _ in parts]), joined_reports([report for _, report in parts])
-
-
-def demonstrations_of_each(
-    drives: Sequence[RecordedDrive],
-    grid: Grid,
-    patience_s: float,
-    wait_s: float,
-    seen: set[bytes],
-    *,
     agents: bool = False,
-) -> list[tuple[Demonstrations, DiscretisationReport]]:
-    """Those of each drive of one recording.
+) -> tuple[Demonstrations, DiscretisationReport]:
+    """Those of all drives of one recording, at least one, and what was left out.
 
-    seen: see `fresh_from_drive`; agents: the drives are of different agents, of whom two may decide
-    the same at the same times, so that those of the same places alone are repeated.
+    seen: `episode_rows` of earlier episodes, to which those of the drives are added; an episode
+    that was seen in every decision counts once. agents: the drives are of different agents, of whom
+    two may decide the same at the same times, so that those of the same places alone are repeated.
     """
+    seen = set() if seen is None else seen
     known = frozenset(seen)
-    found = []
+    parts, reports = [], []
     for drive in drives:
         track = drive.pose_time_s.tobytes() + drive.position_m.tobytes()
         seen_here = set(known if track in known else ()) if agents else seen
-        found.append(fresh_from_drive(drive, grid, patience_s, wait_s, seen_here))
+        decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen_here)
         seen |= seen_here | ({track} if agents else set())
-    return found
+        parts.append(Demonstrations(decisions))
+        reports.append(report)
+    return joined(parts), joined_reports(reports)
 
 
 class LiveDrive(DriveSessions):
@@ -131,7 +109,7 @@ class LiveDrive(DriveSessions):
         super().__init__(source)
         self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
         self._hidden = hidden
-        self._divided = DividedEpisodes()
+        self._divided: DividedEpisodes = {}
         self.report: DiscretisationReport | None = None
 
     def gathered(self, *, unfinished: bool = True) -> Demonstrations:
@@ -141,27 +119,10 @@ class LiveDrive(DriveSessions):
             last = replace(last, episodes=last.episodes[:-1])
         known = [] if self._earlier is None else [self._earlier]
         seen = {row for one in known for row in one.episode_rows.values()}
-        for each in (*before, last):
-            drive = with_hidden_actions(each) if self._hidden else each
-            here, self.report = fresh_from_drive(
+        for recorded in (*before, last):
+            drive = with_hidden_actions(recorded) if self._hidden else recorded
+            decisions, self.report = decisions_from_drive(
                 drive, self._grid, *self._times_s, seen, self._divided
             )
-            known.append(here)
+            known.append(Demonstrations(decisions))
         return joined(known)
-
-
-def fresh_from_drive(
-    drive: RecordedDrive,
-    grid: Grid,
-    patience_s: float,
-    wait_s: float,
-    seen: set[bytes],
-    divided: DividedEpisodes | None = None,
-) -> tuple[Demonstrations, DiscretisationReport]:
-    """What the drive adds to the episodes seen, to which its own are added.
-
-    An episode that was seen already in every decision counts once. divided: see
-    `decisions_from_drive`.
-    """
-    decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen, divided)
-    return Demonstrations(decisions), report

@@ -9,9 +9,8 @@ is counted.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -37,8 +36,8 @@ MOST_MOVING_WAITS = 0.02
 #: Longer steps between poses are divided: decisions end between them.
 _LONGEST_STEP_S = 0.2
 _STAMP_TOLERANCE_S = 1e-6
-
-
+#: What is counted while a drive is read.
+_COUNTED = ("n_bad_poses", "n_unplaced_poses", "n_bad_commands")
 _Count = Annotated[int, Field(ge=0)]
 
 
@@ -106,8 +105,7 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
     )
 
 
-@dataclass(frozen=True)
-class DividedEpisode:
+class DividedEpisode(NamedTuple):
     """The decisions of an episode that ended, how many are lost, and how many lack a command."""
 
     ended: Sequence[Epoch]
@@ -130,17 +128,14 @@ def decisions_from_drive(
     """Decisions of a recorded drive on a grid, and what was left out.
 
     patience_s, wait_s: see `DecisionEpochs`. seen: `episode_rows` of episodes that are dropped
-    here; those of this drive are added. divided: episodes that are not divided anew; those of this
-    drive are added.
+    here; divided: episodes that are not divided anew. Those of this drive are added to both.
     """
     dropped = Counter(drive.dropped) + _outside(drive)
     epochs = DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
     ended = dict[int, Sequence[Epoch]]()
     known = {} if divided is None else divided
     place = f"{grid.fingerprint()} {patience_s} {wait_s}"
-    for span in drive.episodes:
-        if not span.demonstrates:
-            continue
+    for span in (span for span in drive.episodes if span.demonstrates):
         course = _course(drive, span, patience_s)
         key = course.digest(place)
         divided_here = known.get(key) or _followed(epochs, course)
@@ -159,9 +154,7 @@ def decisions_from_drive(
         n_censored=int(decisions.censored.sum()),
         n_episodes=len(decisions.episodes),
         dropped=dict(+dropped),
-        n_bad_poses=drive.n_bad_poses,
-        n_unplaced_poses=drive.n_unplaced_poses,
-        n_bad_commands=drive.n_bad_commands,
+        **{name: getattr(drive, name) for name in _COUNTED},
         n_moving_waits=_moving_waits(drive, decisions),
     )
 
@@ -202,30 +195,20 @@ def _outside(drive: RecordedDrive) -> Counter[str]:
     return Counter({reason: int(found.sum()) for reason, found in reasons.items()})
 
 
-@dataclass(frozen=True, eq=False)
-class _Course:
+class _Course(NamedTuple):
     """An episode as its decisions need it.
 
-    time_s, x_m, y_m (T,): places; after_gap (T,): whether a gap is before each; since_s, command
-    (T,): from when on which command is in force then. is_lost: whether the end is not recorded.
+    columns (T,): times, x and y of places, whether a gap is before each, from when on which command
+    is in force then. is_lost: whether the end is not recorded.
     """
 
-    time_s: FloatArray
-    x_m: FloatArray
-    y_m: FloatArray
-    after_gap: BoolArray
-    since_s: FloatArray
-    command: IntArray
+    columns: tuple[FloatArray | BoolArray | IntArray, ...]
     is_lost: bool
     arrived: bool
 
-    @property
-    def columns(self) -> tuple[FloatArray | BoolArray | IntArray, ...]:
-        return self.time_s, self.x_m, self.y_m, self.after_gap, self.since_s, self.command
-
     def digest(self, place: str) -> bytes:
         """Of all of it; place: what else decisions depend on."""
-        found = sha256(f"{place} {len(self.time_s)} {self.is_lost} {self.arrived}".encode())
+        found = sha256(f"{place} {len(self.columns[0])} {self.is_lost} {self.arrived}".encode())
         for column in self.columns:
             found.update(column.tobytes())
         return found.digest()
@@ -237,23 +220,15 @@ def _course(drive: RecordedDrive, span: EpisodeSpan, patience_s: float) -> _Cour
     since_s, commands = _in_force(drive, span, hold_s)
     row = np.searchsorted(since_s, time_s + _STAMP_TOLERANCE_S, side="right") - 1
     is_lost = not len(time_s) or after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s
-    return _Course(
-        time_s,
-        position_m[:, 0],
-        position_m[:, 1],
-        after_gap,
-        since_s[row],
-        commands[row],
-        is_lost=bool(is_lost),
-        arrived=span.outcome == "arrived",
-    )
+    columns = (time_s, *position_m.T, after_gap, since_s[row], commands[row])
+    return _Course(columns, is_lost=bool(is_lost), arrived=span.outcome == "arrived")
 
 
 def _followed(epochs: DecisionEpochs, course: _Course) -> DividedEpisode:
     epochs.begin()
     taken, n_silent = int(Action.WAIT), 0
     for at_s, x_m, y_m, is_after_gap, from_s, command in zip(
-        *(each[:-1].tolist() for each in course.columns), strict=True
+        *(column[:-1].tolist() for column in course.columns), strict=True
     ):
         if is_after_gap:
             epochs.lose()
@@ -271,7 +246,7 @@ def _followed(epochs: DecisionEpochs, course: _Course) -> DividedEpisode:
     if course.is_lost:
         epochs.lose()
     else:
-        end_s, *place_m = (float(each[-1]) for each in course.columns[:3])
+        end_s, *place_m = (float(column[-1]) for column in course.columns[:3])
         epochs.end(end_s, *place_m, arrived=course.arrived)
     return DividedEpisode(epochs.ended, epochs.n_lost, n_silent)
 

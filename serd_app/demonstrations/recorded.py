@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.suggestion.candidates import mapping_of_poses
@@ -128,16 +128,12 @@ class DemonstrationRecord(StrictModel):
 
 @dataclass(frozen=True, eq=False)
 class RecordedDemonstrations:
-    """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts.
-
-    n_of_drives: decisions of each drive.
-    """
+    """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts."""
 
     recording: Recording
     decisions: TimedDecisions
     report: DiscretisationReport
     tracks_m: tuple[FloatArray, ...]
-    n_of_drives: tuple[int, ...]
 
     @property
     def bag(self) -> Path:
@@ -185,15 +181,15 @@ def demonstrations_of_all(
     found = []
     for each in recordings:
         agents = each.crowd is not None or is_table(each.bag)
-        parts = demonstrations_of_each(each.drives, grid, patience_s, wait_s, seen, agents=agents)
-        here, report = joined_demonstrations(parts)
-        n_of_drives = tuple(len(part.decisions) for part, _ in parts)
-        tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))
-        found.append(RecordedDemonstrations(each, here.decisions, report, tracks, n_of_drives))
+        here, report = demonstrations_of_drives(
+            each.drives, grid, patience_s, wait_s, seen=seen, agents=agents
+        )
+        tracks = tuple(track for drive in each.drives for track in _tracks_of(drive, grid))
+        found.append(RecordedDemonstrations(each, here.decisions, report, tracks))
     return found
 
 
-def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
+def _tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
     """(T, 2) positions within each episode that demonstrates something.
 
     NaN farther off the grid than it is large, which no picture of it could show.
@@ -221,15 +217,12 @@ def save_demonstrations(
     flow: FlowField | None,
 ) -> None:
     """Write table, grid, record and flow side by side; see `files_beside`."""
-    save_learnable(
-        output,
-        place,
-        concatenated(found),
-        bags=tuple(
-            BagRecord(**{name: values[name] for name in BagRecord.model_fields})
-            for values in (each.values() for each in found)
-        ),
+    keys = set(BagRecord.model_fields)
+    bags = tuple(
+        BagRecord(**{key: value for key, value in each.values().items() if key in keys})
+        for each in found
     )
+    save_learnable(output, place, concatenated(found), bags=bags)
     if flow is not None:
         save_flow(files_beside(output)["flow"], place.grid, flow)
 

@@ -9,18 +9,20 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
+from itertools import compress, count
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from serd_app.drives.frame_graph import plain_name
 from serd_app.drives.table_drives import Crowd, is_table
-from serd_app.drives.transforms import Poses, RecordedTransforms, TransformTree
+from serd_app.drives.transforms import RecordedTransforms
 from serd_app.errors import AppError
 from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
 from serd_bag.reader import BagReader
 from serd_bag.topic import topic_named, topics_named
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import FloatArray
 from serd_files.trajectories.read import Track
 
 #: Between two messages: a person who is not seen for longer, or jumps farther, is another one.
@@ -60,40 +62,33 @@ def recorded_sightings(reader: BagReader, topic: str, *, frame: str = "") -> lis
     name = topic_named(reader.topics, topic)
     known = reader.topics[name]
     require_people(known, f"bag {reader.path}")
-    tf, sightings = RecordedTransforms(reader.topics if frame else {}), []
-    seen = set[bytes]()
+    tf, sightings = RecordedTransforms(reader.topics if frame else {}), dict[bytes, Sighting]()
     for message in reader.messages({name, *tf.topics}):
         if tf.take(message):
             continue
         time = message.log_time_ns.to_bytes(8, "little", signed=True)
         digest = blake2b(message.data + time, digest_size=16).digest()
-        if digest not in seen:
-            seen.add(digest)
+        if digest not in sightings:
             people = people_in(message.data, known)
             stamp_ns = people.header.stamp_ns or message.log_time_ns
-            sightings.append(Sighting(stamp_ns / 1e9, people, digest))
-    ids = SightedIds()
-    return [
-        replace(each, people=ids.with_velocities(each.people, each.time_s))
-        for each in _in_frame(sightings, tf, frame.lstrip("/"))
-    ]
+            sightings[digest] = Sighting(stamp_ns / 1e9, people, digest)
+    ids, placed = SightedIds(), _in_frame(list(sightings.values()), tf, plain_name(frame))
+    return [replace(one, people=ids.with_velocities(one.people, one.time_s)) for one in placed]
 
 
-def _in_frame(sightings: list[Sighting], tree: TransformTree, frame: str) -> list[Sighting]:
+def _in_frame(sightings: list[Sighting], tf: RecordedTransforms, frame: str) -> list[Sighting]:
     """All of them in one frame; BagError where no chain of /tf joins them."""
     placed = list(sightings)
-    frames = [each.people.header.frame.lstrip("/") for each in sightings]
-    for own in {each for each in frames if frame and each not in ("", frame)}:
-        rows = [row for row, each in enumerate(frames) if each == own]
+    frames = [plain_name(one.people.header.frame) for one in sightings]
+    for own in {*frames} - {"", frame} if frame else ():
+        rows = [row for row, name in enumerate(frames) if name == own]
         times_s = np.array([sightings[row].time_s for row in rows])
-        origins = Poses.of_numbers(np.zeros((len(rows), 3)))
-        at = tree.into(frame, own, origins, times_s)
-        for number, row in enumerate(rows):
-            people, one = sightings[row].people, at.select(np.array([number]))
+        for row, matrix in zip(rows, tf.placements(frame, own, times_s), strict=True):
+            people, turn = sightings[row].people, matrix[:3, :3].T
             moved = replace(
                 people,
-                position_m=one.position_m + one.rotation.apply(people.position_m),
-                velocity_mps=one.rotation.apply(people.velocity_mps),
+                position_m=people.position_m @ turn + matrix[:3, 3],
+                velocity_mps=people.velocity_mps @ turn,
             )
             placed[row] = replace(sightings[row], people=moved)
     return placed
@@ -134,36 +129,24 @@ class _Linker:
     """Names people without ids by whom they follow on."""
 
     def __init__(self) -> None:
-        self._time_s = np.zeros(0)
-        self._place_m = self._velocity_mps = np.zeros((0, 2))
-        self._names = list[str]()
-        self._count = 0
+        #: Of those who may be seen again: time, place and velocity.
+        self._rows = np.zeros((0, 5))
+        self._names, self._numbers = list[str](), count(1)
 
     def names_of(self, time_s: float, place_m: FloatArray, velocity_mps: FloatArray) -> list[str]:
         """Of people (N, 2) at a time; velocity_mps: NaN counts as at rest."""
         names = [""] * len(place_m)
-        step_s = time_s - self._time_s
-        expected = self._place_m + step_s[:, None] * self._velocity_mps
+        step_s = time_s - self._rows[:, 0]
+        expected = self._rows[:, 1:3] + step_s[:, None] * self._rows[:, 3:]
         far = np.linalg.norm(expected[:, None] - place_m, axis=2)
         left = step_s <= _LONGEST_S
         cost = np.where(left[:, None], np.minimum(far, 2 * _FARTHEST_M), 2 * _FARTHEST_M)
-        before, now = linear_sum_assignment(cost)
-        for old, new in zip(before.tolist(), now.tolist(), strict=True):
+        for old, new in zip(*map(np.ndarray.tolist, linear_sum_assignment(cost)), strict=True):
             if left[old] and far[old, new] <= _FARTHEST_M:
                 names[new], left[old] = self._names[old], False
-        for row, name in enumerate(names):
-            if not name:
-                self._count += 1
-                names[row] = f"person {self._count}"
-        self._keep(left)
-        self._time_s = np.append(self._time_s, np.full(len(names), time_s))
-        self._names = self._names + names
-        self._place_m = np.concatenate([self._place_m, place_m])
-        self._velocity_mps = np.concatenate([self._velocity_mps, np.nan_to_num(velocity_mps)])
+        names = [name or f"person {next(self._numbers)}" for name in names]
+        now_s = np.full(len(names), time_s)
+        here = np.column_stack([now_s, place_m, np.nan_to_num(velocity_mps)])
+        self._rows = np.concatenate([self._rows[left], here])
+        self._names = [*compress(self._names, left), *names]
         return names
-
-    def _keep(self, rows: BoolArray) -> None:
-        """Those who may be seen again."""
-        self._names = [name for name, kept in zip(self._names, rows, strict=True) if kept]
-        self._time_s, self._place_m = self._time_s[rows], self._place_m[rows]
-        self._velocity_mps = self._velocity_mps[rows]

@@ -61,41 +61,39 @@ def read_recording(
     tolerant: read what a damaged bag holds. hidden: leave out the actions. goal_area_m: that of the
     scenario, by which a mapping without goals cuts laps.
     """
-    if mapping is None and is_table(bag):
+    of_table = is_table(bag)
+    if mapping is None and of_table:
         mapping = TableMapping()
     if mapping is not None and not (mapping.goals_m or mapping.goal_area_m):
         mapping = mapping.model_copy(update={"goal_area_m": goal_area_m})
-    found = _recording(bag, mapping, tolerant)
+    if of_table:
+        columns = mapping if isinstance(mapping, TableMapping) else TableMapping()
+        table = drives_of_table(bag, columns)
+        found = Recording(bag, table.drives, (), Losses(), table.crowd, table.assumed)
+    else:
+        found = _recorded_bag(BagReader(bag, tolerant=tolerant), mapping)
     if not hidden:
         return found
     return replace(found, drives=tuple(map(with_hidden_actions, found.drives)))
 
 
-def _recording(bag: Path, mapping: DriveMapping | None, tolerant: bool) -> Recording:
-    if is_table(bag):
-        table = mapping if isinstance(mapping, TableMapping) else TableMapping()
-        found = drives_of_table(bag, table)
-        return Recording(bag, found.drives, (), Losses(), found.crowd, found.assumed)
-    reader = BagReader(bag, tolerant=tolerant)
-    assumed: tuple[str, ...] = ()
+def _recorded_bag(reader: BagReader, mapping: DriveMapping | None) -> Recording:
+    assumed: tuple[str, ...] = (ASSUMED_UNITS,)
     crowd: Crowd | None = None
-    if isinstance(mapping, BagMapping) and mapping.experts == "people":
-        crowd = crowd_of_sightings(
-            recorded_sightings(reader, mapping.people_topic, frame=mapping.frame), str(bag)
-        )
-        own = TableMapping.of_people(mapping)
-        drives = tuple(
-            drive_of_track(crowd.tracks[expert], own, source_of(bag)) for expert in crowd.experts
-        )
-        assumed = (ASSUMED_UNITS,)
-    elif not isinstance(mapping, BagMapping):
+    drives: tuple[RecordedDrive, ...]
+    if not isinstance(mapping, BagMapping):
         _require_own(reader)
-        drives = drives_in(reader)
+        drives, assumed = drives_in(reader), ()
+    elif mapping.experts == "people":
+        sightings = recorded_sightings(reader, mapping.people_topic, frame=mapping.frame)
+        crowd = crowd_of_sightings(sightings, str(reader.path))
+        own, source = TableMapping.of_people(mapping), source_of(reader.path)
+        drives = tuple(drive_of_track(track, own, source) for track in crowd.tracks)
     else:
-        drives, assumed = (_mapped_drive(reader, mapping),), (ASSUMED_UNITS,)
+        drives = (_mapped_drive(reader, mapping),)
     damage = tuple(each.sentence() for each in reader.damage)
     lost = reader.losses if damage else Losses()
-    return Recording(bag, drives, damage, lost, crowd, assumed)
+    return Recording(reader.path, drives, damage, lost, crowd, assumed)
 
 
 def _mapped_drive(reader: BagReader, mapping: BagMapping) -> RecordedDrive:

@@ -160,10 +160,22 @@ def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive
     """
     wanted = (POSE, INTENT, EPISODE) if intents else (POSE, EPISODE)
     kinds = {topic_named(reader.topics, kind): kind for kind in wanted}
-    times = {kind: _Times() for kind in kinds.values()}
+    #: Log times and stamps (ns) of messages, one after the other.
+    times = {kind: array("q") for kind in wanted}
+
+    def noted(kind: str, message: RawMessage) -> int | None:
+        """The time in place of a stamp that is not set."""
+        try:
+            stamp_ns = message_stamp_ns(message.data)
+        except BagError:
+            stamp_ns = 0  # what takes the message raises
+        times[kind].extend((message.log_time_ns, stamp_ns))
+        return None if stamp_ns else message.log_time_ns
+
     n_faults = len(reader.damage)
-    found = _sessions_in(reader, kinds, lambda kind, message: times[kind].add(message))
-    if not _stamps_agree(times):
+    found = _sessions_in(reader, kinds, noted)
+    in_s = {kind: (np.array(rows).reshape(-1, 2) / 1e9).T for kind, rows in times.items()}
+    if not _stamps_agree(in_s):
         del reader.damage[n_faults:]  # it is found again
         found = _sessions_in(reader, kinds, lambda _, message: message.log_time_ns)
     return tuple(session.drive() for session in found)
@@ -184,31 +196,13 @@ def _sessions_in(
     return found.sessions
 
 
-class _Times:
-    """Log times and stamps (ns) of a topic's messages."""
-
-    def __init__(self) -> None:
-        self.log_ns, self.stamp_ns = array("q"), array("q")
-
-    def add(self, message: RawMessage) -> int | None:
-        """Those of one message; returns the time in place of a stamp that is not set."""
-        try:
-            stamp_ns = message_stamp_ns(message.data)
-        except BagError:
-            stamp_ns = 0  # what takes the message raises
-        self.log_ns.append(message.log_time_ns)
-        self.stamp_ns.append(stamp_ns)
-        return None if stamp_ns else message.log_time_ns
-
-
-def _stamps_agree(times: Mapping[str, _Times]) -> bool:
+def _stamps_agree(times_s: Mapping[str, FloatArray]) -> bool:
     """Whether the stamps of all topics are of one clock, which need not be that of the log times:
-    the bag may be of a simulated world, recorded by the clock of the machine."""
-    in_s = {
-        kind: (np.array(each.log_ns) / 1e9, np.array(each.stamp_ns) / 1e9)
-        for kind, each in times.items()
-    }
-    if agrees(*in_s[POSE]):
-        return all(np.array_equal(placed_s(*each), each[1]) for each in in_s.values())
-    clock = TimesOnClock(*in_s[POSE])
-    return all(agrees(clock.of(log_s), stamp_s) for log_s, stamp_s in in_s.values())
+    the bag may be of a simulated world, recorded by the clock of the machine.
+
+    times_s: (2, N) log times and stamps of each topic.
+    """
+    if agrees(*times_s[POSE]):
+        return all(np.array_equal(placed_s(*both_s), both_s[1]) for both_s in times_s.values())
+    clock = TimesOnClock(*times_s[POSE])
+    return all(agrees(clock.of(log_s), stamp_s) for log_s, stamp_s in times_s.values())

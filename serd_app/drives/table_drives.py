@@ -21,9 +21,6 @@ from serd_files.trajectories.read import Track, read_trajectories
 
 #: Velocities of people are central differences over about this time.
 _VELOCITY_S = 0.4
-#: Steps between places of an agent across which its place is interpolated for others.
-_LONGEST_STEP_S = 1.0
-_TOLERANCE_S = 1e-6
 #: Of tables in a folder.
 _SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".gz", ".parquet", ".pq"])
 _LISTED = 5
@@ -65,30 +62,6 @@ class Crowd:
         """(N, 2) of the people at all their times."""
         return np.concatenate([_velocity_mps(track) for track in self.people])
 
-    @cached_property
-    def _spans_s(self) -> FloatArray:
-        """(2, N) first and last times of all tracks."""
-        return np.array([track.time_s[[0, -1]] for track in self.tracks]).T
-
-    def others_at(self, drive: int, time_s: FloatArray) -> list[FloatArray]:
-        """(n, 2) places of all agents but that of a drive, at each of the times (T,)."""
-        found = [list[FloatArray]() for _ in time_s]
-        begin_s, end_s = self._spans_s
-        asked_s = (time_s.min(initial=np.inf), time_s.max(initial=-np.inf))
-        there = (begin_s <= asked_s[1] + _TOLERANCE_S) & (end_s >= asked_s[0] - _TOLERANCE_S)
-        for row in np.flatnonzero(there).tolist():
-            track = self.tracks[row]
-            if row == self.experts[drive]:
-                continue
-            after = np.searchsorted(track.time_s, time_s - _TOLERANCE_S)
-            last = len(track.time_s) - 1
-            step_s = track.time_s[np.minimum(after, last)] - track.time_s[np.maximum(after - 1, 0)]
-            within = (time_s >= track.time_s[0] - _TOLERANCE_S) & (after <= last)
-            for place in np.flatnonzero(within & (step_s <= _LONGEST_STEP_S)).tolist():
-                at = [np.interp(time_s[place], track.time_s, each) for each in track.position_m.T]
-                found[place].append(np.array(at))
-        return [np.array(each).reshape(-1, 2) for each in found]
-
 
 @dataclass(frozen=True, eq=False)
 class TableDrives:
@@ -115,46 +88,40 @@ def is_table(path: Path) -> bool:
 def drives_of_table(path: Path, mapping: TableMapping) -> TableDrives:
     """A drive of each expert; FileError where the table cannot be read."""
     found = read_trajectories(path, mapping)
-    assumed, tracks = found.assumed, found.tracks
+    wanted = mapping.experts or (("*",) if mapping.people else ())
+    experts, choice = _experts(path, found.tracks, wanted)
+    tracks, assumed = found.tracks, list(found.assumed)
     if mapping.people:
-        file = _people_file(path, mapping.people)
-        stated = mapping.model_dump(include={"fps", "time_unit", "unit"})
-        people = read_trajectories(file, TableColumns(**stated))
-        experts, choice = _experts(path, tracks, mapping.experts or ("*",))
-        assumed = (*assumed, *(f"{file.name}: {each}" for each in people.assumed))
-        others = tuple(track for track in people.tracks if not _is_robot(track))
-        if not others:
-            raise FileError(f"{file} must hold people, it holds robots alone; correct people:")
-        if len(others) < len(people.tracks):
-            assumed = (*assumed, f"{file.name}: its robots are left out, as {path.name} has them")
-        tracks = (*tracks, *others)
-        _require_one_clock(path, found.tracks, file, others)
-    else:
-        experts, choice = _experts(path, tracks, mapping.experts)
+        people, stated = _people_beside(path, found.tracks, mapping)
+        tracks, assumed = (*tracks, *people), [*assumed, *stated]
     if choice:
-        assumed = (*assumed, choice)
+        assumed.append(choice)
     drives = tuple(drive_of_track(tracks[expert], mapping, f"table {path}") for expert in experts)
     crowd = Crowd(tracks, experts, all(map(_is_robot, tracks))) if len(tracks) > 1 else None
-    return TableDrives(drives, crowd, assumed)
+    return TableDrives(drives, crowd, tuple(assumed))
 
 
-def _people_file(path: Path, name: str) -> Path:
-    """The file of people beside the table."""
-    numbers = _DIGITS.findall(path.stem)
+def _people_beside(
+    path: Path, tracks: Sequence[Track], mapping: TableMapping
+) -> tuple[tuple[Track, ...], list[str]]:
+    """People of the file beside the table, and what is assumed; FileError where it has none."""
+    name, numbers = mapping.people, _DIGITS.findall(path.stem)
     if _NUMBER in name and not numbers:
         raise FileError(
             f"{path} must have a number in its name, which {_NUMBER} stands for in people: {name};"
             " name the file"
         )
-    return path.with_name(name.replace(_NUMBER, numbers[-1] if numbers else ""))
-
-
-def _require_one_clock(
-    path: Path, tracks: Sequence[Track], file: Path, people: Sequence[Track]
-) -> None:
-    """FileError where the times of the two files do not overlap."""
+    file = path.with_name(name.replace(_NUMBER, numbers[-1] if numbers else ""))
+    units = mapping.model_dump(include={"fps", "time_unit", "unit"})
+    found = read_trajectories(file, TableColumns(**units))
+    people = tuple(track for track in found.tracks if not _is_robot(track))
+    if not people:
+        raise FileError(f"{file} must hold people, it holds robots alone; correct people:")
+    assumed = [f"{file.name}: {sentence}" for sentence in found.assumed]
+    if len(people) < len(found.tracks):
+        assumed.append(f"{file.name}: its robots are left out, as {path.name} has them")
     (begin_s, end_s), (first_s, last_s) = (
-        (min(each.time_s[0] for each in some), max(each.time_s[-1] for each in some))
+        (min(track.time_s[0] for track in some), max(track.time_s[-1] for track in some))
         for some in (tracks, people)
     )
     if last_s < begin_s or first_s > end_s:
@@ -163,6 +130,7 @@ def _require_one_clock(
             f" {last_s:.10g} s, those of the table from {begin_s:.10g} to {end_s:.10g} s; give"
             " times of one clock"
         )
+    return people, assumed
 
 
 def _is_called(names: Sequence[str], wanted: str) -> bool:
@@ -188,11 +156,8 @@ def _experts(
             " the mapping"
         )
     if wanted:
-        return tuple(
-            row
-            for row, every in enumerate(called)
-            if any(_is_called(every, each) for each in wanted)
-        ), ""
+        chosen = (any(_is_called(every, each) for each in wanted) for every in called)
+        return tuple(row for row, is_chosen in enumerate(chosen) if is_chosen), ""
     robots = tuple(row for row, track in enumerate(tracks) if _is_robot(track))
     if not robots or len(robots) == len(names):
         choice = f"all {len(names)} agents demonstrate; 'experts:' in a --mapping file names others"
@@ -228,8 +193,8 @@ def _velocity_mps(track: Track) -> FloatArray:
     """(T, 2)."""
     early_s = np.maximum(track.time_s - _VELOCITY_S / 2, track.time_s[0])
     late_s = np.minimum(track.time_s + _VELOCITY_S / 2, track.time_s[-1])
-    moved = [
-        np.interp(late_s, track.time_s, each) - np.interp(early_s, track.time_s, each)
-        for each in track.position_m.T
-    ]
-    return np.asarray(np.stack(moved, axis=1) / (late_s - early_s)[:, None])
+    early_m, late_m = (
+        np.stack([np.interp(at_s, track.time_s, axis) for axis in track.position_m.T], 1)
+        for at_s in (early_s, late_s)
+    )
+    return np.asarray((late_m - early_m) / (late_s - early_s)[:, None])

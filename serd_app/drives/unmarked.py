@@ -9,9 +9,10 @@ the start, so that the way out is one demonstration and the way back another.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -63,29 +64,30 @@ def unmarked_spans(
     pressed_s: (N,) increasing, when the button was pressed.
     """
     pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
+
+    def cut(rule: Callable[..., Iterator[_Piece]], *settings: Any) -> list[_Piece]:
+        return [part for piece in pieces for part in rule(piece, *settings)]
+
     if pressed_s is not None:
-        pieces = [part for each in pieces for part in _at_presses(each, pressed_s)]
+        pieces = cut(_at_presses, pressed_s)
     has_goal = bool(mapping.goals_m)
     if mapping.goals_m:
-        pieces = [part for each in pieces for part in _at_goals(each, mapping)]
+        pieces = cut(_at_goals, mapping)
     elif mapping.goal_area_m:
-        pieces = [part for each in pieces for part in _at_goal_area(each, mapping.goal_area_m)]
-        has_goal = any(each.ended_by == GOAL or each.from_goal for each in pieces)
+        pieces = cut(_at_goal_area, mapping.goal_area_m)
+        has_goal = any(piece.ended_by == GOAL or piece.from_goal for piece in pieces)
     if mapping.stop_s is not None:
-        pieces = [part for each in pieces for part in _at_stops(each, mapping.stop_s)]
+        pieces = cut(_at_stops, mapping.stop_s)
     if mapping.round_trips and not has_goal:
-        pieces = [part for each in pieces for part in _at_turns(each)]
-    pieces = [part for each in pieces for part in _without_return(each) if len(part.time_s) > 1]
-    spans = tuple(
-        EpisodeSpan(
-            number,
-            float(each.time_s[0]),
-            float(each.time_s[-1]),
-            _OUTCOMES.get(each.ended_by, ARRIVED),
-        )
-        for number, each in enumerate(pieces)
-    )
-    return spans, Counter(each.ended_by for each in pieces if each.ended_by not in ("", RETURN))
+        pieces = cut(_at_turns)
+    pieces = [piece for piece in cut(_without_return) if len(piece.time_s) > 1]
+    spans = []
+    for number, piece in enumerate(pieces):
+        outcome = _OUTCOMES.get(piece.ended_by, ARRIVED)
+        edges_s = float(piece.time_s[0]), float(piece.time_s[-1])
+        spans.append(EpisodeSpan(number, *edges_s, outcome))
+    cuts = Counter(piece.ended_by for piece in pieces if piece.ended_by not in ("", RETURN))
+    return tuple(spans), cuts
 
 
 def usual_gap_s(time_s: FloatArray) -> float:

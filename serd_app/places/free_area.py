@@ -5,7 +5,6 @@ All polygons of a file together are its area, holes are solids. The connected pa
 the largest, or the one around a point.
 """
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,8 @@ from scipy.ndimage import binary_opening, label
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_bag.files import read_text
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray
+from serd_sim.safety.motion import in_frame, out_of_frame
 from serd_sim.scenario.occupancy import OccupancyRaster
 
 #: Occupancies below this, in percent, are free; unknown cells are not.
@@ -45,9 +45,25 @@ def free_area_m(
     """
     free = (raster.cells >= 0) & (raster.cells < _FREE_BELOW)
     free = binary_opening(free, np.ones((_NARROWEST_GAP, _NARROWEST_GAP)))
-    part = _part(free, None if at_m is None else _cell_at(raster, at_m), at_m)
-    outline = outline_of_cells(part).simplify(_TOLERANCE, preserve_topology=True)
-    return largest(shapely.set_precision(_in_frame(outline, raster), _PRECISION_M))
+    labels, count = label(free)
+    if not count:
+        raise AppError(
+            "the map must have a free area at least three cells wide, got none; check its"
+            " thresholds and `negate`"
+        )
+    size_m, frame = raster.resolution_m, (*raster.origin_m, raster.yaw_rad)
+    number = 1 + int(np.argmax(np.bincount(labels[free])[1:]))
+    if at_m is not None:
+        cell = np.floor(in_frame(np.array([at_m]), frame)[0, ::-1] / size_m)
+        inside = ((cell >= 0) & (cell < free.shape)).all()
+        number = labels[tuple(cell.astype(int))] if inside else 0
+        if not number:
+            raise AppError(
+                f"the point {at_m} m must lie in the free area of the map; name one that does"
+            )
+    outline = outline_of_cells(labels == number).simplify(_TOLERANCE, preserve_topology=True)
+    placed = shapely.transform(outline, lambda corners: out_of_frame(corners * size_m, frame))
+    return largest(shapely.set_precision(placed, _PRECISION_M))
 
 
 def outline_of_cells(walkable: BoolArray) -> shapely.Polygon:
@@ -71,49 +87,6 @@ def rings_m(area: shapely.Polygon) -> list[list[tuple[float, float]]]:
     return [[(float(x), float(y)) for x, y in ring.coords[:-1]] for ring in rings]
 
 
-def _part(
-    free: BoolArray, cell: tuple[int, int] | None, at_m: tuple[float, float] | None
-) -> BoolArray:
-    labels, count = label(free)
-    if not count:
-        raise AppError(
-            "the map must have a free area at least three cells wide, got none; check its"
-            " thresholds and `negate`"
-        )
-    if cell is None:
-        return np.asarray(labels == 1 + int(np.argmax(np.bincount(labels[free])[1:])))
-    rows, columns = free.shape
-    inside = 0 <= cell[0] < rows and 0 <= cell[1] < columns
-    if not inside or not free[cell]:
-        raise AppError(
-            f"the point {at_m} m must lie in the free area of the map; name one that does"
-        )
-    return np.asarray(labels == labels[cell])
-
-
-def _cell_at(raster: OccupancyRaster, at_m: tuple[float, float]) -> tuple[int, int]:
-    """(row, column) of the raster under a point of the map's frame."""
-    x_m, y_m = np.subtract(at_m, raster.origin_m)
-    cos, sin = math.cos(raster.yaw_rad), math.sin(raster.yaw_rad)
-    along, across = cos * x_m + sin * y_m, cos * y_m - sin * x_m
-    return math.floor(across / raster.resolution_m), math.floor(along / raster.resolution_m)
-
-
-def _in_frame(area: shapely.Polygon, raster: OccupancyRaster) -> shapely.Polygon:
-    """From cells of the raster to metres in its frame."""
-    turned = raster.resolution_m * np.array(
-        [
-            [math.cos(raster.yaw_rad), math.sin(raster.yaw_rad)],
-            [-math.sin(raster.yaw_rad), math.cos(raster.yaw_rad)],
-        ]
-    )
-
-    def placed(corners: FloatArray) -> FloatArray:
-        return np.asarray(corners @ turned + raster.origin_m)
-
-    return shapely.transform(area, placed)
-
-
 def is_area_file(path: Path) -> bool:
     """Whether a file holds polygons, by its suffix."""
     return path.suffix.lower() in _READERS
@@ -130,6 +103,22 @@ def read_area_m(path: Path, at_m: tuple[float, float] | None = None) -> shapely.
 
     FileError where the file has no sound polygons; AppError where none is around the point.
     """
+    parts = shapely.get_parts(shapely.union_all(_polygons_of(path)))
+    if at_m is not None:
+        parts = parts[shapely.intersects(parts, shapely.Point(at_m))]
+    if not len(parts):
+        raise AppError(f"start must be in the area of {path}, got {at_m}; name a point in it")
+    found = largest(shapely.MultiPolygon(list(parts)))
+    if found.area < _SMALLEST_M2:
+        raise FileError(
+            f"{path} must be in metres, but its area is {found.area:.3g} m²; project longitude and"
+            " latitude to a plane first"
+        )
+    return largest(shapely.set_precision(found, _PRECISION_M))
+
+
+def _polygons_of(path: Path) -> list[shapely.Polygon]:
+    """Those of a file, at least one, each with a sound outline; else FileError."""
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # of numbers that are not finite
             shape = shapely.force_2d(_READERS[path.suffix.lower()](read_text(path)))
@@ -140,7 +129,7 @@ def read_area_m(path: Path, at_m: tuple[float, float] | None = None) -> shapely.
             " them again"
         ) from None
     polygons = [
-        each for each in _parts(shape) if isinstance(each, shapely.Polygon) and not each.is_empty
+        part for part in _parts(shape) if isinstance(part, shapely.Polygon) and not part.is_empty
     ]
     if not polygons:
         raise FileError(
@@ -153,25 +142,11 @@ def read_area_m(path: Path, at_m: tuple[float, float] | None = None) -> shapely.
                 f"{path}: polygon {number} must have a sound outline, got"
                 f" {shapely.is_valid_reason(polygon)}; correct its corners"
             )
-    whole = shapely.get_parts(shapely.union_all(polygons))
-    parts = [each for each in whole if at_m is None or _holds(each, at_m)]
-    if not parts:
-        raise AppError(f"start must be in the area of {path}, got {at_m}; name a point in it")
-    found = largest(shapely.MultiPolygon(parts))
-    if found.area < _SMALLEST_M2:
-        raise FileError(
-            f"{path} must be in metres, but its area is {found.area:.3g} m²; project longitude and"
-            " latitude to a plane first"
-        )
-    return largest(shapely.set_precision(found, _PRECISION_M))
+    return polygons
 
 
 def _parts(shape: shapely.Geometry) -> list[shapely.Geometry]:
     """The single geometries of collections within collections."""
     if isinstance(shape, shapely.MultiPolygon | shapely.GeometryCollection):
-        return [part for each in shape.geoms for part in _parts(each)]
+        return [part for inner in shape.geoms for part in _parts(inner)]
     return [shape]
-
-
-def _holds(part: shapely.Polygon, at_m: tuple[float, float]) -> bool:
-    return bool(shapely.intersects(part, shapely.Point(at_m)))

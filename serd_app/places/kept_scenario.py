@@ -44,7 +44,13 @@ def keep_scenario(beside: Path, text: str) -> None:
 def require_replaceable(beside: Path, text: str) -> None:
     """AppError where an edited file with another scenario is in the place of the text."""
     file = kept_scenario_file(beside)
-    if file.is_file() and not _is_generated(file) and not _is_same(file, text):
+    if not file.is_file() or _is_generated(file):
+        return
+    try:
+        same = bool(text) and load_scenario(file) == yaml_model(text, Scenario, name=str(file))
+    except FileError:
+        same = False
+    if not same:
         raise AppError(
             f"{file} must be as it was generated, or hold the scenario in use, got another one that"
             " was edited or written by hand; move it to another name"
@@ -77,10 +83,3 @@ def _first_line(text: str) -> str:
 def _is_generated(file: Path) -> bool:
     first, _, text = read_text(file).partition("\n")
     return f"{first}\n" == _first_line(text)
-
-
-def _is_same(file: Path, text: str) -> bool:
-    try:
-        return bool(text) and load_scenario(file) == yaml_model(text, Scenario, name=str(file))
-    except FileError:
-        return False

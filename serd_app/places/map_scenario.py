@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -31,7 +30,6 @@ _SHORTEST_TIMEOUT_S = 60.0
 #: Of the time for the way at full speed.
 _TIMEOUT_WAYS = 6.0
 _PATIENCE_CELLS = 3.0
-_CONTROL_PERIOD_S, _SCAN_PERIOD_S = 0.05, 0.1
 Corners = Sequence[tuple[float, float]]
 _TEXT = """\
 # {source}.
@@ -45,7 +43,7 @@ cell_size_m: {cell_size_m}
 {clearance}# A decision ends in another cell, or after patience_s in the same one.
 patience_s: {patience_s}
 wait_s: {wait_s}
-control_period_s: {control_period_s}
+control_period_s: 0.05
 episode_timeout_s: {timeout_s}
 
 # An episode ends where the robot's centre is in this polygon; `--goal x,y` takes another cell.
@@ -59,7 +57,7 @@ robot:
   radius_m: {radius_m}
   max_vel_x_mps: {speed_mps}
 lidar:
-  rate_hz: {scan_rate_hz}
+  rate_hz: 10.0
 
 # No people walk here yet. With people:
 # pedestrians:
@@ -75,14 +73,6 @@ pedestrians:
 walkable_area_m: {outline}
 obstacles:{obstacles}
 """
-
-
-class _Task(NamedTuple):
-    """Areas in which an episode ends and begins; n_steps: moves between them."""
-
-    goal_m: Corners
-    start_m: Corners
-    n_steps: int
 
 
 def map_scenario_yaml(
@@ -104,24 +94,24 @@ def map_scenario_yaml(
             " the map, in metres per cell"
         )
     grid = _grid_of_area(area, settings)
-    rooms = _rooms(grid, area, settings.robot_radius_m)
     goal = None if goal_m is None else goal_cell(grid, *goal_m)
     start = None if start_m is None else goal_cell(grid, *start_m, what="start")
+    rooms = _rooms(grid, area, settings.robot_radius_m)
     goal, start, n_steps = _ends(grid, rooms, goal, start)
-    usual = Scenario.model_fields
+    patience_s, wait_s = (Scenario.model_fields[key].default for key in ("patience_s", "wait_s"))
     crossing_s = settings.cell_m / settings.max_speed_mps
     return _text(
         area,
+        _areas(grid, goal, start),
+        n_steps,
         name=name,
         source=source,
         cell_size_m=settings.cell_m,
-        clearance_m=settings.clearance_m,
-        times_s=(
-            max(usual["patience_s"].default, math.ceil(_PATIENCE_CELLS * crossing_s)),
-            usual["wait_s"].default,
-        ),
-        task=_Task(*_areas(grid, goal, start), n_steps),
-        robot=(settings.robot_radius_m, settings.max_speed_mps),
+        clearance=f"cell_clearance_m: {settings.clearance_m!r}\n",
+        patience_s=max(patience_s, math.ceil(_PATIENCE_CELLS * crossing_s)),
+        wait_s=wait_s,
+        radius_m=settings.robot_radius_m,
+        speed_mps=settings.max_speed_mps,
     )
 
 
@@ -162,21 +152,22 @@ def grid_scenario(
     area = shapely.transform(outline, lambda each: each * grid.cell_size_m + grid.origin_m)
     cell_m, robot = grid.cell_size_m, RobotSettings()
     radius_m = min(robot.radius_m, cell_m)
-    speed_mps = max(robot.max_vel_x_mps, 2.0 * cell_m / patience_s)
     goals = _largest_group(grid, goal_states)
     rooms = _rooms(grid, area, radius_m)
-    start = _usual_start(start_states, rooms, goals)
     try:
+        start = _usual_start(start_states, rooms, goals)
         _, start, n_steps = _ends(grid, rooms, int(goals[0]), start)
         text = _text(
             area,
+            (_outline_m(grid, goals), cell_area_m(grid, start)),
+            n_steps,
             name=name,
             source="The cells of a grid that was fitted to recordings",
             cell_size_m=cell_m,
-            clearance_m=None,
-            times_s=(patience_s, wait_s),
-            task=_Task(_outline_m(grid, goals), cell_area_m(grid, start), n_steps),
-            robot=(radius_m, speed_mps),
+            patience_s=patience_s,
+            wait_s=wait_s,
+            radius_m=radius_m,
+            speed_mps=max(robot.max_vel_x_mps, 2.0 * cell_m / patience_s),
         )
         found = yaml_model(text, Scenario, name=name)
     except USER_ERRORS:
@@ -193,40 +184,36 @@ def _usual_start(start_states: IntArray, rooms: BoolArray, goals: IntArray) -> i
 
 def _text(
     area: shapely.Polygon,
+    goal_and_start_m: tuple[Corners, Corners],
+    n_steps: int,
     *,
     name: str,
     source: str,
     cell_size_m: float,
-    clearance_m: float | None,
-    times_s: tuple[float, float],
-    task: _Task,
-    robot: tuple[float, float],
+    speed_mps: float,
+    clearance: str = "",
+    **values: float,
 ) -> str:
-    outline, *solids = rings_m(area)
-    radius_m, speed_mps = robot
-    patience_s, wait_s = times_s
-    timeout_s = max(_SHORTEST_TIMEOUT_S, _TIMEOUT_WAYS * task.n_steps * cell_size_m / speed_mps)
+    """n_steps: moves from the start to the goal; values: of other keys of the text."""
+    (outline, *solids), (goal_m, start_m) = rings_m(area), goal_and_start_m
+    timeout_s = max(_SHORTEST_TIMEOUT_S, _TIMEOUT_WAYS * n_steps * cell_size_m / speed_mps)
     obstacles = (
-        f"\n  - {{name: solid {number}, outline_m: {_flow(each)}}}"
-        for number, each in enumerate(solids, start=1)
+        f"\n  - {{name: solid {number}, outline_m: {_flow(corners)}}}"
+        for number, corners in enumerate(solids, start=1)
     )
     return _TEXT.format(
         source=source,
         name=json.dumps(name, ensure_ascii=False),
         description=json.dumps(f"{source}.", ensure_ascii=False),
         cell_size_m=cell_size_m,
-        clearance=f"cell_clearance_m: {clearance_m!r}\n" if clearance_m is not None else "",
-        patience_s=patience_s,
-        wait_s=wait_s,
-        control_period_s=_CONTROL_PERIOD_S,
-        timeout_s=math.ceil(timeout_s / 10.0) * 10.0,
-        goal=_flow(task.goal_m),
-        start=_flow(task.start_m),
-        radius_m=radius_m,
         speed_mps=speed_mps,
-        scan_rate_hz=1.0 / _SCAN_PERIOD_S,
+        clearance=clearance,
+        timeout_s=math.ceil(timeout_s / 10.0) * 10.0,
+        goal=_flow(goal_m),
+        start=_flow(start_m),
         outline=_flow(outline),
         obstacles="".join(obstacles) or " []",
+        **values,
     )
 
 
@@ -271,19 +258,19 @@ def _farthest(grid: Grid, state: int, among: BoolArray) -> tuple[int, FloatArray
 def _areas(grid: Grid, goal: int, start: int) -> tuple[Corners, Corners]:
     """Three by three cells around goal and start; one cell where a wall is between these, or where
     the areas would touch."""
-    rows = np.abs(grid.cells[goal] - grid.cells[start]).max()
-    goal_m, start_m = (_wide_area_m(grid, each) for each in (goal, start))
-    if goal_m is None or start_m is None or rows <= 2 * _AREA_CELLS:
+    wide = [_wide_area_m(grid, state) for state in (goal, start)]
+    if np.abs(grid.cells[goal] - grid.cells[start]).max() <= 2 * _AREA_CELLS or not all(wide):
         return cell_area_m(grid, goal), cell_area_m(grid, start)
-    return goal_m, start_m
+    return wide[0], wide[1]
 
 
-def _wide_area_m(grid: Grid, state: int) -> Corners | None:
+def _wide_area_m(grid: Grid, state: int) -> Corners:
+    """Empty where a wall is between its cells."""
     center = grid.centers_m[state]
     wide = np.array(cell_area_m(grid, state)) * _AREA_CELLS - (_AREA_CELLS - 1) * center
     _, steps = _farthest(grid, state, np.ones(grid.n_states, dtype=bool))
     if (steps[contains(wide, grid.centers_m)] > _AREA_CELLS - 1).any():
-        return None
+        return []
     return [(round(float(x), 6), round(float(y), 6)) for x, y in wide]
 
 

@@ -8,7 +8,7 @@ beside it a `free_thresh` of 0.25, which it lies below.
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,18 +55,14 @@ class MapFile(StrictModel):
 
 def read_map(path: Path, topic: str = "map") -> OccupancyRaster:
     """The map of a YAML file, or the last one on a topic of a bag; FileError or BagError."""
-    if path.suffix in {".yaml", ".yml"}:
-        return _map_of_file(path)
-    return _map_of_bag(path, topic)
-
-
-def _map_of_file(path: Path) -> OccupancyRaster:
+    if path.suffix not in {".yaml", ".yml"}:
+        return _map_of_bag(path, topic)
     described = load_yaml_model(path, MapFile)
     image_path = path.parent / described.image
     read_bytes(image_path)  # FileError with the reason where it cannot be read
     try:
         with Image.open(image_path) as image:
-            cells = occupancies(_channels(image), described)
+            cells = _occupancies(_channels(image), described)
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise FileError(
             f"{image_path}: must be an image (PGM, PNG or BMP), got another file ({error})"
@@ -85,7 +81,7 @@ def _channels(image: Image.Image) -> FloatArray:
     return np.asarray(pixels / 255.0, dtype=np.float64)
 
 
-def occupancies(channels: FloatArray, described: MapFile) -> NDArray[np.int8]:
+def _occupancies(channels: FloatArray, described: MapFile) -> NDArray[np.int8]:
     """(H, W) int8 from 0 (free) to 100, UNKNOWN; channels (H, W, 3 or 4) from 0 to 1."""
     averaged = channels if described.mode == "trinary" else channels[:, :, :3]
     shade = averaged.mean(axis=2)
@@ -120,23 +116,19 @@ def _map_of_bag(path: Path, topic: str) -> OccupancyRaster:
         last = message.data
     if last is None:
         raise AppError(f"bag {path}: {name} must hold a map, it holds no message; record it again")
-    return _raster_of_grid(decode(last, OCCUPANCY_GRID), f"bag {path}: {name}")
-
-
-def _raster_of_grid(grid: Any, source: str) -> OccupancyRaster:
-    """The raster of a decoded nav_msgs/OccupancyGrid; source: bag and topic, for errors."""
+    grid = decode(last, OCCUPANCY_GRID)
     info, shape = grid.info, (grid.info.height, grid.info.width)
     cells = np.asarray(grid.data, dtype=np.int8)
     origin, turned = info.origin.position, info.origin.orientation
     numbers = (origin.x, origin.y, turned.x, turned.y, turned.z, turned.w)
     if cells.size != shape[0] * shape[1] or not all(map(math.isfinite, numbers)):
         raise AppError(
-            f"{source}: the map must have {shape[0]} x {shape[1]} cells and a finite origin, got"
-            f" {cells.size} cells; look at what published it"
+            f"bag {path}: {name}: the map must have {shape[0]} x {shape[1]} cells and a finite"
+            f" origin, got {cells.size} cells; look at what published it"
         )
     if not 0.0 < info.resolution < math.inf:
         raise AppError(
-            f"{source}: the map's resolution must be finite and greater than 0 m, got"
+            f"bag {path}: {name}: the map's resolution must be finite and greater than 0 m, got"
             f" {info.resolution:g}; look at what published it"
         )
     yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)

@@ -7,16 +7,15 @@ published it has stopped. A frame that is in two others within that time is in n
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any, TypeVar
 
 import numpy as np
 
+from serd_app.drives.frame_graph import FrameGraph, matrices_of, plain_name, planar
 from serd_bag.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from serd_sim.robot.urdf import matrix_of
 from serd_sim.safety.motion import compose
 from serd_sim.world.observation import Pose
 
@@ -37,11 +36,11 @@ class Placement:
     @property
     def pose(self) -> Pose:
         """x, y and heading, seen from above."""
-        at = self.matrix
-        return float(at[0, 3]), float(at[1, 3]), float(np.arctan2(at[1, 0], at[0, 0]))
+        x_m, y_m, yaw_rad = planar(self.matrix[None])[0].tolist()
+        return x_m, y_m, yaw_rad
 
 
-class Frames:
+class Frames(FrameGraph):
     """Takes transforms and places frames in each other; MessageError where nothing joins them.
 
     prefix: before the frames `base_link` and `odom` of this robot outside its nodes, as
@@ -49,57 +48,48 @@ class Frames:
     """
 
     def __init__(self, prefix: str = "") -> None:
+        super().__init__()
         self.prefix = prefix
-        self._edges: dict[str, tuple[str, FloatArray, int | None]] = {}
+        self._matrices: dict[str, FloatArray] = {}
+        #: Of moving transforms.
+        self._stamps_ns: dict[str, int] = {}
         #: By frame: another one that it was in, and the stamps of both at that time.
         self._others: dict[str, tuple[str, int, int]] = {}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All frames that occur."""
-        parents = (parent for parent, _, _ in self._edges.values())
-        return tuple(sorted({*self._edges, *parents}))
 
     def take(self, transform: Transform, *, static: bool) -> None:
         """Keep a transform in place of the one before; MessageError where it is none."""
         moved, turned = transform.placed[:3], transform.placed[3:]
-        length = math.hypot(*turned)
         parent, child = self.own(transform.header.frame), self.own(transform.child)
         if parent == child:
             raise MessageError(
                 "transforms must be between two frames", repr(child), "correct what publishes it"
             )
         # Not so for NaN either.
-        if not (math.hypot(*moved) <= _FARTHEST_M and abs(length - 1) < 0.01):
+        if not (math.hypot(*moved) <= _FARTHEST_M and abs(math.hypot(*turned) - 1) < 0.01):
             raise MessageError(
                 f"transforms must be finite, of at most {_FARTHEST_M:g} m, with a unit quaternion",
                 f"{transform.placed} of {transform.child!r}",
                 "correct what publishes it",
             )
-        matrix = np.eye(4)
-        x, y, z, w = turned
-        matrix[:3, :3] = matrix_of((x / length, y / length, z / length, w / length))
-        matrix[:3, 3] = moved
-        stamp_ns = None if static else transform.header.stamp_ns
-        self._note_other_parent(child, parent, stamp_ns)
-        self._edges[child] = parent, matrix, stamp_ns
-        self._break_loop(child, stamp_ns)
+        stamp_ns = transform.header.stamp_ns
+        other = self._parents.get(child, parent)
+        if other != parent and not (static and child not in self._stamps_ns):
+            # A static transform has the time of the moving one.
+            then_ns = self._stamps_ns.get(child, stamp_ns)
+            self._others[child] = other, then_ns, then_ns if static else stamp_ns
+        self._parents[child] = parent
+        self._matrices[child] = matrices_of(np.array([transform.placed]))[0]
+        self._stamps_ns.pop(child, None)
+        if not static:
+            self._stamps_ns[child] = stamp_ns
+            self._break_loop(child, stamp_ns)
 
-    def _note_other_parent(self, child: str, parent: str, stamp_ns: int | None) -> None:
-        """Note that a frame was in another one; a static transform has the time of the moving."""
-        other, _, then_ns = self._edges.get(child, (parent, None, None))
-        times_ns = [each for each in (then_ns, stamp_ns) if each is not None]
-        if other != parent and times_ns:
-            self._others[child] = other, times_ns[0], times_ns[-1]
-
-    def _break_loop(self, frame: str, stamp_ns: int | None) -> None:
+    def _break_loop(self, frame: str, stamp_ns: int) -> None:
         """Discard transforms that have stopped of a loop that the newest one closes."""
-        if stamp_ns is None:
-            return
-        for child in self._loop_of(self._chain(frame)):
-            other_ns = self._edges[child][2]
-            if other_ns is not None and abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
-                del self._edges[child]
+        for child in self._loop_of(self.chain(frame)):
+            other_ns = self._stamps_ns.get(child, stamp_ns)
+            if abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
+                del self._parents[child], self._stamps_ns[child]
 
     def prefixed(self, message: Message) -> Message:
         """The message to be published, with the prefix before the robot's frames."""
@@ -119,19 +109,21 @@ class Frames:
         self, frame: str, target: str, *, level: bool = True, field: str = "frame_id"
     ) -> Placement:
         """The frame in the target; level: whether it must be level there; field: that names it."""
-        up, down = self._ancestry(self.own(frame)), self._ancestry(self.own(target))
-        shared = next((each for each in up if each in down), None)
-        if shared is None:
-            self._require_one_parent([*up, *down])  # the other parent may join them
+        own, own_target = self.own(frame), self.own(target)
+        self._require_no_loop(own, own_target)
+        found = self.between(own, own_target)
+        if found is None:
+            # The other parent may join them.
+            self._require_one_parent([*self.chain(own), *self.chain(own_target)])
             raise MessageError(
                 f"{field} must be {target!r} or joined with it by /tf",
                 f"{frame!r}; frames of /tf: {', '.join(self.names) or 'none'}",
                 f"publish the transform from {target!r} to {frame!r}" if frame else f"set {field}",
             )
-        up, down = up[: up.index(shared)], down[: down.index(shared)]
-        self._require_one_parent([*up, *down])
-        self._require_fresh([*up, *down])
-        matrix = np.linalg.inv(self._product(down)) @ self._product(up)
+        chain = [*found[0], *found[1]]
+        self._require_one_parent(chain)
+        self._require_fresh(chain)
+        matrix = self.placement(*found, self._matrices.__getitem__)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
             turned = matrix[2, 2] < -_LEAST_UPRIGHT
             raise MessageError(
@@ -142,8 +134,8 @@ class Frames:
                 if turned
                 else "publish in a level frame",
             )
-        stamps = [stamp for child in (*up, *down) if (stamp := self._edges[child][2]) is not None]
-        return Placement(matrix, stamps[0] if stamps else None)
+        stamps_ns = (self._stamps_ns[child] for child in chain if child in self._stamps_ns)
+        return Placement(matrix, next(stamps_ns, None))
 
     def pose_in(self, target: str, frame: str, pose: Pose) -> Pose:
         """A pose given in `frame`, in the target; the same numbers where the frames are one."""
@@ -154,56 +146,45 @@ class Frames:
     def _require_one_parent(self, chain: list[str]) -> None:
         """A frame may move to another parent, but is not in both in turn."""
         for child in chain:
-            if child not in self._others:
+            if child not in self._others or child not in self._parents:
                 continue
             other, then_ns, changed_ns = self._others[child]
-            parent, _, stamp_ns = self._edges[child]
+            stamp_ns = self._stamps_ns.get(child, changed_ns)
             had_stopped = abs(changed_ns - then_ns) * 1e-9 > LONGEST_S
-            is_over = stamp_ns is not None and abs(stamp_ns - changed_ns) * 1e-9 > LONGEST_S
+            is_over = abs(stamp_ns - changed_ns) * 1e-9 > LONGEST_S
             if not (had_stopped or is_over):
                 raise MessageError(
                     "a frame of /tf must have one parent",
-                    f"{child!r} in {other!r} and in {parent!r}",
+                    f"{child!r} in {other!r} and in {self._parents[child]!r}",
                     "end what publishes one of them",
                 )
 
     def _require_fresh(self, chain: list[str]) -> None:
-        stamps = {child: stamp for child in chain if (stamp := self._edges[child][2]) is not None}
-        if not stamps:
+        stamps_ns = {child: self._stamps_ns[child] for child in chain if child in self._stamps_ns}
+        if not stamps_ns:
             return
-        oldest = min(stamps, key=lambda child: stamps[child])
-        age_s = (max(stamps.values()) - stamps[oldest]) * 1e-9
+        oldest = min(stamps_ns, key=lambda child: stamps_ns[child])
+        age_s = (max(stamps_ns.values()) - stamps_ns[oldest]) * 1e-9
         if age_s > LONGEST_S:
             raise MessageError(
                 f"transforms of /tf must be at most {LONGEST_S:g} s apart",
-                f"{self._edges[oldest][0]!r} to {oldest!r}, {age_s:.1f} s older than others",
+                f"{self._parents[oldest]!r} to {oldest!r}, {age_s:.1f} s older than others",
                 "look at what publishes it",
             )
 
-    def _product(self, chain: list[str]) -> FloatArray:
-        return reduce(lambda matrix, child: self._edges[child][1] @ matrix, chain, np.eye(4))
-
-    def _ancestry(self, frame: str) -> list[str]:
-        found = self._chain(frame)
-        if loop := self._loop_of(found):
-            raise MessageError(
-                "transforms of /tf must form no loop",
-                " in ".join(map(repr, [*loop, loop[0]])),
-                "end what publishes one of them",
-            )
-        return found
-
-    def _chain(self, frame: str) -> list[str]:
-        """A frame and those that it is in, each once."""
-        found = [frame]
-        while found[-1] in self._edges and (parent := self._edges[found[-1]][0]) not in found:
-            found.append(parent)
-        return found
+    def _require_no_loop(self, *frames: str) -> None:
+        for frame in frames:
+            if loop := self._loop_of(self.chain(frame)):
+                raise MessageError(
+                    "transforms of /tf must form no loop",
+                    " in ".join(map(repr, [*loop, loop[0]])),
+                    "end what publishes one of them",
+                )
 
     def _loop_of(self, chain: list[str]) -> list[str]:
         """The frames at the end of a chain that are in each other; empty if there are none."""
-        last = self._edges.get(chain[-1])
-        return [] if last is None else chain[chain.index(last[0]) :]
+        last = self._parents.get(chain[-1])
+        return [] if last is None else chain[chain.index(last) :]
 
 
 #: Where no transform is known.
@@ -212,13 +193,8 @@ NO_FRAMES = Frames()
 
 def _rename(message: Any, new_name: Callable[[str], str]) -> None:
     """Rename the frames of a message, and of its transforms."""
-    for each in (message, *getattr(message, "transforms", ())):
-        if hasattr(each, "header"):
-            each.header.frame_id = new_name(each.header.frame_id)
-        if hasattr(each, "child_frame_id"):
-            each.child_frame_id = new_name(each.child_frame_id)
-
-
-def plain_name(frame: str) -> str:
-    """A frame without the leading slash of ROS 1."""
-    return frame.lstrip("/")
+    for part in (message, *getattr(message, "transforms", ())):
+        if hasattr(part, "header"):
+            part.header.frame_id = new_name(part.header.frame_id)
+        if hasattr(part, "child_frame_id"):
+            part.child_frame_id = new_name(part.child_frame_id)

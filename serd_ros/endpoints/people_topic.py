@@ -12,12 +12,13 @@ from zlib import crc32
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
+from serd_app.drives.frame_graph import plain_name
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type
 from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.topic import Topic
 from serd_ros.convert.checks import require_finite
-from serd_ros.convert.frames import Frames, plain_name
+from serd_ros.convert.frames import Frames
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import qos, topics

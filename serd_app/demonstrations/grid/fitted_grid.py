@@ -116,8 +116,7 @@ def fitting_cell_size_m(drives: Sequence[RecordedDrive]) -> float:
 
 def cell_size_at_m(speed_mps: float) -> float:
     """The size that is nearest to the way of a second at a speed."""
-    way_m = speed_mps * _SECOND_S
-    return min(_CELLS_M, key=lambda size_m: abs(np.log(size_m / way_m)))
+    return min(_CELLS_M, key=lambda size_m: abs(np.log(size_m / (speed_mps * _SECOND_S))))
 
 
 def fitting_patience_s(drives: Sequence[RecordedDrive], cell_size_m: float) -> float:
@@ -129,18 +128,14 @@ def fitting_patience_s(drives: Sequence[RecordedDrive], cell_size_m: float) -> f
 
 
 def _usual_speed_mps(drives: Sequence[RecordedDrive]) -> float:
-    """The median while it moves; 0 where it never does."""
-    speeds_mps = np.concatenate([np.zeros(0), *map(_speeds_mps, drives)])
-    return float(np.median(speeds_mps)) if len(speeds_mps) else 0.0
-
-
-def _speeds_mps(drive: RecordedDrive) -> FloatArray:
-    """(N,) of the seconds of its episodes in which it moves."""
-    found = [np.zeros(0)]
-    for span in drive.episodes:
-        if span.demonstrates:
+    """The median of the seconds of episodes in which robots move; 0 where they never do."""
+    moving = [np.zeros(0)]
+    for drive in drives:
+        least_mps = max(drive.minimum_speed_mps, 1e-3)
+        for span in (span for span in drive.episodes if span.demonstrates):
             time_s = np.arange(span.start_s, span.end_s + 1e-6, _SECOND_S)
-            columns = [np.interp(time_s, drive.pose_time_s, each) for each in drive.position_m.T]
-            found.append(np.hypot(*np.diff(columns)) / _SECOND_S)
-    speeds_mps = np.concatenate(found)
-    return np.asarray(speeds_mps[speeds_mps >= max(drive.minimum_speed_mps, 1e-3)])
+            columns = [np.interp(time_s, drive.pose_time_s, axis) for axis in drive.position_m.T]
+            speeds_mps = np.hypot(*np.diff(columns)) / _SECOND_S
+            moving.append(speeds_mps[speeds_mps >= least_mps])
+    speeds_mps = np.concatenate(moving)
+    return float(np.median(speeds_mps)) if len(speeds_mps) else 0.0

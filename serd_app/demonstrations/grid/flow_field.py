@@ -49,34 +49,28 @@ class FlowField:
     count: IntArray
 
 
-class FlowEstimator:
-    """Adds up velocities per cell, message by message."""
+def flow_of_people(
+    grid: Grid, position_m: FloatArray, velocity_mps: FloatArray, minimum_count: int = 20
+) -> FlowField:
+    """The flow of people at (N, 2) with velocities (N, 2); those off the grid or not finite are
+    left.
 
-    def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        self._sum_mps = np.zeros((grid.n_states, 2))
-        self._speed_mps = np.zeros(grid.n_states)
-        self._count = np.zeros(grid.n_states, dtype=np.int64)
-
-    def add(self, position_m: FloatArray, velocity_mps: FloatArray) -> None:
-        """People at (N, 2) with velocities (N, 2); those off the grid or not finite are left."""
-        state = self._grid.states_at(position_m)
-        seen = (state >= 0) & np.isfinite(velocity_mps).all(axis=1)
-        state, velocity = state[seen], velocity_mps[seen]
-        np.add.at(self._sum_mps, state, velocity)
-        np.add.at(self._speed_mps, state, np.hypot(velocity[:, 0], velocity[:, 1]))
-        np.add.at(self._count, state, 1)
-
-    def field(self, minimum_count: int = 20) -> FlowField:
-        """The flow so far; minimum_count: sightings below which a cell has none."""
-        length = np.hypot(self._sum_mps[:, 0], self._sum_mps[:, 1])
-        order = np.divide(length, self._speed_mps, out=np.zeros_like(length), where=length > 0)
-        known = (self._count >= minimum_count) & (order >= _LEAST_ORDER) & (length > 0)
-        flow = np.full(self._grid.n_states, NO_FLOW, dtype=np.int64)
-        for state in np.flatnonzero(known):
-            flow[state] = action_of_direction(*(self._sum_mps[state] / length[state]))
-        mean = self._sum_mps / np.maximum(self._count, 1)[:, None]
-        return FlowField(flow, mean, order, self._count.copy())
+    minimum_count: sightings below which a cell has none.
+    """
+    state = grid.states_at(position_m)
+    seen = (state >= 0) & np.isfinite(velocity_mps).all(axis=1)
+    state, velocity_mps = state[seen], velocity_mps[seen]
+    sum_mps, speed_mps = np.zeros((grid.n_states, 2)), np.zeros(grid.n_states)
+    np.add.at(sum_mps, state, velocity_mps)
+    np.add.at(speed_mps, state, np.hypot(*velocity_mps.T))
+    count = np.bincount(state, minlength=grid.n_states)
+    length = np.hypot(*sum_mps.T)
+    order = np.divide(length, speed_mps, out=np.zeros_like(length), where=length > 0)
+    flow = np.full(grid.n_states, NO_FLOW, dtype=np.int64)
+    known = (count >= minimum_count) & (order >= _LEAST_ORDER) & (length > 0)
+    for row in np.flatnonzero(known):
+        flow[row] = action_of_direction(*(sum_mps[row] / length[row]))
+    return FlowField(flow, sum_mps / np.maximum(count, 1)[:, None], order, count)
 
 
 def flow_from_recordings(
@@ -87,20 +81,19 @@ def flow_from_recordings(
 
     A cloud or table that several of them hold counts once. sightings: of each recording.
     """
-    estimator = FlowEstimator(grid)
-    seen: set[bytes] = set()
-    for each, people in zip(recordings, sightings, strict=True):
-        crowd = each.crowd
+    seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+    for recording, sighted in zip(recordings, sightings, strict=True):
+        crowd = recording.crowd
         if crowd is not None and crowd.people:
             digest = blake2b(crowd.position_m.tobytes(), digest_size=16).digest()
-            if digest not in seen:
-                seen.add(digest)
-                estimator.add(crowd.position_m, crowd.velocity_mps)
-        for one in () if crowd else people:
-            if one.digest not in seen:
-                seen.add(one.digest)
-                estimator.add(one.people.position_m[:, :2], one.people.velocity_mps[:, :2])
-    return estimator.field() if seen else None
+            seen.setdefault(digest, (crowd.position_m, crowd.velocity_mps))
+        for one in () if crowd else sighted:
+            people = one.people.position_m[:, :2], one.people.velocity_mps[:, :2]
+            seen.setdefault(one.digest, people)
+    if not seen:
+        return None
+    position_m, velocity_mps = map(np.concatenate, zip(*seen.values(), strict=True))
+    return flow_of_people(grid, position_m, velocity_mps)
 
 
 def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:

@@ -1,16 +1,20 @@
 """`serd bag suggest`: a mapping for a bag of any robot, tested on what it gives.
 
 Topics are ranked by type and name. Each pose topic must move, and each pair of a pose and a command
-topic is tested: how often do command and motion disagree, by hold and delay? The mapping is then
-used as `serd demos` uses it. Where the robot moves in more than 2 % of the decisions to wait, its
-commands do not explain its motion. Then, and where there are none, actions are hidden: learning
-uses the poses alone.
+topic is tested: at times a step apart, the command that acts by a hold and a delay predicts whether
+the robot moves, and to which side; the disagreement is the share of the times at which it does not.
+The mapping is then used as `serd demos` uses it. Where the robot moves in more than 2 % of the
+decisions to wait, its commands do not explain its motion. Then, and where there are none, actions
+are hidden: learning uses the poses alone.
 """
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.grid.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
@@ -18,30 +22,38 @@ from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.candidates import (
     Candidates,
     PoseCandidate,
-    cell_size_m,
     in_one_namespace,
-    minimum_speed_mps,
-    poses_alone,
 )
-from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
-from serd_app.drives.mapped.actions import MappedActions
+from serd_app.drives.mapped.actions import PoseTrack
 from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import TF_TYPES
+from serd_app.drives.unmarked import usual_gap_s
 from serd_app.errors import AppError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic
+from serd_core.arrays import BoolArray, FloatArray
 
+_USUAL_HOLD_S = 0.5
+#: In the order of preference where they explain the motion equally well.
+_HOLDS_S = (_USUAL_HOLD_S, np.inf, 1.0, 0.25, 2.0, 0.1, 0.75, 1.5, 3.0, 5.0)
+_DELAYS_S = tuple(round(0.05 * number, 2) for number in range(31))
+_EQUAL_FITS = 0.005
+_SHORTEST_STEP_S = 0.2
+_MOST_TIMES = 20_000
+_FEWEST_SILENT = 5
+_BRAKING_S = 1.0
 _MOST_DISAGREEMENT = 0.25
 #: Pairs that disagree more than the best one by less than this are taken by their names.
-_EQUAL = 0.03
+_EQUAL_PAIRS = 0.03
 _STILL = 0.98
-_MOTION = ("(motion: the displacement of the next second is the action)",)
+_MOTION = "(motion: the displacement of the next second is the action)"
 #: Of the usual minimum speed: a second of little motion is then no wait.
 _SPEED_SHARES = (1.0, 0.4, 0.2)
+Comments = dict[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,7 @@ class Suggestion:
 
     bag: Path
     mapping: BagMapping
-    comments: dict[str, tuple[str, ...]]
+    comments: Comments
     report: DiscretisationReport | None
     cell_size_m: float
 
@@ -69,9 +81,8 @@ class Suggestion:
             *self.comments.get("", ()),
         )
         lines = [_comment(line) for line in head]
-        values = self.mapping.model_dump(mode="json")
         defaults = BagMapping().model_dump(mode="json")
-        for key, value in values.items():
+        for key, value in self.mapping.model_dump(mode="json").items():
             if key in self.comments or value != defaults[key]:
                 lines += ["", *map(_comment, self.comments.get(key, ()))]
                 lines.append(f"{key}: {json.dumps(value)}")
@@ -95,7 +106,7 @@ def suggest_mapping(bag: Path) -> Suggestion:
             + (f"; {'; '.join(rejected)}" if rejected else "")
             + "; pose_topic with pose_fields or robot_frame in a --mapping file name another pose"
         )
-    ranked = tuple(f"pose on {each.topic.name}: {each.way}" for each in poses)
+    ranked = tuple(f"pose on {pose.topic.name}: {pose.way}" for pose in poses)
     comments = {"": (*ranked, *(f"left out: {line}" for line in rejected), ASSUMED_UNITS)}
     search = _Search(bag, collected, poses, comments)
     if collected.own:
@@ -106,6 +117,29 @@ def suggest_mapping(bag: Path) -> Suggestion:
     return search.by_velocity() or search.by_poses()
 
 
+class CommandFit(NamedTuple):
+    """How long a robot follows a velocity command, and after what delay.
+
+    hold_s: None until the next command. usual: the disagreement without delay and with the usual
+    hold. still_in_silence: share of the times without a command at which the robot stood, None
+    where there are too few.
+    """
+
+    hold_s: float | None
+    delay_s: float
+    disagreement: float
+    usual: float
+    still_in_silence: float | None
+
+
+class _Pair(NamedTuple):
+    """A pose, a command topic, and how well it explains the motion of the pose."""
+
+    pose: PoseCandidate
+    topic: str
+    fit: CommandFit
+
+
 @dataclass(frozen=True, eq=False)
 class _Search:
     """poses: the likeliest first; comments: see `Suggestion`, those on actions are added."""
@@ -113,33 +147,33 @@ class _Search:
     bag: Path
     collected: Candidates
     poses: Sequence[PoseCandidate]
-    comments: dict[str, tuple[str, ...]]
+    comments: Comments
 
     def by_velocity(self) -> Suggestion | None:
         """None where no command topic explains the motion; the comments then state how far."""
-        pairs = list(_fitted(self.poses, self.collected.actions))
+        pairs = [
+            _Pair(pose, name, _fit(pose, at_s, commands_mps))
+            for pose in self.poses
+            for name, actions in self.collected.actions.items()
+            for at_s, commands_mps, _ in [actions.stated(pose.track)]
+            if len(at_s)
+        ]
         if not pairs:
-            self.comments["action_from"] = (
-                "no velocity commands were found, so actions are hidden",
-                *_MOTION,
-            )
+            self._state("no velocity commands were found, so actions are hidden", _MOTION)
             return None
-        of_one = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])]
-        if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
+        of_one = [pair for pair in pairs if in_one_namespace(pair.pose.topic.name, pair.topic)]
+        if any(pair.pose.topic.type_name not in TF_TYPES for pair in of_one):
             pairs = of_one  # /tf is in no namespace
-        least = min(fit.disagreement for *_, fit in pairs)
-        best = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
-        pose, name, fit = best
-        self.comments["action_from"] = _fit_comments(best, pairs)
-        if fit.disagreement > _MOST_DISAGREEMENT:
-            self.comments["action_from"] += (
-                "so the commands are of no use, and actions are hidden",
-                *_MOTION,
-            )
+        least = min(pair.fit.disagreement for pair in pairs) + _EQUAL_PAIRS
+        best = next(pair for pair in pairs if pair.fit.disagreement <= least)
+        self._state(*_fit_comments(best, pairs))
+        if best.fit.disagreement > _MOST_DISAGREEMENT:
+            self._state("so the commands are of no use, and actions are hidden", _MOTION)
             return None
         shares = []
-        for mapping in _velocity_mappings(pose, name, fit):
-            found = self.tested(mapping, {**self.comments, **_hold_comments(fit)}, pose)
+        for mapping in _velocity_mappings(best):
+            comments = {**self.comments, **_hold_comments(best.fit)}
+            found = self.tested(mapping, comments, best.pose)
             if found.report is not None:
                 shares.append(found.report.n_moving_waits / found.report.n_decisions)
                 if shares[-1] <= MOST_MOVING_WAITS:
@@ -148,18 +182,21 @@ class _Search:
         if shares:
             waits = f"{100 * min(shares):.1f} % of the decisions"
             reason = f"{waits} would be waits while the robot moves"
-        self.comments["action_from"] += (f"{reason}, so actions are hidden", *_MOTION)
+        self._state(f"{reason}, so actions are hidden", _MOTION)
         return None
+
+    def _state(self, *lines: str) -> None:
+        self.comments["action_from"] = (*self.comments.get("action_from", ()), *lines)
 
     def by_poses(self) -> Suggestion:
         """By the likeliest pose; AppError where no pose gives a decision."""
         for pose in self.poses:
-            found = self.tested(poses_alone(pose), self.comments, pose)
+            found = self.tested(pose.alone, self.comments, pose)
             if found.report is not None:
                 return found
         raise AppError(
             f"bag {self.bag} must hold a drive without gaps of at least a second, its poses"
-            f" ({', '.join(each.topic.name for each in self.poses)}) give no decision; record a"
+            f" ({', '.join(pose.topic.name for pose in self.poses)}) give no decision; record a"
             " longer one"
         )
 
@@ -167,73 +204,120 @@ class _Search:
         self, mapping: BagMapping, comments: Mapping[str, tuple[str, ...]], pose: PoseCandidate
     ) -> Suggestion:
         """The mapping as `serd demos` uses it; without report where it gives no decision."""
+        noted, report, size_m = dict(comments), None, pose.cell_size_m
         if mapping.frame:
             moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
-            comments = {**comments, "frame": (moved,)}
-        report, size_m = None, cell_size_m(pose.track)
+            noted["frame"] = (moved,)
         try:
             recording = Recording(self.bag, (self.collected.drive(mapping),), (), Losses())
             grid = fitted_grid([recording], size_m)
             (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
             report = found.report if found.report.n_decisions else None
         except (BagError, AppError) as error:
-            comments = {**comments, "": (*comments.get("", ()), str(error))}
-        return Suggestion(self.bag, mapping, dict(comments), report, size_m)
+            noted[""] = (*noted.get("", ()), str(error))
+        return Suggestion(self.bag, mapping, noted, report, size_m)
 
 
-def _fitted(
-    poses: Sequence[PoseCandidate], actions: dict[str, MappedActions]
-) -> Iterator[tuple[PoseCandidate, str, CommandFit]]:
-    for pose in poses:
-        for name, each in actions.items():
-            at_s, commands_mps, _ = each.stated(pose.track)
-            if len(at_s):
-                least_mps = minimum_speed_mps(pose.track)
-                yield pose, name, fit_commands(pose.track, at_s, commands_mps, least_mps)
+class _Motion(NamedTuple):
+    """Displacements (N, 2) in steps of equal length, without those in gaps of the poses.
+
+    ahead: (N, 2) the heading in the middle; moves: (N,) whether the robot moves.
+    """
+
+    middle_s: FloatArray
+    moved_m: FloatArray
+    ahead: FloatArray
+    moves: BoolArray
 
 
-def _fit_comments(
-    best: tuple[PoseCandidate, str, CommandFit],
-    pairs: Sequence[tuple[PoseCandidate, str, CommandFit]],
-) -> tuple[str, ...]:
+def _motion(track: PoseTrack, least_mps: float) -> _Motion:
+    step_s = max(_SHORTEST_STEP_S, 2.0 * float(np.median(np.diff(track.time_s))))
+    time_s = np.arange(track.time_s[0], track.time_s[-1] - step_s, step_s)
+    time_s = time_s[:: len(time_s) // _MOST_TIMES + 1]
+    after = np.searchsorted(track.time_s, time_s + step_s).clip(1, len(track.time_s) - 1)
+    gap_s = track.time_s[after] - track.time_s[after - 1]
+    time_s = time_s[gap_s <= usual_gap_s(track.time_s)]
+    middle_s, moved_m = time_s + step_s / 2, track.at(time_s + step_s) - track.at(time_s)
+    yaw_rad = np.interp(middle_s, track.time_s, np.unwrap(track.poses[:, 2]))
+    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+    return _Motion(middle_s, moved_m, ahead, np.hypot(*moved_m.T) >= least_mps * step_s)
+
+
+def _fit(pose: PoseCandidate, at_s: FloatArray, commands_mps: FloatArray) -> CommandFit:
+    """at_s (C,) increasing, commands_mps (C, 2) forward and left."""
+    least_mps = pose.minimum_speed_mps
+    motion = _motion(pose.track, least_mps)
+    (east, north), (x, y) = motion.ahead.T, motion.moved_m.T
+
+    def acting(hold_s: float, delay_s: float) -> tuple[BoolArray, FloatArray]:
+        """Whether a command acts in each step, and the newest one."""
+        row = np.searchsorted(at_s + delay_s, motion.middle_s, side="right") - 1
+        age_s = motion.middle_s - delay_s - at_s[row]
+        return (row >= 0) & (age_s <= hold_s), commands_mps[row]
+
+    def disagreement(hold_s: float, delay_s: float) -> float:
+        acts, command_mps = acting(hold_s, delay_s)
+        forward, left = command_mps.T
+        commanded = acts & (np.hypot(forward, left) >= least_mps)
+        along = (forward * east - left * north) * x + (forward * north + left * east) * y
+        wrong = (commanded != motion.moves) | (commanded & motion.moves & (along <= 0.0))
+        return float(wrong.mean()) if len(wrong) else 1.0
+
+    table = np.array([[disagreement(hold, delay) for delay in _DELAYS_S] for hold in _HOLDS_S])
+    row = int(np.argmax(table.min(axis=1) <= table.min() + _EQUAL_FITS))
+    column = int(np.argmax(table[row] <= table[row].min() + _EQUAL_FITS / 2))
+    hold_s, delay_s = _HOLDS_S[row], _DELAYS_S[column]
+    silent = ~acting(hold_s + _BRAKING_S, delay_s)[0]
+    return CommandFit(
+        hold_s=None if np.isinf(hold_s) else hold_s,
+        delay_s=delay_s,
+        disagreement=float(table[row, column]),
+        usual=float(table[0, 0]),
+        still_in_silence=float((~motion.moves)[silent].mean())
+        if silent.sum() >= _FEWEST_SILENT
+        else None,
+    )
+
+
+def _fit_comments(best: _Pair, pairs: Sequence[_Pair]) -> tuple[str, ...]:
     """How far commands and motion disagree, for the best pair and for the others."""
-    pose, name, fit = best
     others = (
-        f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
-        for other, topic, each in pairs
-        if (other, topic) != (pose, name)
+        f"or {pair.pose.topic.name} with {pair.topic}: they disagree in"
+        f" {100 * pair.fit.disagreement:.1f} %"
+        for pair in pairs
+        if pair is not best
     )
     return (
-        f"commands on {name} and the motion of {pose.topic.name} disagree in"
-        f" {100 * fit.disagreement:.1f} % of the time,",
-        f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in {100 * fit.usual:.1f} %",
+        f"commands on {best.topic} and the motion of {best.pose.topic.name} disagree in"
+        f" {100 * best.fit.disagreement:.1f} % of the time,",
+        f"with the defaults (a command holds for {_USUAL_HOLD_S:g} s) in"
+        f" {100 * best.fit.usual:.1f} %",
         *others,
     )
 
 
-def _velocity_mappings(pose: PoseCandidate, name: str, fit: CommandFit) -> Iterator[BagMapping]:
+def _velocity_mappings(pair: _Pair) -> Iterator[BagMapping]:
     """To be tried one after the other."""
-    still = fit.still_in_silence is not None and fit.still_in_silence >= _STILL
-    for silence in ("wait", "unknown") if still else ("unknown",):
+    still = pair.fit.still_in_silence
+    for silence in ("wait", "unknown") if still is not None and still >= _STILL else ("unknown",):
         for share in _SPEED_SHARES:
-            yield pose.mapping.model_copy(
+            yield pair.pose.mapping.model_copy(
                 update={
                     "action_from": "velocity",
-                    "action_topic": name,
-                    "hold_s": fit.hold_s,
-                    "delay_s": fit.delay_s,
+                    "action_topic": pair.topic,
+                    "hold_s": pair.fit.hold_s,
+                    "delay_s": pair.fit.delay_s,
                     "silence": silence,
-                    "minimum_speed_mps": round(share * minimum_speed_mps(pose.track), 4),
+                    "minimum_speed_mps": round(share * pair.pose.minimum_speed_mps, 4),
                 }
             )
 
 
-def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {"delay_s": ("from a command to the motion",)}
+def _hold_comments(fit: CommandFit) -> Comments:
+    hold = "a command acts this long, then the robot stops"
     if fit.hold_s is None:
-        found["hold_s"] = ("the robot keeps the last command until the next one",)
-    else:
-        found["hold_s"] = ("a command acts this long, then the robot stops",)
+        hold = "the robot keeps the last command until the next one"
+    found: Comments = {"delay_s": ("from a command to the motion",), "hold_s": (hold,)}
     if fit.still_in_silence is not None:
         share = f"{100 * fit.still_in_silence:.0f} %"
         found["silence"] = (f"where no command acts, the robot stands in {share} of the time",)
@@ -246,5 +330,5 @@ def _comment(line: str) -> str:
 
 
 def _listed(topics: Iterable[Topic]) -> str:
-    names = sorted(f"{each.name} ({each.type_name})" for each in topics)
+    names = sorted(f"{topic.name} ({topic.type_name})" for topic in topics)
     return ", ".join(names) or "nothing"

@@ -11,7 +11,6 @@ times a second, and stated as an intent where it changes.
 """
 
 from array import array
-from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,12 +24,11 @@ from serd_app.drives.recorded_drive import (
     actions_of_directions,
 )
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
+from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN
-from serd_core.grid.grid import Action, action_of_direction
 
 _AHEAD_S, _STEP_S = 1.0, 0.1
 _STAMP_TOLERANCE_S = 1e-6
@@ -51,7 +49,7 @@ class PoseTrack:
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """(N, 2) places, those at the ends before and after them."""
-        columns = [np.interp(time_s, self.time_s, each) for each in self.poses[:, :2].T]
+        columns = [np.interp(time_s, self.time_s, column) for column in self.poses[:, :2].T]
         return np.stack(columns, axis=1)
 
     def placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
@@ -73,36 +71,29 @@ class MappedIntents:
 
 
 class MappedActions:
-    """Collects the messages of the action topic; topic: None where none has actions."""
+    """Collects the messages of the action topic."""
 
-    def __init__(self, mapping: BagMapping, topic: Topic | None, source: str) -> None:
-        self._mapping, self._source = mapping, source
-        self._rows = array("d")
-        self._read: FieldReader | None = None
-        self.topics: frozenset[str] = frozenset()
-        if topic is not None:
-            shapes, wanted = _CARRIED[mapping.action_from]
-            self.topics = frozenset({topic.name})
-            self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
+    def __init__(self, mapping: BagMapping, topic: Topic, source: str) -> None:
+        shapes, wanted = _CARRIED[mapping.action_from]
+        self.topics = frozenset({topic.name})
+        self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
+        self._source, self._rows = source, array("d")
 
-    def under(self, mapping: BagMapping) -> "MappedActions":
-        """The same messages with another hold, delay, silence or least speed."""
-        other = copy(self)
-        other._mapping = mapping
-        return other
+    @property
+    def n_taken(self) -> int:
+        """Messages so far."""
+        return len(self._rows) // 4
 
     def take(self, message: RawMessage) -> None:
         """One of them; BagError where it is damaged."""
-        assert self._read is not None
         header, (x, *others) = self._read(message.data)
         times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
         self._rows.extend((*times_s, x, others[0] if others else 0.0))
 
-    def intents(self, track: PoseTrack, spans: tuple[EpisodeSpan, ...]) -> MappedIntents:
-        """The intents; BagError where the topic has no message."""
-        if self._read is None:
-            return posed_intents(self._mapping, track, spans)
-        mapping = self._mapping
+    def intents(
+        self, mapping: BagMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
+    ) -> MappedIntents:
+        """The intents by a mapping of this topic; BagError where it has no message."""
         at_s, vectors, n_unclear = self.stated(track)
         if mapping.action_from == "velocity":
             found = intents_of_velocities(
@@ -116,18 +107,12 @@ class MappedActions:
                 waits_in_silence=mapping.silence == "wait",
             )
             return replace(found, n_bad_commands=n_unclear)
-        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
         if mapping.action_from == "intent":
-            return MappedIntents(at_s, actions_of_directions(vectors), dropped=dropped)
-        actions = actions_of_waypoints(
-            position_m=track.at(at_s), waypoint_m=vectors, reached_m=mapping.waypoint_reached_m
-        )
-        return MappedIntents(at_s, actions, dropped=dropped)
-
-    @property
-    def n_taken(self) -> int:
-        """Messages so far."""
-        return len(self._rows) // 4
+            actions = actions_of_directions(vectors)
+        else:
+            least_m = np.full(len(at_s), mapping.waypoint_reached_m)
+            actions = actions_of_ways(vectors - track.at(at_s), least_m)
+        return MappedIntents(at_s, actions, dropped={NOT_FINITE: n_unclear} if n_unclear else {})
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
         """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite,
@@ -143,9 +128,8 @@ class MappedActions:
         rows = np.column_stack([at_s, rows[:, 2:]])[np.argsort(at_s, kind="stable")]
         sent_again = (rows[1:] == rows[:-1]).all(axis=1)
         rows = rows[np.append(True, ~sent_again)]
-        at_s, vectors = rows[:, 0], rows[:, 1:]
-        clear = np.isfinite(vectors).all(axis=1)
-        return at_s[clear], vectors[clear], int((~clear).sum())
+        clear = np.isfinite(rows[:, 1:]).all(axis=1)
+        return rows[clear, 0], rows[clear, 1:], int((~clear).sum())
 
 
 def posed_intents(
@@ -155,8 +139,6 @@ def posed_intents(
     if mapping.action_from == "hidden":
         return hidden_intents(spans)
     asked = _Seconds(spans)
-    if not len(asked.begin_s):
-        return MappedIntents(np.zeros(0), np.zeros(0, dtype=np.int64))
     moved_m = track.at(asked.end_s) - track.at(asked.begin_s)
     least_m = mapping.minimum_speed_mps * (asked.end_s - asked.begin_s)
     return asked.intents(actions_of_ways(moved_m, least_m))
@@ -220,8 +202,6 @@ def intents_of_velocities(
     command_mps (C, 2): forward and left in the robot's frame; yaw_rad (T,) at pose_time_s.
     """
     asked = _Seconds(spans)
-    if not len(asked.begin_s):
-        return MappedIntents(np.zeros(0), np.zeros(0, dtype=np.int64))
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
     # Between two edges one command acts; a robot that turns has another heading between the next.
     edges_s = np.unique(np.concatenate([asked.begin_s, asked.end_s, command_time_s, until_s]))
@@ -244,21 +224,10 @@ def intents_of_velocities(
     return asked.intents(np.where(held[begin], actions, SILENCE))
 
 
-def actions_of_waypoints(
-    *, position_m: FloatArray, waypoint_m: FloatArray, reached_m: float
-) -> IntArray:
-    """(N,) action for the robot at (N, 2) sent to the waypoints (N, 2)."""
-    return actions_of_ways(waypoint_m - position_m, np.full(len(position_m), reached_m))
-
-
 def actions_of_ways(way_m: FloatArray, least_m: FloatArray) -> IntArray:
     """(N,) action of each way (N, 2) east and north, WAIT where it is shorter than least_m (N,)."""
-    rows = zip(*way_m.T.tolist(), least_m.tolist(), strict=True)
-    return np.array([_action(*row) for row in rows], dtype=np.int64)
-
-
-def _action(east: float, north: float, least: float) -> Action:
-    length = float(np.hypot(east, north))
-    if length < least or length == 0.0:
-        return Action.WAIT
-    return action_of_direction(east / length, north / length)
+    length_m = np.hypot(*way_m.T)
+    moves = ((length_m >= least_m) & (length_m > 0.0))[:, None]
+    return actions_of_directions(
+        np.divide(way_m, length_m[:, None], out=np.zeros_like(way_m), where=moves)
+    )

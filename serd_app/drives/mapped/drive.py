@@ -5,22 +5,35 @@ of another clock, are put on it by their log time, through the log times and sta
 any rate between the two (`bags/serd_bag/messages/times.py`).
 """
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
-from serd_app.drives.mapped.actions import MappedActions, PoseTrack
+from serd_app.drives.frame_graph import matrices_of, plain_name, planar
+from serd_app.drives.mapped.actions import MappedActions, PoseTrack, posed_intents
 from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.mapped.poses import MappedPoses
-from serd_app.drives.recorded_drive import RecordedDrive, source_of
+from serd_app.drives.recorded_drive import RecordedDrive, finite_poses, source_of
+from serd_app.drives.transforms import TF_TYPES, RecordedTransforms
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import FieldReader, field_reader, store_of
+from serd_bag.messages.fields import POSES, FieldReader, field_reader, store_of
+from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
+from serd_bag.nearest import hint
 from serd_bag.reader import BagReader
-from serd_bag.topic import RawMessage, Topic, topic_named
-from serd_core.arrays import FloatArray
+from serd_bag.topic import RawMessage, Topic, topic_named, topics_named
+from serd_core.arrays import FloatArray, IntArray
+
+_LONGEST_STEP_BACK_S = 1.0
+#: Poses in order, of which fewer may be messages that a recorder received late.
+_FEWEST_OF_A_RUN = 20
+#: Earlier stamps (s since 1970) are of a simulated world, which begins near 0.
+_FIRST_REAL_STAMP_S = 1e8
+#: Poses that are placed at once, as matrices.
+_AT_ONCE = 100_000
+_AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
@@ -36,39 +49,32 @@ def mapped_messages(
 ) -> "MappedMessages":
     """To be filled; BagError where the topics do not hold what the mapping needs."""
     poses = MappedPoses(known, mapping, source)
-    own_topic = mapping.has_action_topic
-    action = known[topic_named(known, mapping.action_topic)] if own_topic else None
-    return MappedMessages(
-        mapping,
-        source,
-        poses,
-        MappedActions(mapping, action, source),
-        topic_named(known, mapping.episode_topic) if mapping.episode_topic else "",
-        _button(known, mapping) if mapping.button_topic else None,
-    )
-
-
-def _button(known: Mapping[str, Topic], mapping: BagMapping) -> tuple[str, FieldReader]:
-    """The topic of the button, and the reader of its state, of no number where there is none."""
-    topic = known[topic_named(known, mapping.button_topic)]
-    if not mapping.button_field:
-        return topic.name, FieldReader(topic.type_name, store_of(topic), ())
-    paths, wanted = (mapping.button_field,), "a number or truth value"
-    return topic.name, field_reader(topic, paths, (), "button_field", wanted)
+    actions = None
+    if mapping.has_action_topic:
+        actions = MappedActions(mapping, known[topic_named(known, mapping.action_topic)], source)
+    marks = topic_named(known, mapping.episode_topic) if mapping.episode_topic else ""
+    button = None
+    if mapping.button_topic:
+        topic = known[topic_named(known, mapping.button_topic)]
+        button = topic.name, FieldReader(topic.type_name, store_of(topic), ())
+        if mapping.button_field:
+            paths, wanted = (mapping.button_field,), "a number or truth value"
+            button = topic.name, field_reader(topic, paths, (), "button_field", wanted)
+    return MappedMessages(mapping, source, poses, actions, marks, button)
 
 
 @dataclass(frozen=True, eq=False)
 class MappedMessages:
     """Messages of the topics of a mapping; marks: of episodes, with their log times in s.
 
-    button: its topic and the reader of its state; states: log time, stamp and state of each
-    message.
+    actions: None where these are of the poses. button: its topic and the reader of its state, of no
+    number where each message is a press; states: log time, stamp and state of each message.
     """
 
     mapping: BagMapping
     source: str
-    poses: MappedPoses
-    actions: MappedActions
+    poses: "MappedPoses"
+    actions: MappedActions | None
     mark_topic: str = ""
     button: tuple[str, FieldReader] | None = None
     marks: list[tuple[float, EpisodeMark]] = field(default_factory=list)
@@ -85,30 +91,31 @@ class MappedMessages:
     @property
     def topics(self) -> set[str]:
         """Those to take messages of."""
-        button = {self.button[0]} if self.button else set()
-        return {*self.poses.topics, *self.actions.topics, self.mark_topic} | button
+        actions = self.actions.topics if self.actions else ()
+        button = self.button[:1] if self.button else ()
+        return {*self.poses.topics, *actions, *button, self.mark_topic}
 
     def take(self, message: RawMessage) -> None:
         """A message of one of them; BagError where it is damaged."""
         self.poses.take(message)
-        if message.topic in self.actions.topics:
+        log_s = message.log_time_ns / 1e9
+        if self.actions is not None and message.topic in self.actions.topics:
             self.actions.take(message)
         if message.topic == self.mark_topic:
-            log_s = message.log_time_ns / 1e9
-            self.marks.extend((log_s, each) for each in marks_of(message.data))
+            self.marks.extend((log_s, mark) for mark in marks_of(message.data))
         if self.button is not None and message.topic == self.button[0]:
             header, state = self.button[1](message.data)
-            pressed = state[0] if state else 1.0
-            self.states.append((message.log_time_ns / 1e9, header.stamp_ns / 1e9, pressed))
+            self.states.append((log_s, header.stamp_ns / 1e9, state[0] if state else 1.0))
 
     def drive(self) -> RecordedDrive:
         """The drive of all messages so far."""
-        times_s, poses = self.poses.rows()
-        placed = np.isfinite(poses).all(axis=1)
-        track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
-        longest_gap_s = self.mapping.longest_gap_s or usual_gap_s(times_s[:, 1])
+        track = self.poses.track(self.mapping)
+        longest_gap_s = self.mapping.longest_gap_s or self.poses.usual_gap_s
         spans, cuts = self._spans(track, longest_gap_s)
-        intents = self.actions.intents(track, spans)
+        if self.actions is None:
+            intents = posed_intents(self.mapping, track, spans)
+        else:
+            intents = self.actions.intents(self.mapping, track, spans)
         return RecordedDrive(
             pose_time_s=track.time_s,
             position_m=track.poses[:, :2],
@@ -117,7 +124,7 @@ class MappedMessages:
             episodes=spans,
             source=self.source,
             n_bad_poses=self.poses.n_bad,
-            n_unplaced_poses=int((~placed).sum()),
+            n_unplaced_poses=self.poses.n_unplaced,
             n_bad_commands=intents.n_bad_commands,
             dropped=intents.dropped,
             intent_hold_s=intents.hold_s,
@@ -130,20 +137,160 @@ class MappedMessages:
         self, track: PoseTrack, longest_gap_s: float
     ) -> tuple[tuple[EpisodeSpan, ...], Mapping[str, int]]:
         """Episodes, and what those without marks were cut at."""
-        if not self.mark_topic:
-            places_m, pressed_s = track.poses[:, :2], self._presses(track)
-            return unmarked_spans(track.time_s, places_m, longest_gap_s, self.mapping, pressed_s)
-        rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
-        placed = zip(track.placed(*rows.T), self.marks, strict=True)
-        marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
-        return spans_of_marks(marks, track.time_s, longest_gap_s), {}
+        if self.mark_topic:
+            rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
+            placed = zip(track.placed(*rows.T), self.marks, strict=True)
+            marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
+            return spans_of_marks(marks, track.time_s, longest_gap_s), {}
+        pressed_s = None
+        if self.button is not None:
+            log_s, stamp_s, state = np.array(self.states).reshape(-1, 3).T
+            down = state > 0.5
+            if self.mapping.button_field:  # it goes down
+                down &= ~np.append(False, down[:-1])[: len(down)]
+            pressed_s = np.unique(track.placed(log_s, stamp_s)[down])
+        places_m = track.poses[:, :2]
+        return unmarked_spans(track.time_s, places_m, longest_gap_s, self.mapping, pressed_s)
 
-    def _presses(self, track: PoseTrack) -> FloatArray | None:
-        """(N,) times of the messages at which the button goes down; None without a button."""
-        if self.button is None:
-            return None
-        rows = np.array(self.states).reshape(-1, 3)
-        at_s, down = track.placed(rows[:, 0], rows[:, 1]), rows[:, 2] > 0.5
-        if self.mapping.button_field:
-            down &= ~np.append(False, down[:-1])[: len(down)]
-        return np.unique(at_s[down])
+
+class MappedPoses:
+    """Poses of the robot from the pose topic, or from /tf, in the frame of the grid.
+
+    from_tf: whether the poses are those of `robot_frame`. tree: of /tf so far. has_heading: whether
+    poses have one. Set by `track`: n_bad, n_unplaced, poses left out because a number in them is
+    not finite, or where /tf does not reach; usual_gap_s: by how often poses come.
+    """
+
+    def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
+        self._source = source
+        self._has_clock = bool(topics_named(known, "clock"))
+        self._topic = topic_named(known, mapping.pose_topic)
+        topic = known[self._topic]
+        self.from_tf = topic.type_name in TF_TYPES
+        tf = self._topic.removesuffix("_static") if self.from_tf else "/tf"
+        self.tree = RecordedTransforms(known, tf)
+        self._read: FieldReader | None = None
+        if not self.from_tf:
+            paths = mapping.pose_fields
+            self._read = field_reader(topic, paths, POSES, "pose_fields", "a pose")
+        self.has_heading = self._read is None or len(self._read.numbers) > 2
+        self.topics = self.tree.topics | {self._topic}
+        self._frames: dict[str, int] = {}
+        self._rows = array("d")
+        self.n_bad = self.n_unplaced = 0
+        self.usual_gap_s = 0.0
+
+    @property
+    def frame_that_corrects(self) -> str:
+        """The frame in which /tf moves that of the poses, as a localisation does; else empty."""
+        names = list(self._frames)
+        return self.tree.frame_that_corrects(names[0]) if len(names) == 1 else ""
+
+    def take(self, message: RawMessage) -> None:
+        """A message; those of other topics are left."""
+        if self.tree.take(message):
+            return
+        if message.topic == self._topic and self._read is not None:
+            header, numbers = self._read(message.data)
+            frame = self._frames.setdefault(plain_name(header.frame), len(self._frames))
+            times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
+            self._rows.extend((*times_s, frame, *numbers))
+
+    def track(self, mapping: BagMapping) -> PoseTrack:
+        """The poses that are finite and that /tf reaches, by `frame` and `robot_frame`."""
+        target = plain_name(mapping.frame)
+        if self._read is None:
+            robot = plain_name(mapping.robot_frame)
+            target = target or self.tree.root(robot)
+            found = self._poses_of_frame(robot, target)
+        else:
+            found = np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
+        rows = finite_poses(found, self._source)
+        self.n_bad = len(found) - len(rows)
+        rows[:, 1] = self._placed(rows[:, 0], rows[:, 1])
+        self._require_one_run(rows[:, 1])
+        rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
+        if not len(rows):
+            raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
+        self.usual_gap_s = usual_gap_s(rows[:, 1])
+        frame_of = rows[:, 2].astype(np.int64)
+        in_grid = self._in_frame(target, rows[:, 3:], rows[:, 1], frame_of)
+        placed = np.isfinite(in_grid).all(axis=1)
+        self.n_unplaced = int((~placed).sum())
+        return PoseTrack(rows[placed, 0], rows[placed, 1], in_grid[placed])
+
+    def _poses_of_frame(self, robot: str, target: str) -> FloatArray:
+        """(N, 10) log time, stamp, number of the frame, and a pose at its origin."""
+        if robot not in self.tree.names:
+            raise BagError(
+                f"{self._source}: robot_frame must be a frame of {self._topic}, got {robot!r};"
+                f" {hint(robot, self.tree.names)}"
+            )
+        self._frames = {robot: 0}
+        times_s = self.tree.times(target, robot)
+        return np.column_stack([times_s, np.tile((0.0, *_AT_FRAME), (len(times_s), 1))])
+
+    def _in_frame(
+        self, target: str, numbers: FloatArray, time_s: FloatArray, frame_of: IntArray
+    ) -> FloatArray:
+        """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
+        reach."""
+        into = np.zeros((len(numbers), 3))
+        if not target and len(self._frames) > 1:
+            raise BagError(
+                f"{self._source}: poses on {self._topic} must be given in one frame where the"
+                f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
+                " the grid as frame"
+            )
+        for name, number in self._frames.items():
+            own = np.flatnonzero(frame_of == number)
+            for rows in np.array_split(own, 1 + len(own) // _AT_ONCE):
+                poses = matrices_of(numbers[rows])
+                if target not in ("", name) and len(rows):
+                    poses = self.tree.placements(target, name, time_s[rows]) @ poses
+                into[rows] = planar(poses)
+        if not np.isfinite(into).all(axis=1).any():
+            frames = " and ".join(map(repr, self._frames))
+            raise BagError(
+                f"{self._source}: /tf must join {frames} with {target!r} at the times of"
+                f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s at least once; record /tf"
+                " all the time, and on one clock with the poses"
+            )
+        return into
+
+    def _placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
+        """(N,) times of poses: their stamps also where these are of another clock than log times,
+        of a simulated world or another machine, which is then the clock of the drive."""
+        if agrees(log_s, stamp_s):
+            return placed_s(log_s, stamp_s)
+        is_set = stamp_s > 0
+        between_s = TimesOnClock(log_s[is_set], stamp_s[is_set]).of(log_s)
+        by_stamp_s = np.where(is_set, stamp_s, between_s)
+        back_s = falls_back_s(by_stamp_s)
+        if not (back_s > _LONGEST_STEP_BACK_S).any():
+            return by_stamp_s
+        simulated = self._has_clock or bool(stamp_s.max() < _FIRST_REAL_STAMP_S)
+        if simulated or (falls_back_s(log_s) > _LONGEST_STEP_BACK_S).any():
+            self._refuse_two_runs(back_s)
+        return log_s
+
+    def _require_one_run(self, time_s: FloatArray) -> None:
+        """Runs of a clock that was set back to a time that the first one had, too."""
+        back_s = falls_back_s(time_s)
+        turns = np.flatnonzero(np.abs(np.diff(back_s, prepend=0.0)) > _LONGEST_STEP_BACK_S)
+        runs = [run for run in np.split(time_s, turns) if len(run) >= _FEWEST_OF_A_RUN]
+        latest_s = -np.inf
+        for first_s, last_s in sorted((run.min(), run.max()) for run in runs):
+            if latest_s > first_s + _LONGEST_STEP_BACK_S:
+                self._refuse_two_runs(back_s)
+            latest_s = max(latest_s, last_s)
+
+    def _refuse_two_runs(self, back_s: FloatArray) -> None:
+        """Poses of two runs of a clock, put in order, would be a drive that never took place."""
+        row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
+        raise BagError(
+            f"{self._source}: times on {self._topic} must not fall back by more than"
+            f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
+            " the world was started again, or a clock was set back; give each run as a bag of its"
+            " own"
+        )

@@ -1,4 +1,6 @@
-"""Tables of decisions read back, and several become one without mixing their episodes."""
+"""Tables of decisions read back, several as one without mixing their episodes, and up to goals."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,88 +10,67 @@ from hypothesis import strategies as st
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
+    ending_in,
+    episodes_reaching,
     load_decisions,
     save_decisions,
+    until_goal,
+    usual_goal_states,
 )
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
 from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 
 
 def table(episodes, source="bag"):
     """Decisions of those episodes, one each, distinguished by their state."""
     numbers = np.array(sorted(episodes), dtype=np.int64)
-    return TimedDecisions(
-        numbers,
-        numbers * 1.0,
-        numbers,
-        numbers * 0,
-        numbers,
-        source,
-        dwell_s=np.ones(len(numbers)),
-        censored=np.zeros(len(numbers), dtype=bool),
-    )
+    ones = np.ones(len(numbers))
+    columns = numbers, 1.0 * numbers, numbers, 0 * numbers, numbers
+    return TimedDecisions(*columns, source, dwell_s=ones, censored=ones > 1)
 
 
-def test_later_tables_number_on():
+def test_later_tables_number_on_and_their_sources_name_the_episodes_once():
     joined = concatenate_renumbered([table([0, 1], "a"), table([0, 2], "b"), table([9], "a")])
     assert joined.episode.tolist() == [0, 1, 2, 4, 9]
     assert joined.state.tolist() == [0, 1, 0, 2, 9]
     assert joined.source == "a, episodes 0 to 1; b, episodes 2 to 4; a, episodes 9 to 9"
-
-
-def test_one_source_stays_as_it_is_and_what_is_labelled_is_not_labelled_again():
+    more = concatenate_renumbered([joined, table([0], "c")])
+    assert more.source == f"{joined.source}; c, episodes 10 to 10"
     assert concatenate_renumbered([table([0]), table([1])]).source == "bag"
-    two = concatenate_renumbered([table([0], "a"), table([0], "b")])
-    three = concatenate_renumbered([two, table([0], "c")])
-    assert three.source == "a, episodes 0 to 0; b, episodes 1 to 1; c, episodes 2 to 2"
+    both = concatenate([table([3, 4]), table([0])])
+    assert (both.episode.tolist(), both.source) == ([3, 4, 0], "bag")
+    with pytest.raises(AppError, match="at least one table"):
+        concatenate_renumbered([])
 
 
 @given(st.lists(st.lists(st.integers(0, 20), unique=True, max_size=5), min_size=1, max_size=5))
 def test_no_two_episodes_become_one(groups):
     joined = concatenate_renumbered([table(group) for group in groups])
-    assert len(joined) == sum(len(group) for group in groups)
-    assert len(joined.episodes) == len(joined)
+    assert len(joined) == len(joined.episodes) == sum(map(len, groups))
     assert np.all(np.diff(joined.episode) > 0)
 
 
-def test_no_table_is_refused():
-    with pytest.raises(AppError, match="at least one table"):
-        concatenate_renumbered([])
-
-
-def test_tables_that_keep_their_numbers_are_concatenated_in_order():
-    first, second = table([3, 4]), table([0])
-    both = concatenate((first, second))
-    assert both.episode.tolist() == [3, 4, 0]
-    assert both.state.tolist() == [3, 4, 0]
-    assert both.source == first.source
-
-
-@given(
-    st.lists(
-        st.tuples(
-            *[st.integers(0, 999)] * 4,
-            st.floats(-1e9, 1e9, allow_nan=False),
-            st.floats(1e-9, 1e9),
-            st.booleans(),
-        ),
-        max_size=6,
-    )
+decision = st.tuples(
+    *[st.integers(0, 999)] * 4, st.floats(-1e9, 1e9), st.floats(1e-9, 1e9), st.booleans()
 )
+
+
+@given(st.lists(decision, max_size=6))
 def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
-    path = tmp_path_factory.mktemp("table") / "decisions.csv"
     columns = zip(*rows, strict=True) if rows else [[]] * 7
     episode, state, action, following, time_s, dwell_s, censored = map(np.array, columns)
     reached = np.where(censored, state, following) if rows else following
-    decisions = TimedDecisions(
+    kept = TimedDecisions(
         episode, time_s, state, action, reached, 'a, "b"', dwell_s=dwell_s, censored=censored
     )
-    save_decisions(path, decisions)
+    path = tmp_path_factory.getbasetemp() / "decisions.csv"
+    save_decisions(path, kept)
     loaded = load_decisions(path)
-    for name in TIMED_COLUMNS:
-        assert np.array_equal(getattr(loaded, name), getattr(decisions, name))
-    assert loaded.source == (decisions.source if rows else "")
+    assert all(np.array_equal(getattr(loaded, name), getattr(kept, name)) for name in TIMED_COLUMNS)
+    assert loaded.source == (kept.source if rows else "")
 
 
 @pytest.mark.parametrize(
@@ -101,14 +82,71 @@ def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
         ("HEAD\n1,nan,3,4,5,1.0,0,s\n", "time_s"),
         ("HEAD\n1,2.0,3,4,5,0.0,0,s\n", r"dwell_s\[0\] must be above 0, got 0.0"),
         ("HEAD\n1,2.0,3,4,5,1.0,2,s\n", "censored must hold booleans"),
-        (
-            "episode,time_s,state,action,next_state,source\n1,2.0,3,4,5,s\n",
-            "must have the columns dwell_s and censored, .*; run 'serd demos' again",
-        ),
+        ("episode,time_s,state,action,next_state,source\n1,2.0,3,4,5,s\n",
+         "must have the columns dwell_s and censored, .*; run 'serd demos' again"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_table_gets_a_sentence(tmp_path, text, sentence):
     path = tmp_path / "decisions.csv"
     path.write_text(text.replace("HEAD", ",".join((*TIMED_COLUMNS, "source"))))
     with pytest.raises(FileError, match=sentence):
         load_decisions(path)
+
+
+def decided(states, following):
+    """Decisions of one episode."""
+    ones = np.ones(len(states), int)
+    return Decisions(0 * ones, np.arange(len(ones)), np.array(states), ones, np.array(following))
+
+
+def episodes_through(*episodes):
+    """One decision per neighbouring pair of each episode's states."""
+    rows = [(e, a, b) for e, states in enumerate(episodes) for a, b in pairwise(states)]
+    episode, state, following = np.array(rows).T
+    return Decisions(episode, np.arange(len(rows)), state, np.ones(len(rows), int), following)
+
+
+@pytest.mark.parametrize(
+    ("decisions", "goal", "expected"),
+    [
+        (episodes_through([0, 1, 2, 3, 2, 1], [4, 3, 3], [0, 1]), 3, "001 012 023 143 201"),
+        (episodes_through([3, 2, 1]), 3, ""),
+        # The decision in the goal was dropped.
+        (decided([0, 1, 2], [1, 3, 1]), 3, "001 013"),
+        (decided([0, 1, 2], [1, 3, 1]), 2, "001 013"),
+    ],
+)
+def test_episodes_end_where_they_first_enter_the_goal(decisions, goal, expected):
+    kept = until_goal(decisions, np.array([goal]))
+    rows = zip(kept.episode, kept.state, kept.next_state, strict=True)
+    assert " ".join("".join(map(str, row)) for row in rows) == expected
+
+
+def test_the_goal_is_where_episodes_end_or_of_ways_there_and_back_the_one_with_more_decisions():
+    row_of_ten = Grid((0.0, 0.0), 1.0, np.ones((1, 10), dtype=bool))
+    decisions = episodes_through([0, 1, 2], [5, 4], [3, 2])
+    assert usual_goal_states(decisions, row_of_ten).tolist() == [2, 4]
+    assert len(ending_in(decisions, np.array([2, 4]))) == len(decisions)
+    there = [[0, 1, 2, 3, 4, 5, 6, 7, 8], [0, 2, 4, 6, 8, 9], [0, 3, 6, 9]]
+    decisions = episodes_through(*there, [9, 6, 3, 0])
+    goal = usual_goal_states(decisions, row_of_ten)
+    assert goal.tolist() == [8, 9]
+    assert ending_in(decisions, goal).episodes.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("second_m", "is_one"), [((6.5, 3.5), True), ((7.5, 3.5), False)])
+def test_ends_with_at_most_two_cells_between_them_are_one_goal(second_m, is_one):
+    room = Grid((0.0, 0.0), 1.0, np.ones((8, 12), dtype=bool))
+    first, second, far = (room.state_at(*at) for at in ((3.5, 0.5), second_m, (0.5, 7.5)))
+    there = [[far, 90, 91, 92, first], [far, 90, 91, 92, second]]
+    decisions = episodes_through(*there, [first, far])
+    goal = usual_goal_states(decisions, room)
+    assert (set(goal) == {first, second}) == is_one
+
+
+def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
+    goal, decisions = np.array([3]), episodes_through([0, 1, 3, 2], [4, 0], [3, 2], [2, 3])
+    assert len(episodes_reaching(decisions, goal)) == 2
+    beside = decided([0, 1, 3], [1, 2, 4])  # its move into the goal is not recorded
+    assert len(episodes_reaching(beside, goal)) == 1
+    assert len(episodes_reaching(beside.select([0, 1]), goal)) == 0

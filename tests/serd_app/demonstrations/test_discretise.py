@@ -20,7 +20,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE, RecordedDrive
-from serd_app.drives.sessions import Session, read_drives
+from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.writer import BagWriter
 from serd_core.demonstrations.decisions import HIDDEN
@@ -61,6 +61,12 @@ def still(n_seconds, intents, **values):
     return drive([(0.5, 0.5)] * (n_seconds + 1), intents, **values)
 
 
+def with_gap(recorded, from_s, until_s):
+    kept = (recorded.pose_time_s <= from_s) | (recorded.pose_time_s >= until_s)
+    values = {name: getattr(recorded, name)[kept] for name in ("pose_time_s", "position_m")}
+    return dataclasses.replace(recorded, **values)
+
+
 def found(recorded, grid=GRID, **options):
     return decisions_from_drive(recorded, grid, PATIENCE_S, WAIT_S, **options)
 
@@ -72,17 +78,86 @@ def rows(decisions):
     return list(zip(*(each.tolist() for each in (*columns, *more)), strict=True))
 
 
-def test_each_cell_that_is_entered_ends_a_decision_with_its_outcome_and_time():
-    """A cell is entered a tenth of it beyond its border."""
-    decisions, report = found(east(3, [(0.0, EAST)], outcome="saved"))
-    assert rows(decisions) == [
-        (0.0, 0, EAST, 1, 0.6, False),
-        (0.6, 1, EAST, 2, 1.0, False),
-        (1.6, 2, EAST, 3, 1.0, False),
-        (2.6, 3, EAST, 3, 0.4, True),
-    ]
-    assert set(decisions.episode) == {3}
-    assert report == DiscretisationReport(n_decisions=4, n_censored=1, n_episodes=1)
+SAVED = {"outcome": "saved"}
+#: Blocked on its way east, the driver turns north: east did not lead north.
+BLOCKED = [(0.5, 0.5), (0.8, 0.5), (0.8, 0.5), (0.8, 1.5), (0.8, 1.5)]
+STANDS_THEN_MOVES = [*[(0.5, 0.5)] * 4, *[(1.3, 0.5)] * 9]
+SILENT = {"intent_hold_s": np.inf}
+ABOVE, CORNER, EDGE, TOP = (
+    int(GRID.state_at(*at)) for at in ((0.5, 1.5), (1.5, 1.5), (3.5, 1.5), (2.5, 2.5))
+)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "dropped", "expected"),
+    [
+        # A cell is entered a tenth of it beyond its border.
+        (east(3, [(0, EAST)], **SAVED), {},
+         [(0.0, 0, EAST, 1, 0.6, False), (0.6, 1, EAST, 2, 1.0, False),
+          (1.6, 2, EAST, 3, 1.0, False), (2.6, 3, EAST, 3, 0.4, True)]),
+        (east(2, [(0, HIDDEN)], **SAVED, **SILENT), {},
+         [(0.0, 0, HIDDEN, 1, 0.6, False), (0.6, 1, HIDDEN, 2, 1.0, False),
+          (1.6, 2, HIDDEN, 2, 0.4, True)]),
+        # What leads nowhere ends after the patience, a wait earlier.
+        (still(10, [(0, EAST), (4, EAST), (8, WAIT)], outcome="timeout"), {},
+         [(0.0, 0, EAST, 0, 4.0, False), (4.0, 0, EAST, 0, 4.0, False),
+          (8.0, 0, WAIT, 0, 1.0, False), (9.0, 0, WAIT, 0, 1.0, False)]),
+        (drive(BLOCKED, [(0, EAST), (2, NORTH)], **SAVED), {},
+         [(0.0, 0, EAST, 0, 2.0, True), (2.0, 0, NORTH, ABOVE, 0.6, False),
+          (2.6, ABOVE, NORTH, ABOVE, 1.4, True)]),
+        # Another command counts once it has been given for 0.3 s, and from then on.
+        (still(3, [(0, EAST), (1, NORTH), (1.2, EAST)], **SAVED), {},
+         [(0.0, 0, EAST, 0, 3.0, True)]),
+        (still(3, [(0, EAST), (1, NORTH), (1.4, EAST)], **SAVED), {},
+         [(0.0, 0, EAST, 0, 1.0, True), (1.0, 0, NORTH, 0, 0.4, True),
+          (1.4, 0, EAST, 0, 1.6, True)]),
+        (east(2, [(0, EAST), (0.5, NORTH)], **SAVED), {},
+         [(0.0, 0, EAST, 1, 0.6, False), (0.6, 1, NORTH, 2, 1.0, False),
+          (1.6, 2, NORTH, 2, 0.4, True)]),
+        # An arrival less far in the cell than a border needs is an outcome, another end is none.
+        (drive([(0.5, 0.5), (1.05, 0.5)], [(0, EAST)]), {}, [(0.0, 0, EAST, 1, 1.0, False)]),
+        (drive([(0.5, 0.5), (1.05, 0.5)], [(0, EAST)], outcome="timeout"), {},
+         [(0.0, 0, EAST, 0, 1.0, True)]),
+        # An intent is in force for the patience, or until silence is stated.
+        (drive(STANDS_THEN_MOVES, [(1, EAST), (9, WAIT)], **SAVED), {NO_COMMAND: 2},
+         [(1.0, 0, EAST, 1, 2.75, False), (3.75, 1, EAST, 1, 1.25, True),
+          *((time_s, 1, WAIT, 1, 1.0, False) for time_s in (9.0, 10.0, 11.0))]),
+        (still(3, [(0, EAST), (1, SILENCE), (2, EAST)], **SILENT), {NO_COMMAND: 1},
+         [(0.0, 0, EAST, 0, 1.0, True), (2.0, 0, EAST, 0, 1.0, True)]),
+        # A gap of poses loses the decision; a leap through a wall is no outcome.
+        (with_gap(east(3, [(0, EAST)], **SAVED), 0.9, 2.1), {LOST: 1},
+         [(0.0, 0, EAST, 1, 0.6, False), (2.1, 2, EAST, 3, 0.5, False),
+          (2.6, 3, EAST, 3, 0.4, True)]),
+        (with_gap(east(3, [(0, EAST)], **SAVED), 2.3, 9.0), {LOST: 1},
+         [(0.0, 0, EAST, 1, 0.6, False), (0.6, 1, EAST, 2, 1.0, False)]),
+        (with_gap(drive([(1.5, 1.5), (1.5, 1.5), (3.5, 1.5)], [(0, NORTH)], **SAVED), 1.05, 1.45),
+         {LOST: 1}, [(1.75, EDGE, NORTH, EDGE, 0.25, True)]),
+        # Off the grid; across a wall from a cell beyond it on.
+        (drive([(2.5, 1.5), (2.5, 1.5), (2.5, 2.5)], [(0, NORTH)], **SAVED), {OFF_GRID: 1},
+         [(1.5, TOP, NORTH, TOP, 0.5, True)]),
+        (drive([(0.5, 0.5), (0.5, 0.5), (-1.5, 0.5)], [(0, WEST)], **SAVED), {OFF_GRID: 2}, []),
+        # Discarded episodes and ways back.
+        (still(4, [(0, 1), (2, 1)], outcome="discarded"), {discretise.IN_DISCARDED: 2}, []),
+        (still(4, [(0, 1), (2, 1)], outcome="return"), {discretise.ON_WAY_BACK: 2}, []),
+        # Outside of an episode, beside those counted while reading, and after one was cut off.
+        (still(3, [(-1, 1), (0, 1)], dropped={discretise.OUTSIDE_EPISODE: 2}),
+         {discretise.OUTSIDE_EPISODE: 3}, [(0.0, 0, 1, 0, 3.0, True)]),
+        (still(4, [(0, 1), (3, 1)], end_s=2.0, outcome="cut_off"), {discretise.AFTER_CUT_OFF: 1},
+         [(0.0, 0, 1, 0, 2.0, True)]),
+    ],
+)  # fmt: skip
+def test_a_drive_gives_the_decisions_that_its_places_and_commands_state(
+    recorded, dropped, expected
+):
+    decisions, report = found(recorded)
+    assert rows(decisions) == expected
+    assert report == DiscretisationReport(
+        n_decisions=len(expected),
+        n_censored=sum(row[-1] for row in expected),
+        n_episodes=len({*decisions.episode} & {3}),
+        dropped=dropped,
+        n_moving_waits=report.n_moving_waits,
+    )
 
 
 @pytest.mark.parametrize("step_s", [0.05, 0.25, 0.4])
@@ -93,151 +168,43 @@ def test_decisions_do_not_depend_on_how_often_poses_come(step_s):
     np.testing.assert_allclose(found(waiting)[0].dwell_s[0], WAIT_S, atol=0.2)
 
 
-def test_a_decision_that_leads_nowhere_ends_after_the_patience_and_a_wait_earlier():
-    decisions, _ = found(still(10, [(0.0, EAST), (4.0, EAST), (8.0, WAIT)], outcome="timeout"))
-    assert rows(decisions) == [
-        (0.0, 0, EAST, 0, 4.0, False),
-        (4.0, 0, EAST, 0, 4.0, False),
-        (8.0, 0, WAIT, 0, 1.0, False),
-        (9.0, 0, WAIT, 0, 1.0, False),
-    ]
-
-
-def test_what_another_command_ends_is_censored_when_that_was_given():
-    """Blocked on its way east, the driver turns north: east did not lead north."""
-    places = [(0.5, 0.5), (0.8, 0.5), (0.8, 0.5), (0.8, 1.5), (0.8, 1.5)]
-    decisions, report = found(drive(places, [(0.0, EAST), (2.0, NORTH)], outcome="saved"))
-    assert rows(decisions)[:2] == [
-        (0.0, 0, EAST, 0, 2.0, True),
-        (2.0, 0, NORTH, int(GRID.state_at(0.5, 1.5)), 0.6, False),
-    ]
-    assert report.n_censored == 2
-
-
-@pytest.mark.parametrize(("until_s", "is_another"), [(1.2, False), (1.4, True)])
-def test_a_command_counts_once_it_has_been_given_for_a_while(until_s, is_another):
-    intents = [(0.0, EAST), (1.0, NORTH), (until_s, EAST)]
-    decisions, _ = found(still(3, intents, outcome="saved"))
-    assert (NORTH in decisions.action) == is_another
-    assert decisions.censored.tolist() == [True] * (3 if is_another else 1)
-
-
-def test_a_cell_that_is_entered_before_the_new_command_counts_is_the_old_ones():
-    decisions, _ = found(east(2, [(0.0, EAST), (0.5, NORTH)], outcome="saved"))
-    assert rows(decisions)[0] == (0.0, 0, EAST, 1, 0.6, False)
-    assert decisions.action.tolist() == [EAST, NORTH, NORTH]
-
-
 def test_a_fast_way_across_a_corner_is_two_moves():
-    decisions, _ = found(drive([(0.5, 0.5), (1.5, 1.4)], [(0.0, EAST)], outcome="saved"))
-    ways = list(zip(decisions.state.tolist(), decisions.next_state.tolist(), strict=True))[:2]
-    assert ways == [(0, 1), (1, GRID.state_at(1.5, 1.5))]
-    exact, _ = found(drive([(0.5, 0.5), (1.5, 1.5)], [(0.0, EAST)], outcome="saved"))
+    decisions, _ = found(drive([(0.5, 0.5), (1.5, 1.4)], [(0.0, EAST)], **SAVED))
+    assert [row[1:4:2] for row in rows(decisions)[:2]] == [(0, 1), (1, CORNER)]
+    exact, _ = found(drive([(0.5, 0.5), (1.5, 1.5)], [(0.0, EAST)], **SAVED))
     assert len(np.unique(exact.time_s)) == len(exact)
     assert exact.dwell_s.min() > 0
 
 
-def test_an_arrival_less_far_in_the_cell_than_a_border_needs_is_an_outcome():
-    decisions, _ = found(drive([(0.5, 0.5), (1.05, 0.5)], [(0.0, EAST)]))
-    assert rows(decisions) == [(0.0, 0, EAST, 1, 1.0, False)]
-    late, _ = found(drive([(0.5, 0.5), (1.05, 0.5)], [(0.0, EAST)], outcome="timeout"))
-    assert rows(late) == [(0.0, 0, EAST, 0, 1.0, True)]
-
-
-def test_without_a_command_nothing_is_decided():
-    """An intent is in force for the patience; the decision of the cell entered then is cut off."""
-    places = [(0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (1.3, 0.5), *[(1.3, 0.5)] * 8]
-    decisions, report = found(drive(places, [(1.0, EAST), (9.0, WAIT)], outcome="saved"))
-    assert rows(decisions)[:2] == [(1.0, 0, EAST, 1, 2.75, False), (3.75, 1, EAST, 1, 1.25, True)]
-    assert decisions.action.tolist()[2:] == [WAIT] * 3
-    assert report.dropped == {NO_COMMAND: 2}
-
-
-def test_a_command_ends_where_silence_is_stated():
-    recorded = still(3, [(0.0, EAST), (1.0, SILENCE), (2.0, EAST)], intent_hold_s=np.inf)
-    decisions, report = found(recorded)
-    assert rows(decisions) == [(0.0, 0, EAST, 0, 1.0, True), (2.0, 0, EAST, 0, 1.0, True)]
-    assert report.dropped == {NO_COMMAND: 1}
-
-
-def test_hidden_actions_are_decisions_at_every_cell():
-    decisions, _ = found(east(2, [(0.0, HIDDEN)], outcome="saved", intent_hold_s=np.inf))
-    assert decisions.hidden.all()
-    assert decisions.next_state.tolist() == [1, 2, 2]
-
-
-@pytest.mark.parametrize(
-    ("outcome", "reason"),
-    [("discarded", discretise.IN_DISCARDED), ("return", discretise.ON_WAY_BACK)],
-)
-def test_a_discarded_episode_and_a_way_back_give_nothing(outcome, reason):
-    decisions, report = found(still(4, [(0.0, 1), (2.0, 1)], outcome=outcome))
-    assert len(decisions) == 0
-    assert report.dropped == {reason: 2}
-
-
-def test_decisions_off_the_grid_are_dropped_with_the_reason():
-    off = drive([(2.5, 1.5), (2.5, 1.5), (2.5, 2.5)], [(0.0, NORTH)], outcome="saved")
-    decisions, report = found(off)
-    assert decisions.state.tolist() == [GRID.state_at(2.5, 2.5)]
-    assert report.dropped == {OFF_GRID: 1}
-    left = drive([(0.5, 0.5), (0.5, 0.5), (-1.5, 0.5)], [(0.0, WEST)], outcome="saved")
-    assert found(left)[1].dropped == {OFF_GRID: 2}
-
-
-def with_gap(recorded, from_s, until_s):
-    kept = (recorded.pose_time_s <= from_s) | (recorded.pose_time_s >= until_s)
-    return dataclasses.replace(
-        recorded,
-        pose_time_s=recorded.pose_time_s[kept],
-        position_m=recorded.position_m[kept],
-    )
-
-
-def test_a_gap_of_poses_loses_the_decision_and_is_a_fault():
-    whole = east(3, [(0.0, EAST)], outcome="saved")
-    decisions, report = found(with_gap(whole, 0.9, 2.1))
-    assert rows(decisions) == [
-        (0.0, 0, EAST, 1, 0.6, False),
-        (2.1, 2, EAST, 3, 0.5, False),
-        (2.6, 3, EAST, 3, 0.4, True),
-    ]
-    assert (report.dropped, report.fault_share) == ({LOST: 1}, 0.25)
+def test_lost_decisions_are_a_share_of_all_that_were_taken():
+    whole = east(3, [(0.0, EAST)], **SAVED)
+    report = found(with_gap(whole, 0.9, 2.1))[1]
+    assert report.fault_share == 0.25
     assert report.faults == "25.0 % of 4 decisions are lost as poses are missing or beyond walls"
     assert found(with_gap(whole, 0.9, 1.2))[1].fault_share == 0.0
-    unseen = found(with_gap(whole, 2.3, 9.0))
-    assert (unseen[0].time_s.round(6).tolist(), unseen[1].dropped) == ([0.0, 0.6], {LOST: 1})
-
-
-def test_a_leap_through_a_wall_is_no_outcome_and_the_way_goes_on_there():
-    places = [(1.5, 1.5), (1.5, 1.5), (3.5, 1.5), (3.5, 2.5)]
-    recorded = drive(places, [(0.0, NORTH)], outcome="saved")
-    decisions, report = found(with_gap(recorded, 1.05, 1.45))
-    assert decisions.state.tolist()[:1] == [GRID.state_at(3.5, 1.5)]
-    assert report.dropped == {LOST: 1}
 
 
 def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
     """From a cell beyond it on; before, the place is taken for one that was measured wrongly."""
-    leaving = [
-        (1.5, 1.5),
-        (1.5, 2.5),
-        (1.5, 3.3),
-        (1.5, 3.9),
-        *[(1.5, 4.5 + row) for row in range(9)],
-    ]
-    decisions, report = found(drive(leaving, [(0.0, HIDDEN)], intent_hold_s=np.inf))
-    assert len(decisions) == 1
-    assert report.dropped == {OFF_GRID: 4}
+    y_m = [1.5, 2.5, 3.3, 3.9, *(4.5 + row for row in range(9))]
+    decisions, report = found(drive([(1.5, y) for y in y_m], [(0.0, HIDDEN)], **SILENT))
+    assert (len(decisions), report.dropped) == (1, {OFF_GRID: 4})
 
 
 def test_a_drive_without_poses_or_episodes_gives_nothing():
     empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
     decisions, report = found(empty)
-    assert len(decisions) == 0
-    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+    assert (len(decisions), report.dropped) == (0, {discretise.OUTSIDE_EPISODE: 1})
     spans = (EpisodeSpan(0, 0.0, 2.0, "cut_off"),)
     assert len(found(dataclasses.replace(empty, episodes=spans))[0]) == 0
+
+
+def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
+    recorded = still(6, [(0.0, 1), (2.0, 2), (4.0, 1)])
+    spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
+    decisions, report = found(dataclasses.replace(recorded, episodes=spans))
+    assert (decisions.episode.tolist(), decisions.action.tolist()) == ([3, 4], [1, 1])
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
 
 
 @settings(max_examples=150, deadline=None)
@@ -264,22 +231,20 @@ def test_every_decision_fits_the_mdp_and_none_overlaps_the_next(places, intents,
 def test_a_recorded_episode_gives_the_decisions_that_its_driver_took():
     """Of 0.05 s between poses, through the people of the hallway."""
     scenario = load_scenario("hallway")
-    seen = []
+    intents, poses = [], []
 
-    class Recorder:
-        name = "recorder"
+    class Chance:
+        name = "chance"
 
         def begin(self, episode):
             self.rng = np.random.default_rng(episode)
 
         def decide(self, observation, _):
             action = Action(int(self.rng.choice(5, p=[0.1, 0.6, 0.1, 0.1, 0.1])))
-            seen.append((observation.time_s, int(action)))
+            intents.append((observation.time_s, int(action)))
             return action
 
-    poses = []
-
-    class Recording(HallwayWorld):
+    class SeenWorld(HallwayWorld):
         def reset(self, *arguments):
             poses.append(super().reset(*arguments))
             return poses[-1]
@@ -288,21 +253,16 @@ def test_a_recorded_episode_gives_the_decisions_that_its_driver_took():
             poses.append(super().step(command))
             return poses[-1]
 
-    world = Recording(scenario, seed=3)
-    planner = make_planner("dwa", scenario)
-    record = run_episode(world, planner, Recorder(), episode=0, timeout_s=60.0)
-    track = np.array([(each.time_s, each.x_m, each.y_m) for each in poses])
-    intents = np.array(seen)
+    world, planner = SeenWorld(scenario, seed=3), make_planner("dwa", scenario)
+    record = run_episode(world, planner, Chance(), episode=0, timeout_s=25.0)
+    track = np.array([(pose.time_s, pose.x_m, pose.y_m) for pose in poses])
+    intent_time_s, action = np.array(intents).T
+    span = EpisodeSpan(0, track[0, 0], track[-1, 0], record.outcome)
     recorded = RecordedDrive(
-        track[:, 0],
-        track[:, 1:],
-        intents[:, 0],
-        intents[:, 1].astype(np.int64),
-        (EpisodeSpan(0, track[0, 0], track[-1, 0], record.outcome),),
+        track[:, 0], track[:, 1:], intent_time_s, action.astype(np.int64), (span,)
     )
-    decisions, report = decisions_from_drive(
-        recorded, world.grid, scenario.patience_s, scenario.wait_s
-    )
+    times_s = scenario.patience_s, scenario.wait_s
+    decisions, report = decisions_from_drive(recorded, world.grid, *times_s)
     assert len(decisions) > 15
     for name, column in record.decisions.columns().items():
         np.testing.assert_array_equal(getattr(decisions, name), column, err_msg=name)
@@ -338,29 +298,6 @@ def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     )
 
 
-def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
-    with pytest.raises(BagError, match="must hold the topic 'episode', it holds /intent, /robot_p"):
-        demonstrations_of_bag(small_bag(), GRID, PATIENCE_S, WAIT_S)
-    empty = write_bag(tmp_path / "empty", OWN_TOPICS, ())
-    with pytest.raises(BagError, match="holds no decision to learn from: 0 decisions"):
-        demonstrations_of_bag(empty, GRID, PATIENCE_S, WAIT_S)
-
-
-def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(recorded_bag):
-    recorded_bag.write("/robot_pose", b"\x00\x01\x00\x00abc", 1234)
-    recorded_bag.close()
-    with pytest.raises(BagError, match=r"bag .*drive, /robot_pose at 1234 ns: message must have"):
-        read_drives(recorded_bag.directory)
-
-
-@pytest.mark.parametrize("content", [b"", b"hello", bytes(200)])
-def test_of_a_file_that_is_no_bag_the_damage_is_told_and_not_a_missing_topic(tmp_path, content):
-    path = tmp_path / "broken.mcap"
-    path.write_bytes(content)
-    with pytest.raises(BagError, match=r"at byte 0: .*; repair it with 'serd bag recover'"):
-        read_drives(path)
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
     recorded_bag, messages, bad
@@ -378,12 +315,26 @@ def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
     assert str(report).endswith("; 2 poses not finite")
 
 
-def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
-    session = Session("bag x")
-    for time_s in (1.0, 2.0):
-        session.poses.extend((time_s, np.nan, 0.0))
-    with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
-        session.drive()
+def test_a_bag_that_gives_no_decision_is_named_with_the_reason(
+    tmp_path, messages, small_bag, recorded_bag
+):
+    def refused(bag, sentence):
+        with pytest.raises(BagError, match=sentence):
+            demonstrations_of_bag(bag, GRID, PATIENCE_S, WAIT_S)
+
+    refused(small_bag(), "must hold the topic 'episode', it holds /intent, /robot_p")
+    empty = write_bag(tmp_path / "empty", OWN_TOPICS, ())
+    refused(empty, "holds no decision to learn from: 0 decisions")
+    bad = [("/robot_pose", time_s, messages.pose(time_s, np.nan, 0.0)) for time_s in (1.0, 2.0)]
+    unknown = write_bag(tmp_path / "unknown", OWN_TOPICS, bad)
+    refused(unknown, "unknown must hold poses that are finite, none of its 2 is")
+    recorded_bag.write("/robot_pose", b"\x00\x01\x00\x00abc", 1234)
+    recorded_bag.close()
+    where = r"bag .*drive, /robot_pose at 1234 ns: message must have"
+    refused(recorded_bag.directory, where)
+    for content in (b"", b"hello", bytes(200)):
+        (tmp_path / "broken.mcap").write_bytes(content)
+        refused(tmp_path / "broken.mcap", r"at byte 0: .*; repair it with 'serd bag recover'")
 
 
 def report_of(*counts):
@@ -406,8 +357,7 @@ def test_repeated_episodes_are_counted_and_their_waits_are_not():
     recorded = dataclasses.replace(recorded, episodes=spans)
     seen = set()
     every, report = found(recorded, seen=seen)
-    assert every.episodes.tolist() == [3, 4]
-    assert report.dropped == {}
+    assert (every.episodes.tolist(), report.dropped) == ([3, 4], {})
     again, report = found(recorded, seen=seen)
     assert (len(again), report.dropped) == (0, {REPEATED: len(every)})
     second = set(discretise.episode_rows(every.select_episodes([4])).values())
@@ -418,22 +368,3 @@ def test_repeated_episodes_are_counted_and_their_waits_are_not():
 def test_a_wait_moves_from_the_least_speed_on(moved_m, n_moving):
     recorded = drive([(2.25, 0.5), (2.25 + moved_m, 0.5)], [(0.0, WAIT)], minimum_speed_mps=0.25)
     assert found(recorded)[1].n_moving_waits == n_moving
-
-
-def test_reasons_that_were_counted_while_reading_stay_counted():
-    recorded = still(3, [(-1.0, 1), (0.0, 1)], dropped={discretise.OUTSIDE_EPISODE: 2})
-    assert found(recorded)[1].dropped == {discretise.OUTSIDE_EPISODE: 3}
-
-
-def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
-    recorded = still(6, [(0.0, 1), (2.0, 2), (4.0, 1)])
-    spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
-    decisions, report = found(dataclasses.replace(recorded, episodes=spans))
-    assert decisions.episode.tolist() == [3, 4]
-    assert decisions.action.tolist() == [1, 1]
-    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
-
-
-def test_an_intent_after_an_episode_was_cut_off_is_counted_as_that():
-    recorded = still(4, [(0.0, 1), (3.0, 1)], end_s=2.0, outcome="cut_off")
-    assert found(recorded)[1].dropped == {discretise.AFTER_CUT_OFF: 1}

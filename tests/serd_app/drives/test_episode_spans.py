@@ -21,77 +21,49 @@ def end(time_s, number, outcome="arrived"):
     return EpisodeMark("end", time_s, number, outcome=outcome)
 
 
-def spans(*marks, pose_time_s=STEADY_S):
-    """(number, start, end, outcome) of each episode; times to a tenth of a second."""
-    found = spans_of_marks(marks, pose_time_s, GAP_S)
-    return [(each.number, each.start_s, round(each.end_s, 6), each.outcome) for each in found]
+def marks_in(text):
+    """`start 1 at 0`, or an outcome in place of `start`, with commas between."""
+    for word, number, _, time_s in map(str.split, text.split(", ")):
+        make = [float(time_s), int(number)]
+        yield start(*make) if word == "start" else end(*make, word)
 
 
-def test_an_episode_taken_back_after_its_arrival_is_discarded_and_the_next_one_is_not():
-    marks = (start(0.0, 1), end(4.0, 1), end(5.0, 1, "discarded"), start(6.0, 2), end(9.0, 2))
-    assert spans(*marks) == [(1, 0.0, 4.0, "discarded"), (2, 6.0, 9.0, "arrived")]
-
-
-def test_an_episode_taken_back_while_the_next_is_driven_leaves_that_alone():
-    marks = (start(0.0, 1), end(4.0, 1), start(5.0, 2), end(6.0, 1, "discarded"), end(9.0, 2))
-    assert spans(*marks) == [(1, 0.0, 4.0, "discarded"), (2, 5.0, 9.0, "arrived")]
-
-
-def test_the_end_of_another_episode_cuts_the_open_one_off_before_the_gap_that_hid_its_own():
-    marks = (start(1.0, 4), end(10.0, 7), start(11.0, 8), end(13.0, 8))
-    assert spans(*marks, pose_time_s=WITH_GAP_S) == [
-        (4, 1.0, 3.0, "cut_off"),
-        (8, 11.0, 13.0, "arrived"),
-    ]
-
-
-def test_the_start_of_another_episode_does_so_as_well_and_so_does_the_end_of_the_recording():
-    cut = (4, 1.0, 3.0, "cut_off")
-    marks = (start(1.0, 4), start(10.0, 7), end(12.0, 7))
-    assert spans(*marks, pose_time_s=WITH_GAP_S) == [cut, (7, 10.0, 12.0, "arrived")]
-    assert spans(start(1.0, 4), pose_time_s=WITH_GAP_S) == [cut]
-
-
-def test_a_gap_within_an_episode_whose_own_end_is_there_does_not_end_it():
-    assert spans(start(1.0, 4), end(10.0, 4), pose_time_s=WITH_GAP_S) == [(4, 1.0, 10.0, "arrived")]
-
-
-def test_without_a_gap_an_episode_is_cut_off_at_the_mark_that_is_not_its_own():
-    assert spans(start(1.0, 4), end(10.0, 7)) == [(4, 1.0, 10.0, "cut_off")]
-    assert spans(start(1.0, 4), start(10.0, 5)) == [
-        (4, 1.0, 10.0, "cut_off"),
-        (5, 10.0, 20.0, "cut_off"),
-    ]
-
-
-@pytest.mark.parametrize("poses_s", [np.zeros(0), np.array([0.5])])
-def test_without_poses_after_its_start_an_open_episode_lasts_no_time(poses_s):
-    assert spans(start(1.0, 4), pose_time_s=poses_s) == [(4, 1.0, 1.0, "cut_off")]
-
-
-def test_a_start_within_a_gap_begins_nothing_that_can_be_told():
-    marks = (start(5.0, 4), start(10.0, 5), end(12.0, 5))
-    assert spans(*marks, pose_time_s=WITH_GAP_S)[0] == (4, 5.0, 5.0, "cut_off")
-
-
-def test_a_number_that_comes_again_is_another_episode():
-    first, second = (start(0.0, 0), end(2.0, 0)), (start(4.0, 0), end(6.0, 0, "timeout"))
-    third = (start(8.0, 1), end(10.0, 1))
-    assert spans(*first, *second, *third) == [
-        (0, 0.0, 2.0, "arrived"),
-        (1, 4.0, 6.0, "timeout"),
-        (2, 8.0, 10.0, "arrived"),
-    ]
-
-
-def test_of_two_episodes_with_one_number_the_later_is_taken_back():
-    marks = (start(0.0, 0), end(2.0, 0), start(4.0, 0), end(6.0, 0), end(7.0, 0, "discarded"))
-    assert spans(*marks) == [(0, 0.0, 2.0, "arrived"), (1, 4.0, 6.0, "discarded")]
-
-
-def test_marks_sent_again_count_once():
-    marks = (start(0.0, 0), end(2.0, 0), start(4.0, 1), end(6.0, 1))
-    assert spans(*(each for mark in marks for each in (mark, mark))) == spans(*marks)
+@pytest.mark.parametrize(
+    ("text", "pose_time_s", "expected"),
+    [
+        # taken back after its arrival; while the next is driven; then kept after all
+        ("start 1 at 0, arrived 1 at 4, discarded 1 at 5, start 2 at 6, arrived 2 at 9", STEADY_S,
+         "1: 0-4 discarded, 2: 6-9 arrived"),
+        ("start 1 at 0, arrived 1 at 4, start 2 at 5, discarded 1 at 6, arrived 2 at 9", STEADY_S,
+         "1: 0-4 discarded, 2: 5-9 arrived"),
+        ("start 1 at 0, discarded 1 at 4, saved 1 at 6", STEADY_S, "1: 0-4 saved"),
+        # cut off before the gap by the end or start of another one, or the end of the recording
+        ("start 4 at 1, arrived 7 at 10, start 8 at 11, arrived 8 at 13", WITH_GAP_S,
+         "4: 1-3 cut_off, 8: 11-13 arrived"),
+        ("start 4 at 1, start 7 at 10, arrived 7 at 12", WITH_GAP_S,
+         "4: 1-3 cut_off, 7: 10-12 arrived"),
+        ("start 4 at 1", WITH_GAP_S, "4: 1-3 cut_off"),
+        ("start 4 at 1, arrived 4 at 10", WITH_GAP_S, "4: 1-10 arrived"),
+        ("start 4 at 5, start 5 at 10, arrived 5 at 12", WITH_GAP_S,
+         "4: 5-5 cut_off, 5: 10-12 arrived"),
+        # without a gap, at the mark that is not its own or at the last pose
+        ("start 4 at 1, arrived 7 at 10", STEADY_S, "4: 1-10 cut_off"),
+        ("start 4 at 1, start 5 at 10", STEADY_S, "4: 1-10 cut_off, 5: 10-20 cut_off"),
+        ("start 4 at 1", np.zeros(0), "4: 1-1 cut_off"),
+        ("start 4 at 1", np.array([0.5]), "4: 1-1 cut_off"),
+        # a number that comes again is another episode, which is the one taken back
+        ("start 0 at 0, arrived 0 at 2, start 0 at 4, timeout 0 at 6, start 1 at 8, arrived 1 at 9",
+         STEADY_S, "0: 0-2 arrived, 1: 4-6 timeout, 2: 8-9 arrived"),
+        ("start 0 at 0, arrived 0 at 2, start 0 at 4, arrived 0 at 6, discarded 0 at 7", STEADY_S,
+         "0: 0-2 arrived, 1: 4-6 discarded"),
+    ],
+)  # fmt: skip
+def test_marks_become_episodes_and_marks_sent_again_count_once(text, pose_time_s, expected):
+    marks = list(marks_in(text))
+    for sent in (marks, [mark for mark in marks for _ in range(2)]):
+        spans = spans_of_marks(sent, pose_time_s, GAP_S)
+        rows = (f"{s.number}: {s.start_s:g}-{round(s.end_s, 6):g} {s.outcome}" for s in spans)
+        assert ", ".join(rows) == expected
 
 
 @given(
@@ -105,7 +77,7 @@ def test_no_moment_of_one_episode_is_ever_given_the_outcome_of_another(numbers, 
     marks, kept_s = [], np.arange(0.0, 2.0 * len(numbers), 0.1)
     for row, (number, outcome) in enumerate(zip(numbers, outcomes, strict=True)):
         marks += [start(2.0 * row, number), end(2.0 * row + 1.0, number, outcome)]
-    for mark in (marks[each] for each in lost if each < len(marks)):
+    for mark in (marks[row] for row in lost if row < len(marks)):
         kept_s = kept_s[np.abs(kept_s - mark.time_s) > 0.35]
     heard = [mark for row, mark in enumerate(marks) if row not in lost]
     shuffled = [heard[row] for row in np.random.default_rng(seed).permutation(len(heard))]
@@ -114,24 +86,18 @@ def test_no_moment_of_one_episode_is_ever_given_the_outcome_of_another(numbers, 
     for span in found:
         driven_s = kept_s[(kept_s >= span.start_s) & (kept_s <= span.end_s)]
         own = set((driven_s[driven_s < span.end_s - 1e-9] // 2.0).astype(int).tolist())
-        if span.outcome != "cut_off":
-            row = outcomes.index(span.outcome)
-            assert span.end_s == 2.0 * row + 1.0
-            assert len(own) == 1 or numbers[min(own)] == numbers[row]
-        else:
+        if span.outcome == "cut_off":
             assert len(own) <= 1
+            continue
+        row = outcomes.index(span.outcome)
+        assert span.end_s == 2.0 * row + 1.0
+        assert len(own) == 1 or numbers[min(own)] == numbers[row]
 
 
 def test_marks_are_read_by_name_and_their_numbers_checked(messages):
-    assert marks_of(messages.mark(1.5, "end", 7, "timeout")) == [
-        EpisodeMark("end", 1.5, 7, outcome="timeout")
-    ]
+    timeout = EpisodeMark("end", 1.5, 7, outcome="timeout")
+    assert marks_of(messages.mark(1.5, "end", 7, "timeout")) == [timeout]
     assert marks_of(messages.mark(1.0, "start", 7), 2 * 10**9) == [EpisodeMark("start", 2.0, 7)]
     assert marks_of(messages.mark(1.5, "pause", 7)) == []
     with pytest.raises(BagError, match=r"must carry the episode's number, .*, got '12345678901'"):
         marks_of(messages.mark(1.5, "end", 12345678901))
-
-
-def test_an_episode_that_was_discarded_is_kept_by_a_later_mark_that_saves_it():
-    marks = (start(0.0, 1), end(4.0, 1, "discarded"), end(6.0, 1, "saved"), start(7.0, 2))
-    assert spans(*marks)[0] == (1, 0.0, 4.0, "saved")

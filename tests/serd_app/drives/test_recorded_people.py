@@ -18,13 +18,14 @@ from serd_bag.errors import BagError
 from serd_bag.messages.people import SeenPeople, SightedIds, people_of
 from serd_bag.messages.plain import Header
 from serd_bag.reader import BagReader
-from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Grid
-from support.bag_messages import TF, Messages
+from support.bag_messages import TF, Messages, write_bag
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 
 MADE = PeopleMessages()
 GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 6), dtype=bool))
+#: Turns by 90 degrees and moves.
+CAMERA_IN_MAP = Messages().transform(100.0, "map", "camera", 2.0, 3.0, np.pi / 2)
 
 
 def walk(step):
@@ -34,99 +35,78 @@ def walk(step):
     return start + 0.1 * step * velocity, velocity
 
 
-def bag(folder, kind, *, frame="map", transform=None, **look):
-    with BagWriter(folder) as writer:
-        writer.add_topic("/people", MADE.kind(kind) if kind != CLOUD else kind)
-        if transform is not None:
-            writer.add_topic("/tf_static", TF)
-            writer.write("/tf_static", transform, 10**11)
-        for step in range(40):
-            time_s = 100.0 + 0.1 * step
-            data = MADE.encode(kind, time_s, *walk(step), frame=frame, **look)
-            writer.write("/people", data, round(time_s * 1e9))
-    return folder
+def bag(folder, kind, *, steps=range(40), made=MADE, **look):
+    topics = {"/tf_static": TF, "/people": made.kind(kind) if kind != CLOUD else kind}
+    rows = [("/tf_static", 100.0, CAMERA_IN_MAP)]
+    rows += [
+        ("/people", 100.0 + step / 10, made.encode(kind, 100.0 + step / 10, *walk(step), **look))
+        for step in steps
+    ]
+    return write_bag(folder, topics, rows)
 
 
 def recorded_people(path, frame=""):
     """(N, 2) positions and velocities of all sightings."""
     found = recorded_sightings(BagReader(path), "people", frame=frame)
-    return (
-        np.concatenate([each.people.position_m[:, :2] for each in found]),
-        np.concatenate([each.people.velocity_mps[:, :2] for each in found]),
-    )
-
-
-def turned(x, y):
-    """A static transform that turns by 90 degrees and moves."""
-    return Messages().transform(100.0, "map", "camera", x, y, np.pi / 2)
+    columns = zip(*((one.people.position_m, one.people.velocity_mps) for one in found), strict=True)
+    return [np.concatenate(column)[:, :2] for column in columns]
 
 
 @pytest.mark.parametrize("kind", [PEOPLE, TRACKED, DETECTIONS])
 def test_people_of_each_type_are_those_of_our_topic_to_a_millimetre(tmp_path, kind):
-    own = recorded_people(bag(tmp_path / "own", CLOUD))
-    found = recorded_people(bag(tmp_path / "other", kind))
-    np.testing.assert_allclose(found[0], own[0], atol=1e-3)
+    paths = bag(tmp_path / "own", CLOUD), bag(tmp_path / "other", kind)
+    own, other = map(recorded_people, paths)
+    np.testing.assert_allclose(other[0], own[0], atol=1e-3)
     # A detection has no velocity: it begins with the second sighting.
     known = slice(3 if kind == DETECTIONS else 0, None)
-    np.testing.assert_allclose(found[1][known], own[1][known], atol=1e-3)
-    recordings = [Recording(tmp_path / name, (), (), Losses()) for name in ("own", "other")]
-    sightings = sightings_of_all([each.bag for each in recordings], "people")
+    np.testing.assert_allclose(other[1][known], own[1][known], atol=1e-3)
     flows = [
-        flow_from_recordings([each], [people], GRID).flow
-        for each, people in zip(recordings, sightings, strict=True)
+        flow_from_recordings(
+            [Recording(path, (), (), Losses())], sightings_of_all([path], "people"), GRID
+        )
+        for path in paths
     ]
-    assert flows[0].tolist() == flows[1].tolist()
+    assert flows[0].flow.tolist() == flows[1].flow.tolist()
 
 
 @pytest.mark.parametrize("kind", [CLOUD, PEOPLE, TRACKED, DETECTIONS])
 def test_people_in_the_frame_of_a_sensor_are_brought_into_that_of_the_grid(tmp_path, kind):
-    path = bag(tmp_path / "bag", kind, frame="camera", transform=turned(2.0, 3.0))
+    path = bag(tmp_path / "bag", kind, frame="camera")
     position_m, velocity_mps = recorded_people(path, frame="map")
     places = np.concatenate([walk(step)[0] for step in range(40)])
-    np.testing.assert_allclose(
-        position_m, np.stack([2.0 - places[:, 1], 3.0 + places[:, 0]], axis=1), atol=1e-3
-    )
+    placed = np.stack([2.0 - places[:, 1], 3.0 + places[:, 0]], axis=1)
+    np.testing.assert_allclose(position_m, placed, atol=1e-3)
     np.testing.assert_allclose(velocity_mps[3], [0.0, 1.0], atol=1e-3)
 
 
 def test_a_frame_that_no_transform_joins_gets_a_sentence(tmp_path):
-    path = bag(tmp_path / "bag", PEOPLE, frame="lidar", transform=turned(0.0, 0.0))
+    path = bag(tmp_path / "bag", PEOPLE, frame="lidar")
     with pytest.raises(BagError, match="frame 'lidar' must be joined with 'map' by /tf"):
         recorded_people(path, frame="map")
 
 
-def test_detections_of_other_classes_are_left_out():
-    place, velocity = walk(0)
-    for name, count in (("person", 3), ("Pedestrian", 3), ("0", 3), ("chair", 0)):
-        message = MADE.message(DETECTIONS, 1.0, place, velocity, classes=name)
-        assert len(people_of(message).ids) == count
-
-
 @pytest.mark.parametrize(
-    ("layout", "person", "other", "ids"),
-    [("foxy", "person", "chair", ("p0", "p1", "p2")), ("noetic", 0, 56, ("", "", ""))],
+    ("layout", "classes", "ids"),
+    [
+        *(("", name, ("p0", "p1", "p2")) for name in ("person", "Pedestrian", "0")),
+        ("", "chair", ()),
+        ("foxy", "person", ("p0", "p1", "p2")),
+        ("foxy", "chair", ()),
+        ("noetic", 0, ("", "", "")),
+        ("noetic", 56, ()),
+    ],
 )
-def test_detections_of_older_layouts_are_read(tmp_path, layout, person, other, ids):
-    made, walks = PeopleMessages(layout), walk(0)
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/people", made.kind(DETECTIONS))
-        writer.write("/people", made.encode(DETECTIONS, 1.0, *walks, classes=person), 10**9)
-    position_m, _ = recorded_people(tmp_path / "bag")
-    np.testing.assert_allclose(position_m, walks[0])
-    found = [
-        people_of(made.message(DETECTIONS, 1.0, *walks, classes=name)).ids
-        for name in (person, other)
-    ]
-    assert found == [ids, ()]
+def test_detections_of_each_layout_are_read_and_other_classes_left_out(
+    tmp_path, layout, classes, ids
+):
+    made = PeopleMessages(layout) if layout else MADE
+    path = bag(tmp_path / "bag", DETECTIONS, steps=[0], made=made, classes=classes)
+    np.testing.assert_allclose(recorded_people(path)[0], walk(0)[0][: len(ids)])
+    assert people_of(made.message(DETECTIONS, 1.0, *walk(0), classes=classes)).ids == ids
 
 
 def test_an_id_that_was_not_seen_for_a_second_has_no_velocity(tmp_path):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/people", MADE.kind(DETECTIONS))
-        for time_s in (1.0, 1.5, 3.0):
-            data = MADE.encode(DETECTIONS, time_s, *walk(10 * time_s))
-            writer.write("/people", data, round(time_s * 1e9))
-    _, velocity_mps = recorded_people(tmp_path / "bag")
+    _, velocity_mps = recorded_people(bag(tmp_path / "bag", DETECTIONS, steps=(10, 15, 30)))
     known = np.isfinite(velocity_mps).all(axis=1)
     assert known.tolist() == [False] * 3 + [True] * 3 + [False] * 3
 
@@ -141,68 +121,48 @@ def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it(
     np.testing.assert_allclose(made, [np.nan, 3.0, 1.0, 1.0, 0.0, np.nan], atol=1e-9)
 
 
-def sighting(time_s, places, velocities, ids=None):
-    """A sighting of people."""
+def sighting(time_s, places, velocities=((0.0, 0.0),), ids=None):
     level = np.zeros((len(places), 1))
+    position_m, velocity_mps = (np.hstack([rows, level]) for rows in (places, velocities))
     people = SeenPeople(
-        Header(0, "map"),
-        tuple(ids or [""] * len(places)),
-        np.hstack([np.reshape(places, (-1, 2)), level]),
-        np.hstack([np.reshape(velocities, (-1, 2)), level]),
+        Header(0, "map"), tuple(ids or [""] * len(places)), position_m, velocity_mps
     )
     return Sighting(time_s, people, str(time_s).encode())
 
 
-def crossing_walks(n_steps=40, names=None):
+def crossing_walks(names=None):
     """Two people who walk through each other at 1 m/s, in an order that changes."""
-    rng, found = np.random.default_rng(0), []
-    for step in range(n_steps):
-        t = step / 10
-        places, velocities = [[t, 0.0], [4 - t, 0.05]], [[1.0, 0.0], [-1.0, 0.0]]
-        order = rng.permutation(2).tolist()
-        ids = None if names is None else [names[each] for each in order]
-        found.append(
-            sighting(t, [places[each] for each in order], [velocities[each] for each in order], ids)
-        )
-    return found
+    rng = np.random.default_rng(0)
+    for t in np.arange(40) / 10:
+        order = rng.permutation(2)
+        places, velocities = np.array([[t, 0], [4 - t, 0.05]]), np.array([[1, 0], [-1, 0]])
+        ids = names and [names[row] for row in order]
+        yield sighting(t, places[order], velocities[order], ids)
 
 
-def test_people_without_ids_are_followed_through_each_other():
-    tracks = tracks_of_sightings(crossing_walks())
-    assert len(tracks) == 2
-    ends = sorted(float(track.position_m[-1, 0] - track.position_m[0, 0]) for track in tracks)
-    assert ends == pytest.approx([-3.9, 3.9])
-    assert all(len(track.time_s) == 40 for track in tracks)
-
-
-def test_ids_name_the_tracks():
-    tracks = tracks_of_sightings(crossing_walks(names=("anna", "ben")))
-    assert {track.agent for track in tracks} == {"anna", "ben"}
+def test_people_without_ids_are_followed_through_each_other_and_each_message_counts_once():
+    walks = list(crossing_walks())
+    broken = sighting(1.05, [[np.nan, 0.0]])
+    for sightings in (walks, [*walks, *walks, broken]):
+        tracks = tracks_of_sightings(sightings)
+        assert [len(track.time_s) for track in tracks] == [40, 40]
+        ends = sorted(track.position_m[-1, 0] - track.position_m[0, 0] for track in tracks)
+        assert ends == pytest.approx([-3.9, 3.9])
 
 
 def test_a_person_who_jumps_or_was_away_is_another_one():
-    still = [sighting(t / 10, [[0.0, 0.0]], [[0.0, 0.0]]) for t in range(5)]
-    jumped = [sighting(0.5 + t / 10, [[0.0, 0.6]], [[0.0, 0.0]]) for t in range(5)]
-    later = [sighting(3.0 + t / 10, [[0.0, 0.6]], [[0.0, 0.0]]) for t in range(5)]
-    assert [len(each.time_s) for each in tracks_of_sightings(still + jumped + later)] == [5, 5, 5]
+    seen = [(0.0, 0.0), (0.5, 0.6), (3.0, 0.6)]
+    sightings = [sighting(begin_s + t / 10, [[0.0, y]]) for begin_s, y in seen for t in range(5)]
+    assert [len(track.time_s) for track in tracks_of_sightings(sightings)] == [5, 5, 5]
 
 
-def test_the_same_message_twice_counts_once_and_numbers_that_are_none_are_left_out():
-    walks = crossing_walks()
-    broken = sighting(1.05, [[np.nan, 0.0]], [[0.0, 0.0]])
-    tracks = tracks_of_sightings([*walks, *walks, broken])
-    assert [len(track.time_s) for track in tracks] == [40, 40]
-
-
-def test_each_person_has_the_others_around():
-    crowd = crowd_of_sightings(crossing_walks(names=("anna", "ben")), "here")
-    (first,), (none,) = crowd.others_at(0, np.array([1.0])), crowd.others_at(0, np.array([9.0]))
-    other = crowd.tracks[1]
-    at = np.flatnonzero(other.time_s == 1.0)[0]
-    assert first == pytest.approx(other.position_m[[at]])
-    assert none.shape == (0, 2)
+def test_ids_name_the_tracks_of_whom_all_demonstrate():
+    crowd = crowd_of_sightings(list(crossing_walks(names=("anna", "ben"))), "here")
+    assert {track.agent for track in crowd.tracks} == {"anna", "ben"}
+    assert (len(crowd.experts), len(crowd.people)) == (2, 2)
+    assert len(crowd.position_m) == len(crowd.velocity_mps) == 80
 
 
 def test_nobody_who_is_seen_twice_gets_a_sentence():
     with pytest.raises(AppError, match="bag here must hold people who are seen twice at least"):
-        crowd_of_sightings([sighting(0.0, [[0.0, 0.0]], [[0.0, 0.0]])], "here")
+        crowd_of_sightings([sighting(0.0, [[0.0, 0.0]])], "here")

@@ -9,6 +9,9 @@ from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.drives.unmarked import unmarked_spans
 
 STEP_S = 0.1
+AREA = {"goal_area_m": ((4.5, -1.0), (5.5, -1.0), (5.5, 1.0), (4.5, 1.0))}
+GOALS = {"goals_m": ((5.0, 0.0), (0.0, 0.0)), "goal_radius_m": 0.52}
+THERE_AND_BACK = (5, 0), (0.2, 0)
 
 
 def drive(*legs, speed_mps=0.5):
@@ -24,92 +27,50 @@ def drive(*legs, speed_mps=0.5):
     return STEP_S * np.arange(len(rows)), np.array(rows)
 
 
-def spans_of(time_s, position_m, **mapping):
-    spans, cuts = unmarked_spans(time_s, position_m, 0.5, DriveMapping(**mapping))
-    return [(round(each.start_s, 1), round(each.end_s, 1), each.outcome) for each in spans], cuts
+def spans_of(time_s, position_m, pressed_s=None, **mapping):
+    """(start, end, outcome) of each episode, and what they were cut at."""
+    mapped = DriveMapping(**mapping)
+    spans, cuts = unmarked_spans(time_s, position_m, 0.5, mapped, pressed_s)
+    return [(one.start_s, one.end_s, one.outcome) for one in spans], cuts
 
 
-def test_a_round_trip_is_cut_where_it_turns():
-    spans, cuts = spans_of(*drive((5, 0), (0.2, 0)))
-    assert spans == [(0.0, 10.0, "arrived"), (10.0, 19.6, "arrived")]
-    assert cuts == {"turn": 2}
-    whole, cuts = spans_of(*drive((5, 0), (0.2, 0)), round_trips=False)
-    assert (whole, cuts) == ([(0.0, 19.6, "unmarked")], {})
-
-
-def test_every_lap_of_a_patrol_is_there_and_back_and_the_last_way_stays():
-    spans, _ = spans_of(*drive((5, 0), (0, 0), (5, 0), (0, 0), (5, 0)))
-    assert [start for start, _, _ in spans] == [0.0, 10.0, 20.0, 30.0, 40.0]
-    assert spans[-1] == (40.0, 50.0, "unmarked")
-
-
-def test_an_episode_ends_at_a_long_stop_and_the_next_begins_when_the_robot_moves_on():
-    spans, cuts = spans_of(*drive((4, 0), 15.0, (4, 4), 3.0, (4, 5)))
-    assert len(spans) == 2
-    assert spans[0] == (0.0, pytest.approx(8.0, abs=1.0), "arrived")
-    assert spans[1] == (pytest.approx(23.0, abs=1.0), pytest.approx(36.0), "unmarked")
-    assert cuts == {"stop": 1}
-    assert len(spans_of(*drive((4, 0), 15.0, (4, 4)), stop_s=None)[0]) == 1
-    assert len(spans_of(*drive((4, 0), 15.0, (4, 4)), stop_s=20.0)[0]) == 1
-
-
-def test_a_robot_that_never_moves_is_one_episode():
-    assert spans_of(*drive(30.0)) == ([(0.0, 30.0, "unmarked")], {})
-
-
-def test_an_episode_ends_at_each_goal_and_begins_when_it_is_left():
-    goals = {"goals_m": ((5.0, 0.0), (0.0, 0.0)), "goal_radius_m": 0.52}
-    spans, cuts = spans_of(*drive((5, 0), (0, 0), (2, 0)), **goals)
-    assert cuts == {"goal": 2}
-    assert [outcome for _, _, outcome in spans] == ["arrived", "arrived", "unmarked"]
-    np.testing.assert_allclose(
-        [(start, end) for start, end, _ in spans], [(1.1, 9.0), (11.1, 19.0), (21.1, 24.0)],
-        atol=0.11,
-    )  # fmt: skip
-
-
-AREA = ((4.5, -1.0), (5.5, -1.0), (5.5, 1.0), (4.5, 1.0))
-
-
-def test_each_lap_to_a_goal_area_is_an_episode_and_the_way_back_is_none():
-    spans, cuts = spans_of(*drive((5, 0), (0, 0), (5, 0), (1, 0)), goal_area_m=AREA)
-    assert cuts == {"goal": 2}
-    assert [outcome for _, _, outcome in spans] == ["arrived", "return", "arrived", "return"]
-    np.testing.assert_allclose(
-        [(start, end) for start, end, _ in spans],
-        [(0.0, 9.0), (11.0, 20.0), (20.0, 29.0), (31.0, 38.0)],
-        atol=0.21,
-    )
-
-
-def test_a_stop_on_the_way_back_ends_it():
-    spans, _ = spans_of(*drive((5, 0), (0, 0), 15.0, (0, 3)), goal_area_m=AREA)
-    assert [outcome for _, _, outcome in spans] == ["arrived", "return", "unmarked"]
-
-
-def test_a_drive_that_never_comes_to_the_goal_area_is_cut_as_without_one():
-    away = drive((0, 5), (0.2, 0))
-    assert spans_of(*away, goal_area_m=AREA) == spans_of(*away)
-
-
-def test_an_episode_ends_where_the_button_is_pressed():
-    time_s, position_m = drive((5, 0), (5, 5))
-    pressed_s = np.array([-1.0, 4.0, 12.0, 99.0])
-    spans, cuts = unmarked_spans(time_s, position_m, 0.5, DriveMapping(), pressed_s)
-    assert [(each.start_s, each.end_s) for each in spans] == [
-        (0.0, pytest.approx(4.0)),
-        (pytest.approx(4.0), pytest.approx(12.0)),
-        (pytest.approx(12.0), pytest.approx(20.0)),
-    ]
-    assert [each.outcome for each in spans] == ["arrived", "arrived", "unmarked"]
-    assert cuts == {"button": 2}
+@pytest.mark.parametrize(
+    ("legs", "mapping", "cuts", "expected"),
+    [
+        (THERE_AND_BACK, {}, {"turn": 2}, "0-10 arrived, 10-19.6 arrived"),
+        (THERE_AND_BACK, {"round_trips": False}, {}, "0-19.6 unmarked"),
+        ([(5, 0), (0, 0), (5, 0), (0, 0), (5, 0)], {}, {"turn": 4},
+         "0-10 arrived, 10-20 arrived, 20-30 arrived, 30-40 arrived, 40-50 unmarked"),
+        ([(4, 0), 15.0, (4, 4), 3.0, (4, 5)], {}, {"stop": 1}, "0-8 arrived, 23-36 unmarked"),
+        ([(4, 0), 15.0, (4, 4)], {"stop_s": None}, {}, "0-31 unmarked"),
+        ([(4, 0), 15.0, (4, 4)], {"stop_s": 20.0}, {}, "0-31 unmarked"),
+        ([30.0], {}, {}, "0-30 unmarked"),
+        ([(5, 0), (0, 0), (2, 0)], GOALS, {"goal": 2},
+         "1.1-9 arrived, 11.1-19 arrived, 21.1-24 unmarked"),
+        ([(5, 0), (0, 0), (5, 0), (1, 0)], AREA, {"goal": 2},
+         "0-9 arrived, 11-20 return, 20-29 arrived, 31-38 return"),
+        ([(5, 0), (0, 0), 15.0, (0, 3)], AREA, {"goal": 1},
+         "0-9 arrived, 11-20 return, 35-41 unmarked"),
+        ([(0, 5), (0.2, 0)], AREA, {"turn": 2}, "0-10 arrived, 10-20 arrived"),
+        ([(5, 0), (5, 5)], {"pressed_s": np.array([-1.0, 4.0, 12.0, 99.0])}, {"button": 2},
+         "0-4 arrived, 4-12 arrived, 12-20 unmarked"),
+    ],
+)  # fmt: skip
+def test_a_drive_is_cut_by_the_rules_of_its_mapping(legs, mapping, cuts, expected):
+    spans, found_cuts = spans_of(*drive(*legs), **mapping)
+    assert found_cuts == cuts
+    texts = [text.split() for text in expected.split(", ")]
+    assert [outcome for *_, outcome in spans] == [outcome for _, outcome in texts]
+    edges_s = [[float(edge) for edge in edges.split("-")] for edges, _ in texts]
+    about_s = 1.0 if "stop" in cuts else 0.21 if "goal" in cuts else 0.06
+    np.testing.assert_allclose([span[:2] for span in spans], edges_s, atol=about_s)
 
 
 def test_a_gap_between_poses_ends_an_episode():
     time_s, position_m = drive((5, 0))
     kept = (time_s < 4.0) | (time_s > 5.0)
     spans, cuts = spans_of(time_s[kept], position_m[kept])
-    assert [outcome for _, _, outcome in spans] == ["unmarked", "unmarked"]
+    assert [outcome for *_, outcome in spans] == ["unmarked", "unmarked"]
     assert cuts == {"gap": 1}
 
 
@@ -120,10 +81,9 @@ legs = st.one_of(
 
 @given(st.lists(legs, max_size=8), st.booleans())
 def test_episodes_are_in_order_and_do_not_overlap(path, at_goal):
-    time_s, position_m = drive(*path)
     mapping = DriveMapping(goals_m=((2.0, 2.0),) if at_goal else ())
-    spans, _ = unmarked_spans(time_s, position_m, 0.5, mapping)
-    edges = [edge for each in spans for edge in (each.start_s, each.end_s)]
+    spans, _ = unmarked_spans(*drive(*path), 0.5, mapping)
+    edges = [edge for span in spans for edge in (span.start_s, span.end_s)]
     assert edges == sorted(edges)
-    assert all(each.end_s > each.start_s for each in spans)
-    assert [each.number for each in spans] == list(range(len(spans)))
+    assert all(span.end_s > span.start_s for span in spans)
+    assert [span.number for span in spans] == list(range(len(spans)))

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
 from serd_app.errors import AppError
 from serd_app.places.free_area import free_area_m
 from serd_app.places.ros_map import read_map
 from serd_bag.errors import BagError, FileError
-from serd_bag.writer import BagWriter
+from support import bag_messages
 from support.ros_maps import FREE, OCCUPIED, UNKNOWN, write_map
 
 _STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -17,45 +16,30 @@ _STORE = get_typestore(Stores.ROS2_JAZZY)
 SHADES = np.array([[0, 64, 128, 204, 255]], dtype=np.uint8)
 
 
-def cells_of(folder, shades=SHADES, **look):
-    return read_map(write_map(folder, "map", shades, **look)).cells[0].tolist()
-
-
 RAW = np.array([[0, 40, 100, 101, 255]], dtype=np.uint8)
+TWO = np.array([[UNKNOWN, FREE]], dtype=np.uint8)
+#: White, and white that is transparent: the opacity is averaged in, as nav2_map_server does.
+CLEAR = np.array([[[255, 255, 255, 255], [255, 255, 255, 0]]], dtype=np.uint8)
 
 
 @pytest.mark.parametrize(
     ("pixels", "keys", "cells"),
     [
-        (SHADES, "", [100, 100, -1, 0, 0]),
-        (SHADES, "mode: scale\n", [100, 100, 62, 0, 0]),  # (0.498 - 0.25) / (0.65 - 0.25) = 62 %
-        (RAW, "mode: raw\n", [0, 40, 100, -1, -1]),
-        (np.array([[UNKNOWN, FREE]], dtype=np.uint8), "", [-1, 0]),  # p of UNKNOWN is below 0.25
+        (SHADES, {}, [100, 100, -1, 0, 0]),
+        (SHADES, {"keys": "mode: scale\n"}, [100, 100, 62, 0, 0]),  # (0.498 - 0.25) / 0.4 = 62 %
+        (RAW, {"keys": "mode: raw\n"}, [0, 40, 100, -1, -1]),
+        (TWO, {}, [-1, 0]),  # p of UNKNOWN is below 0.25
+        (CLEAR, {"suffix": ".png", "keys": "mode: scale\n"}, [0, -1]),
+        (CLEAR, {"suffix": ".png"}, [0, -1]),  # shade 0.75, p = 0.25
+        (SHADES.astype(np.uint16) * 257, {"suffix": ".png"}, [100, 100, -1, 0, 0]),
     ],
 )
 def test_each_mode_of_shades_has_its_percents(tmp_path, pixels, keys, cells):
-    assert cells_of(tmp_path, pixels, keys=keys) == cells
-
-
-def test_negate_makes_bright_cells_the_occupied_ones(tmp_path):
-    path = write_map(tmp_path, "map", SHADES)
-    path.write_text(path.read_text().replace("negate: 0", "negate: true"))
-    assert read_map(path).cells[0].tolist() == [0, -1, -1, 100, 100]
-
-
-def test_transparent_cells_are_unknown_in_a_scaled_map_and_dark_in_a_trinary_one(tmp_path):
-    pixels = np.zeros((1, 2, 4), dtype=np.uint8)
-    pixels[0, :, :3], pixels[0, :, 3] = 255, [255, 0]
-    assert cells_of(tmp_path, pixels, suffix=".png", keys="mode: scale\n") == [0, -1]
-    # The opacity is averaged in, as nav2_map_server does: shade 0.75, p = 0.25.
-    assert cells_of(tmp_path, pixels, suffix=".png") == [0, -1]
-
-
-def test_sixteen_bits_of_grey_are_read_like_eight(tmp_path):
-    path = write_map(tmp_path, "map", SHADES)
-    Image.fromarray(SHADES.astype(np.uint16) * 257).save(tmp_path / "map.png")
-    path.write_text(path.read_text().replace("map.pgm", "map.png"))
-    assert read_map(path).cells[0].tolist() == [100, 100, -1, 0, 0]
+    path = write_map(tmp_path, "map", pixels, **keys)
+    assert read_map(path).cells[0].tolist() == cells
+    if pixels is SHADES and not keys:
+        path.write_text(path.read_text().replace("negate: 0", "negate: true"))
+        assert read_map(path).cells[0].tolist() == [0, -1, -1, 100, 100]
 
 
 def test_the_lowest_row_of_the_image_lies_at_the_origin_and_turned_at_its_yaw(tmp_path):
@@ -82,11 +66,8 @@ def occupancy_grid(cells, *, origin=(1.0, 2.0), yaw=0.0, resolution=0.05):
 
 
 def write_bag(folder, *grids, kind="nav_msgs/msg/OccupancyGrid"):
-    with BagWriter(folder) as writer:
-        writer.add_topic("/map", kind)
-        for number, data in enumerate(grids):
-            writer.write("/map", data, number)
-    return folder
+    rows = (("/map", number, data) for number, data in enumerate(grids))
+    return bag_messages.write_bag(folder, {"/map": kind}, rows)
 
 
 def test_the_last_map_of_a_bag_is_read_in_its_place(tmp_path):
@@ -99,27 +80,24 @@ def test_the_last_map_of_a_bag_is_read_in_its_place(tmp_path):
     assert free_area_m(raster).bounds == pytest.approx((0.7, 2.0, 0.95, 2.35))
 
 
+PLACED = "resolution: 1\norigin: [0, 0, 0]\n"
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "none.pgm: it does not exist"),
-        ("image: map.yaml\nresolution: 0.05\norigin: [0, 0, 0]\n", "must be an image (PGM, PNG"),
+        (f"image: none.pgm\n{PLACED}", "none.pgm: it does not exist"),
+        (f"image: map.yaml\n{PLACED}", "must be an image (PGM, PNG"),
         ("image: map.pgm\norigin: [0, 0, 0]\n", "resolution is required but missing; add it"),
         ("image: map.pgm\nresolution: 0\norigin: [0, 0, 0]\n", "resolution must be greater than 0"),
-        (
-            "image: map.pgm\nresolution: 1e300\norigin: [0, 0, 0]\n",
-            "resolution must be less than or equal to 1000000, ",
-        ),
-        (
-            "image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: 0.7\n",
-            "free_thresh must be below occupied_thresh (0.65), got 0.7; lower it",
-        ),
-        (
-            "image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: tertiary\n",
-            "mode must be 'trinary', 'scale' or 'raw', got 'tertiary'",
-        ),
+        ("image: map.pgm\nresolution: 1e300\norigin: [0, 0, 0]\n",
+         "resolution must be less than or equal to 1000000, "),
+        (f"image: map.pgm\n{PLACED}free_thresh: 0.7\n",
+         "free_thresh must be below occupied_thresh (0.65), got 0.7; lower it"),
+        (f"image: map.pgm\n{PLACED}mode: tertiary\n",
+         "mode must be 'trinary', 'scale' or 'raw', got 'tertiary'"),
     ],
-)
+)  # fmt: skip
 def test_a_bad_map_file_gets_a_sentence(tmp_path, text, sentence):
     path = write_map(tmp_path, "map", SHADES)
     path.write_text(text)
@@ -134,7 +112,7 @@ def test_a_map_without_free_cells_gets_a_sentence(tmp_path):
         free_area_m(read_map(path))
 
 
-def test_a_bag_without_a_map_gets_a_sentence(tmp_path):
+def test_a_bag_without_a_map_or_with_one_without_a_resolution_gets_a_sentence(tmp_path):
     other = write_bag(tmp_path / "other", kind="std_msgs/msg/String")
     with pytest.raises(AppError, match="must be of type nav_msgs/msg/OccupancyGrid"):
         read_map(other)
@@ -142,10 +120,8 @@ def test_a_bag_without_a_map_gets_a_sentence(tmp_path):
         read_map(other, "costmap")
     with pytest.raises(AppError, match="it holds no message"):
         read_map(write_bag(tmp_path / "empty"))
-
-
-@pytest.mark.parametrize("resolution", [0.0, -0.05, np.nan, np.inf])
-def test_a_grid_without_a_resolution_gets_a_sentence_with_its_topic(tmp_path, resolution):
-    grid = occupancy_grid(np.zeros((4, 4)), resolution=resolution)
-    with pytest.raises(AppError, match=r"/map: the map's resolution must be finite and greater"):
-        read_map(write_bag(tmp_path / "bag", grid))
+    for resolution in (0.0, -0.05, np.nan, np.inf):
+        grid = occupancy_grid(np.zeros((4, 4)), resolution=resolution)
+        bag = write_bag(tmp_path / f"grid {resolution}", grid)
+        with pytest.raises(AppError, match=r"/map: the map's resolution must be finite and great"):
+            read_map(bag)

@@ -123,7 +123,8 @@ def test_people_of_another_file_are_those_that_the_robot_drives_among(tmp_path):
     mapping = yaml_model("people: people_*.csv", TableMapping, name="mapping")
     found = drives_of_table(tmp_path / "run_07.csv", mapping)
     assert [len(found.drives), len(found.crowd.people)] == [1, 1]
-    assert found.crowd.others_at(0, np.array([2.0]))[0] == pytest.approx(np.array([[2.4, 1.4]]))
+    (person,) = found.crowd.people
+    assert person.position_m[person.time_s == 2.0] == pytest.approx(np.array([[2.4, 1.4]]))
     late = WALKS[WALKS.id == 2].assign(t=WALKS.t + 1e6)
     late.to_csv(tmp_path / "people_07.csv", index=False)
     with pytest.raises(FileError, match=r"people_07\.csv must have the clock of .*run_07"):
@@ -160,9 +161,9 @@ def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, 
     driven = drives(tmp_path, named)
     assert [len(each.pose_time_s) for each in driven.drives] == [40, 41, 42]
     assert [each.position_m[0, 1] for each in driven.drives] == pytest.approx([0.0, 0.3, 0.6])
-    for row, drive in enumerate(driven.drives):
-        (others,) = driven.crowd.others_at(row, drive.pose_time_s[[10]])
-        assert others == pytest.approx(np.array([[6.8, 2.0]]))
+    for drive, person in zip(driven.drives, driven.crowd.people, strict=True):
+        assert person.time_s[10] == drive.pose_time_s[10]
+        assert person.position_m[10] == pytest.approx([6.8, 2.0])
 
 
 ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")

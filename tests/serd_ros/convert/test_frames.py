@@ -59,15 +59,34 @@ def test_odometry_without_a_child_frame_is_refused_by_the_field_that_lacks_it(fr
         from_odometry(message, frames)
 
 
-def test_a_tilted_frame_is_refused(frames):
-    frames.take(transform("base_link", "laser", 0.0, 0.0, 0.0, roll=math.pi / 2), static=True)
-    with pytest.raises(MessageError, match=r"level in 'base_link', got 'laser'.* in a level frame"):
+@pytest.mark.parametrize(
+    ("roll", "sentence"),
+    [
+        (math.pi / 2, r"level in 'base_link', got 'laser'.* in a level frame"),
+        (math.pi, r"z axis points down; let the driver reverse the angl"),
+    ],
+)
+def test_a_tilted_frame_is_refused_and_of_one_upside_down_the_angles_are_to_be_reversed(
+    frames, roll, sentence
+):
+    frames.take(transform("base_link", "laser", 0.0, 0.0, 0.0, roll=roll), static=True)
+    with pytest.raises(MessageError, match=sentence):
         frames.place("laser", "base_link")
 
 
-def test_for_a_frame_that_is_upside_down_the_driver_is_to_reverse_the_angles(frames):
-    with pytest.raises(MessageError, match=r"z axis points down; let the driver reverse the angl"):
-        frames.place("laser", "base_link")
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"child": "base_link"}, "between two frames, got 'base_link'"),
+        ({"x": math.nan}, "transforms must be finite"),
+        ({"x": 1.1e7}, "of at most 1e.07 m"),
+        ({"roll": math.nan}, "with a unit quaternion"),
+    ],
+)
+def test_a_transform_that_is_none_is_refused(frames, values, sentence):
+    given = {"parent": "base_link", "child": "laser", "x": 1.0, "y": 0.0, "yaw": 0.0} | values
+    with pytest.raises(MessageError, match=sentence):
+        frames.take(transform(**given), static=False)
 
 
 @pytest.mark.parametrize("is_static", [False, True])
@@ -120,11 +139,6 @@ def test_a_loop_places_nothing_until_one_of_its_transforms_has_stopped(frames):
     frames.take(transform("odom", "base_footprint", 3.0, 0.5, 0.2, stamp_ns=later), static=False)
     frames.take(transform("map", "odom", 2.0, 1.0, math.pi / 2, stamp_ns=later), static=False)
     assert frames.place("base_link", "map").pose == before
-
-
-def test_a_transform_of_a_frame_in_itself_is_refused(frames):
-    with pytest.raises(MessageError, match="between two frames, got 'base_link'"):
-        frames.take(transform("base_link", "base_link", 1.0, 0.0, 0.0), static=False)
 
 
 def test_odometry_of_another_frame_of_the_robot_gives_the_motion_of_its_base(frames):

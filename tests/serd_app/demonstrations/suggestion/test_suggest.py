@@ -53,31 +53,31 @@ def suggested(bag, tmp_path):
     return found
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_robot_that_keeps_the_last_command_is_found(bag, tmp_path, seed):
-    commands, track = driven(seed, robot=Robot(delay_s=0.2))
-    bag.add_odometry("/odom", track)
-    bag.add_commands("/cmd_vel", commands)
-    mapping = suggested(bag, tmp_path).mapping
-    assert (mapping.pose_topic, mapping.action_topic) == ("/odom", "/cmd_vel")
-    assert (mapping.action_from, mapping.hold_s) == ("velocity", None)
-    assert 0.1 <= mapping.delay_s <= 0.5
+@pytest.mark.parametrize("seed", range(2))
+def test_whether_a_robot_keeps_the_last_command_or_stops_by_a_timeout_is_found(
+    messages, tmp_path, seed
+):
+    for make, robot in ((key_presses, Robot(delay_s=0.2)), (held_keys, Robot(hold_s=0.5))):
+        bag, (commands, track) = ForeignBag(messages), driven(seed, make, robot)
+        bag.add_odometry("/odom", track)
+        bag.add_commands("/cmd_vel", commands)
+        mapping = suggested(bag, tmp_path / make.__name__).mapping
+        assert (mapping.pose_topic, mapping.action_topic) == ("/odom", "/cmd_vel")
+        assert mapping.action_from == "velocity"
+        if make is key_presses:
+            assert mapping.hold_s is None
+            assert 0.1 <= mapping.delay_s <= 0.5
+        else:
+            assert mapping.silence == "wait"
+            assert 0.25 <= mapping.hold_s <= 1.0
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_robot_that_stops_by_a_timeout_is_found(bag, tmp_path, seed):
-    commands, track = driven(seed, held_keys, Robot(hold_s=0.5))
-    bag.add_odometry("/odom", track)
-    bag.add_commands("/cmd_vel", commands)
-    mapping = suggested(bag, tmp_path).mapping
-    assert (mapping.action_from, mapping.silence) == ("velocity", "wait")
-    assert 0.25 <= mapping.hold_s <= 1.0
-
-
-def test_topics_of_one_namespace_with_stamped_commands_are_found(bag, tmp_path):
+def test_topics_of_one_namespace_with_stamped_commands_are_found_by_a_clock_an_hour_ahead(
+    bag, tmp_path
+):
     for seed, robot, offset_m in ((1, "alpha", 0.0), (2, "beta", 5.0)):
         commands, track = driven(seed)
-        bag.add_odometry(f"/{robot}/odom", track, offset_m=offset_m)
+        bag.add_odometry(f"/{robot}/odom", track, offset_m=offset_m, ahead_s=3600.0)
         bag.add_commands(f"/{robot}/cmd_vel", commands, stamped=True)
     mapping = suggested(bag, tmp_path).mapping
     assert mapping.pose_topic.split("/")[1] == mapping.action_topic.split("/")[1]
@@ -100,23 +100,9 @@ def test_of_several_poses_one_that_moves_with_the_commands_is_taken(bag, tmp_pat
     assert found.mapping.pose_topic in ("/wheel/odometry", "/odometry/filtered")
     assert found.mapping.action_topic == "/cmd_vel"
     text = found.yaml(tmp_path / "mapping.yaml")
-    for line in ("# pose on /odometry/filtered: ", "# or /wheel/odometry with /cmd_vel: they"):
-        assert line in text or "# or /odometry/filtered with /cmd_vel: they" in text
-
-
-def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
-    commands, track = driven(3)
-    bag.add_odometry("/odom", track, ahead_s=3600.0)
-    bag.add_commands("/cmd_vel", commands, stamped=True)
-    assert suggested(bag, tmp_path).mapping.action_from == "velocity"
-
-
-def test_a_topic_whose_name_a_terminal_obeys_gives_a_mapping_that_is_yaml(bag, tmp_path):
-    topic = "/\x1b[31m\u202eodom"
-    bag.add_odometry(topic, driven(0)[1])
-    found = suggested(bag, tmp_path)
-    assert found.mapping.pose_topic == topic
-    assert "\x1b" not in found.yaml(tmp_path / "mapping.yaml")
+    (other,) = {"/wheel/odometry", "/odometry/filtered"} - {found.mapping.pose_topic}
+    assert "# pose on /odometry/filtered: " in text
+    assert f"# or {other} with /cmd_vel: they" in text
 
 
 @pytest.mark.parametrize(
@@ -125,21 +111,14 @@ def test_a_topic_whose_name_a_terminal_obeys_gives_a_mapping_that_is_yaml(bag, t
 def test_actions_are_hidden_where_no_commands_explain_the_motion(
     bag, tmp_path, n_commands, comment
 ):
-    rng = np.random.default_rng(5)
-    bag.add_odometry("/odom", driven(4)[1])
+    """The name of the topic is one that a terminal obeys: the mapping is YAML all the same."""
+    topic, rng = "/\x1b[31m\u202eodom", np.random.default_rng(5)
+    bag.add_odometry(topic, driven(4)[1])
     bag.add_commands("/cmd_vel", [(0.5 * n, rng.normal(), 0.0) for n in range(n_commands)])
     found = suggested(bag, tmp_path)
-    assert found.mapping.action_from == "hidden"
+    assert (found.mapping.pose_topic, found.mapping.action_from) == (topic, "hidden")
     assert comment in found.comments["action_from"][0]
-
-
-def test_a_pose_from_tf_alone_is_found_in_a_namespace(bag, tmp_path):
-    commands, track = driven(6)
-    bag.add_tf("/tf", track, "map", "husky/base_link")
-    bag.add_commands("/husky/cmd_vel", commands)
-    mapping = suggested(bag, tmp_path).mapping
-    assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", "husky/base_link")
-    assert mapping.action_from == "velocity"
+    assert "\x1b" not in found.yaml(tmp_path / "mapping.yaml")
 
 
 @pytest.mark.parametrize(("moved_m", "frame"), [(2.0, "site"), (0.0, "")])
@@ -157,31 +136,38 @@ def test_odometry_is_taken_in_the_frame_of_a_map_that_corrects_it(bag, tmp_path,
     assert corrected == bool(frame)
 
 
-def test_of_frames_with_names_of_their_own_the_one_that_travels_is_the_robot(bag, tmp_path):
+@pytest.mark.parametrize("frame", ["husky/base_link", "chassis"])
+def test_of_frames_of_tf_the_robot_is_known_by_its_name_or_as_the_one_that_travels(
+    bag, tmp_path, frame
+):
     """A wheel turns on it without travelling."""
     commands, track = driven(8)
     wheel = np.c_[track[:, 0], np.zeros((len(track), 2)), 9.0 * track[:, 0], track[:, 4]]
-    bag.add_tf("/tf", track, "site", "chassis")
-    bag.add_tf("/tf", wheel, "chassis", "left_wheel")
-    bag.add_commands("/cmd_vel", commands)
+    bag.add_tf("/tf", track, "site", frame)
+    bag.add_tf("/tf", wheel, frame, "left_wheel")
+    bag.add_commands("/husky/cmd_vel", commands)
     mapping = suggested(bag, tmp_path).mapping
-    assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", "chassis")
+    assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", frame)
+    assert mapping.action_from == "velocity"
 
 
 @pytest.mark.parametrize(
-    ("speed", "sentence"),
+    ("x_m", "sentence"),
     [(0.0, "/odom does not move, it stays within 0.00 m"), (math.nan, "must hold poses")],
 )
-def test_a_bag_without_a_robot_that_moves_is_refused_with_its_topics(
-    bag, tmp_path, speed, sentence
+def test_a_recording_without_a_robot_that_moves_is_refused_with_its_topics(
+    bag, tmp_path, x_m, sentence
 ):
     track = Robot().drive([(0.0, 0.0, 0.0)], 20.0)
-    track[:, 1] = speed
+    track[:, 1] = x_m
     bag.add_odometry("/odom", track)
     bag.add_commands("/cmd_vel", [(1.0, 0.0, 0.0)])
     with pytest.raises(AppError, match=r"it holds /cmd_vel .geometry_msgs/msg/Twist.*") as caught:
         suggest_mapping(bag.write(tmp_path / "bag"))
     assert sentence in str(caught.value)
+    (tmp_path / "tracks.csv").write_text("t,x,y\n0,0,0\n1,1,0\n")
+    with pytest.raises(AppError, match="a table of trajectories needs no mapping, run 'serd demos"):
+        suggest_mapping(tmp_path / "tracks.csv")
 
 
 @pytest.mark.skipif(
@@ -207,9 +193,3 @@ def test_recordings_of_ours_get_their_intents_unless_they_are_of_several_robots(
             bag.add(f"{robot}/intent", kind, 2.0 * number + 0.001, data)
     found = suggested(bag, tmp_path)
     assert found.mapping.action_from == ("intent" if len(robots) == 1 else "hidden")
-
-
-def test_a_table_needs_no_mapping(tmp_path):
-    (tmp_path / "tracks.csv").write_text("t,x,y\n0,0,0\n1,1,0\n")
-    with pytest.raises(AppError, match="a table of trajectories needs no mapping, run 'serd demos"):
-        suggest_mapping(tmp_path / "tracks.csv")

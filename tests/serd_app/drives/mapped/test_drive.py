@@ -1,20 +1,16 @@
 """Bags of other robots by a mapping file: frames, clocks, inferred actions, a fitted grid."""
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from serd_app.demonstrations.discretise import NO_COMMAND, decisions_from_drive
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped.actions import (
     PoseTrack,
-    actions_of_waypoints,
+    actions_of_ways,
     hidden_intents,
     intents_of_velocities,
     posed_intents,
@@ -23,28 +19,22 @@ from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE
 from serd_app.drives.sessions import read_drives
-from serd_app.drives.transforms import Poses, TransformTree
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
-from serd_bag.messages.fields import messages_of
-from serd_bag.messages.plain import Header, Transform
 from serd_bag.reader import BagReader
 from serd_core.grid.grid import Action
 from serd_files.yaml_config import yaml_model
 from support.bag_messages import OWN_TOPICS, POSE, TF, TWIST, VECTOR, write_bag
 
-REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
-number = st.floats(-10, 10)
-pose_of_numbers = st.tuples(number, number, number)
-
-
-def transform(parent, child, time_s, x, y, yaw):
-    header = Header(round(time_s * 1e9), parent)
-    turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-    return Transform(header, child, (x, y, 0.0, *turned))
+EAST, NORTH, WEST, SOUTH, WAIT = (
+    Action[name] for name in ("EAST", "NORTH", "WEST", "SOUTH", "WAIT")
+)
 
 
 SPAN = EpisodeSpan(0, 0.0, 4.0, "arrived")
+STEADY = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
+BACKWARDS = [(time_s, -speed, left) for time_s, speed, left in STEADY]
+ONE = [(0.0, 0.5, 0.0)]
 
 
 def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(0.0, 4.0), **more):
@@ -63,49 +53,45 @@ def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(
     return list(zip(found.time_s.round(6).tolist(), found.action.tolist(), strict=True))
 
 
+@pytest.mark.parametrize(
+    ("commands", "options", "expected"),
+    [
+        (STEADY, {}, [(0.0, EAST)]),
+        (STEADY, {"yaw_rad": math.pi / 2}, [(0.0, NORTH)]),
+        (STEADY, {"yaw_rad": math.pi}, [(0.0, WEST)]),
+        (BACKWARDS, {}, [(0.0, WEST)]),
+        (ONE, {}, [(0.0, EAST), (0.5, SILENCE)]),
+        (ONE, {"hold_s": math.inf}, [(0.0, EAST)]),
+        ([], {}, [(0.0, SILENCE)]),
+        ([(2.0, 0.0, 0.0)], {}, [(0.0, SILENCE), (2.0, WAIT), (2.5, SILENCE)]),
+        ([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)], {}, [(0.0, SILENCE)]),
+    ],
+)
+def test_velocity_commands_mean_the_direction_they_drive_to_while_they_hold(
+    commands, options, expected
+):
+    assert velocity_actions(commands, **options) == expected
+
+
+def test_a_robot_that_waits_in_silence_waits_before_and_after_a_command():
+    waiting = velocity_actions([(1.0, 0.5, 0.0)], waits_in_silence=True)
+    assert [action for _, action in waiting] == [WAIT, EAST, WAIT]
+
+
 def test_a_command_that_is_held_through_a_turn_means_the_heading_of_the_next_second():
     """It turns by a quarter in 2 s: through north-east at 1 s, which is the middle of a second that
     begins at 0.5 s."""
     time_s = np.arange(0.0, 8.01, 0.1)
-    actions = velocity_actions(
-        [(0.0, 0.5, 0.0)],
+    found = velocity_actions(
+        ONE,
         yaw_rad=np.pi / 4.0 * time_s,
         hold_s=10.0,
         span=EpisodeSpan(0, 0.0, 8.0, "arrived"),
         pose_time_s=time_s,
     )
-    assert [action for _, action in actions] == [
-        Action.EAST,
-        Action.NORTH,
-        Action.WEST,
-        Action.SOUTH,
-        Action.EAST,
-    ]
-    at_s = [time_s for time_s, _ in actions]
+    at_s, actions = zip(*found, strict=True)
+    assert actions == (EAST, NORTH, WEST, SOUTH, EAST)
     np.testing.assert_allclose(at_s, [0.0, 0.5, 2.5, 4.5, 6.5], atol=0.11)
-
-
-def test_velocity_commands_mean_the_direction_they_drive_to():
-    steady = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
-    assert velocity_actions(steady) == [(0.0, Action.EAST)]
-    assert velocity_actions(steady, math.pi / 2) == [(0.0, Action.NORTH)]
-    assert velocity_actions(steady, math.pi) == [(0.0, Action.WEST)]
-    backwards = [(time_s, -speed, left) for time_s, speed, left in steady]
-    assert velocity_actions(backwards) == [(0.0, Action.WEST)]
-
-
-def test_a_command_that_is_not_repeated_ends_after_its_hold_time():
-    assert velocity_actions([(0.0, 0.5, 0.0)]) == [(0.0, Action.EAST), (0.5, SILENCE)]
-    assert velocity_actions([(0.0, 0.5, 0.0)], hold_s=math.inf) == [(0.0, Action.EAST)]
-    waiting = velocity_actions([(1.0, 0.5, 0.0)], waits_in_silence=True)
-    assert [action for _, action in waiting] == [Action.WAIT, Action.EAST, Action.WAIT]
-
-
-def test_where_no_command_holds_nobody_decided_to_wait():
-    assert velocity_actions([]) == [(0.0, SILENCE)]
-    stopped = velocity_actions([(2.0, 0.0, 0.0)])
-    assert stopped == [(0.0, SILENCE), (2.0, Action.WAIT), (2.5, SILENCE)]
-    assert velocity_actions([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)]) == [(0.0, SILENCE)]
 
 
 def test_each_episode_has_an_intent_at_its_start():
@@ -114,119 +100,66 @@ def test_each_episode_has_an_intent_at_its_start():
     track = PoseTrack(*[np.array([0.0, 6.0])] * 2, np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0]]))
     moving = posed_intents(BagMapping(action_from="motion"), track, spans)
     assert moving.time_s.tolist() == [0.0, 4.0]
-    assert moving.action.tolist() == [Action.EAST] * 2
+    assert moving.action.tolist() == [EAST] * 2
     assert len(posed_intents(BagMapping(action_from="motion"), track, ()).time_s) == 0
 
 
 def test_waypoints_mean_the_direction_to_them():
-    actions = actions_of_waypoints(
-        position_m=np.zeros((3, 2)),
-        waypoint_m=np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1]]),
-        reached_m=0.25,
-    )
-    assert actions.tolist() == [Action.EAST, Action.SOUTH, Action.WAIT]
-
-
-@given(pose_of_numbers, pose_of_numbers)
-def test_a_transform_and_its_inverse_cancel(outer, inner):
-    outer, inner = Poses.of_numbers(np.array([outer])), Poses.of_numbers(np.array([inner]))
-    back = outer.inverse @ (outer @ inner)
-    np.testing.assert_allclose(back.position_m, inner.position_m, atol=1e-9)
-    np.testing.assert_allclose(back.rotation.as_matrix(), inner.rotation.as_matrix(), atol=1e-9)
-
-
-def test_poses_go_through_a_moving_and_a_static_frame():
-    tree = TransformTree()
-    tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)
-    tree.add(transform("map", "odom", 2.0, 1.0, 2.0, math.pi / 2), static=False)
-    tree.add(transform("map", "other", 0.0, 0.0, 5.0, 0.0), static=True)
-    numbers, times_s = np.array([[1.0, 0.0, 0.0]] * 2), np.array([0.0, 2.0])
-    poses = Poses.of_numbers(numbers)
-    into_map = tree.into("map", "odom", poses, times_s)
-    np.testing.assert_allclose(
-        into_map.planar, [[2.0, 0.0, 0.0], [1.0, 3.0, math.pi / 2]], atol=1e-12
-    )
-    into_other = tree.into("other", "odom", poses, times_s)
-    np.testing.assert_allclose(into_other.position_m[:, :2], [[2, -5], [1, -2]], atol=1e-12)
-    back = tree.into("odom", "map", into_map, times_s)
-    np.testing.assert_allclose(back.planar, numbers, atol=1e-12)
-
-
-def test_a_camera_that_looks_forward_is_placed_in_space_not_in_the_plane():
-    """Its optical frame has z forward and x to the right: 1 m ahead of a robot that looks north."""
-    tree = TransformTree()
-    tree.add(transform("map", "base", 0.0, 2.0, 3.0, math.pi / 2), static=True)
-    optical = (-0.5, 0.5, -0.5, 0.5)
-    tree.add(Transform(Header(0, "base"), "optical", (0.0, 0.0, 0.5, *optical)), static=True)
-    ahead = Poses.of_numbers(np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]))
-    placed = tree.into("map", "optical", ahead, np.zeros(1))
-    np.testing.assert_allclose(placed.position_m, [[2.0, 4.0, 0.5]], atol=1e-12)
-
-
-@given(st.lists(st.tuples(number, number), min_size=1, max_size=20))
-def test_a_fitted_grid_holds_every_position(places):
-    grid = grid_around(np.array(places), 0.5)
-    assert (grid.states_at(places) >= 0).all()
+    ways_m = np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1], [0.0, 0.0]])
+    assert actions_of_ways(ways_m, np.full(4, 0.25)).tolist() == [EAST, SOUTH, WAIT, WAIT]
+    assert actions_of_ways(ways_m[2:], np.zeros(2)).tolist() == [EAST, WAIT]
 
 
 KINDS = {"/pose": POSE, "/cmd_vel": TWIST, "/tf": TF}
 DRIVEN = BagMapping(pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel")
-
-
-def tf(messages, time_s, x):
-    """odom at x in the map."""
-    return messages.transform(time_s, "map", "odom", x, 0.0)
-
-
-def written(path, kinds, *rows):
-    """A bag of messages (topic, time, bytes) in the order of time."""
-    return BagReader(write_bag(path, kinds, sorted(rows, key=lambda row: row[1])))
+HIDDEN = BagMapping(pose_topic="/pose", action_from="hidden")
 
 
 @pytest.fixture
-def foreign_bag(tmp_path, messages):
-    """A robot that looks north and drives so, in a frame 10 m off the map, at ten times real time:
-    stamps are simulated time, log times wall time, velocity commands have no stamp."""
+def drive_of(tmp_path):
+    """The drive by a mapping of rows (topic, time, bytes), which are put in the order of time."""
+
+    def make(rows, mapping=DRIVEN, topics=None):
+        folder = tmp_path / f"bag {len(list(tmp_path.iterdir()))}"
+        topics = KINDS | (topics or {})
+        written = write_bag(folder, topics, sorted(rows, key=lambda row: row[1]))
+        return mapped_drive_in(BagReader(written), mapping)
+
+    return make
+
+
+def with_keys(mapping, **keys):
+    return mapping.model_copy(update=keys)
+
+
+def drive_east(messages, frame="map", step_s=0.1):
+    """Rows of poses of a robot that drives along x from 0 at 1 m/s for 8 s, and its commands."""
     rows = []
-    for tick in range(81):
-        time_s, log_s = 50.0 + 0.1 * tick, 1e9 + 0.01 * tick
-        pose = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
-        rows += [("/tf", log_s, tf(messages, time_s, 10.0)), ("/robot/pose", log_s, pose)]
-        if tick < 40:
-            rows.append(("/robot/cmd_vel", log_s, messages.twist(0.5)))
-    kinds = {"/robot/pose": POSE, "/robot/cmd_vel": TWIST, "/tf": TF}
-    return BagReader(write_bag(tmp_path / "foreign", kinds, rows))
+    for time_s in np.arange(0.0, 8.0 + 1e-9, step_s) + 50.0:
+        rows.append(("/pose", time_s, messages.pose(time_s, time_s - 50.0, 0.5, frame=frame)))
+        rows.append(("/cmd_vel", time_s, messages.twist(0.5)))
+    return rows
 
 
-def drive_with_tf(path, messages, tf_times_s):
-    """The drive in the map of poses in odom, which /tf joins at these times."""
-    rows = [("/tf", time_s, tf(messages, time_s, 10.0)) for time_s in tf_times_s]
-    for time_s in 50.0 + 0.1 * np.arange(81):
-        pose = messages.pose(time_s, 0.5, 0.5 * (time_s - 49.0), frame="odom")
-        rows += [("/pose", time_s, pose), ("/cmd_vel", time_s, messages.twist(0.5))]
-    mapping = DRIVEN.model_copy(update={"frame": "map"})
-    return mapped_drive_in(written(path, KINDS, *rows), mapping)
+def poses_east(messages):
+    return [row for row in drive_east(messages) if row[0] == "/pose"]
 
 
-def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, messages):
-    drive = drive_with_tf(tmp_path / "late", messages, np.arange(53.0, 56.01, 0.5))
+def odom_at(messages, times_s, x=10.0):
+    """odom at x in the map at those times."""
+    return [("/tf", at_s, messages.transform(at_s, "map", "odom", x, 0.0)) for at_s in times_s]
+
+
+def test_poses_that_no_transform_reaches_are_left_out_and_counted(drive_of, messages):
+    rows, in_map = drive_east(messages, "odom"), with_keys(DRIVEN, frame="map")
+    drive = drive_of([*rows, *odom_at(messages, np.arange(53.0, 56.01, 0.5))], in_map)
     assert drive.n_unplaced_poses == 20 + 10
     assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
-    np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
+    np.testing.assert_allclose(drive.position_m[[0, -1]], [[12.0, 0.5], [17.0, 0.5]])
     _, report = decisions_from_drive(drive, grid_around(drive.position_m, 0.5), 4.0, 1.0)
     assert report.n_unplaced_poses == 30
-
-
-def test_transforms_of_another_clock_place_no_pose_and_that_is_said(tmp_path, messages):
     with pytest.raises(BagError, match=r"/tf must join 'odom' with 'map' .* at least once; record"):
-        drive_with_tf(tmp_path / "other", messages, np.arange(0.0, 3.0, 0.5))
-
-
-def drive_east(messages, frame="map", seconds=8.0, step_s=0.1):
-    """Rows of poses of a robot that drives along x from 0 at 1 m/s, and of its commands."""
-    for time_s in np.arange(0.0, seconds + 1e-9, step_s) + 50.0:
-        yield "/pose", time_s, messages.pose(time_s, time_s - 50.0, 0.5, frame=frame)
-        yield "/cmd_vel", time_s, messages.twist(0.5)
+        drive_of([*rows, *odom_at(messages, np.arange(0.0, 3.0, 0.5))], in_map)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +170,7 @@ def drive_east(messages, frame="map", seconds=8.0, step_s=0.1):
         ("sensor_msgs/msg/Joy", "buttons.1", [[1, 0], [0, 1], [0, 1], [0, 0]]),
     ],
 )
-def test_each_press_of_a_button_ends_an_episode(tmp_path, messages, kind, field, states):
+def test_each_press_of_a_button_ends_an_episode(drive_of, messages, kind, field, states):
     def made(state):
         if not kind.endswith("Joy"):
             return messages.make(kind, state)
@@ -246,107 +179,79 @@ def test_each_press_of_a_button_ends_an_episode(tmp_path, messages, kind, field,
 
     at_s = 53.0 - 0.1 * (len(states) > 1)
     rows = [
-        ("/button", at_s + 0.1 * number, messages.encode(made(each), kind))
-        for number, each in enumerate(states)
+        ("/button", at_s + 0.1 * row, messages.encode(made(state), kind))
+        for row, state in enumerate(states)
     ]
-    bag = written(tmp_path / "bag", KINDS | {"/button": kind}, *drive_east(messages), *rows)
-    mapping = DRIVEN.model_copy(update={"button_topic": "button", "button_field": field})
-    drive = mapped_drive_in(bag, mapping)
-    assert [(each.start_s, each.end_s) for each in drive.episodes] == [
-        (50.0, pytest.approx(53.0)),
-        (pytest.approx(53.0), 58.0),
-    ]
+    mapping = with_keys(DRIVEN, button_topic="button", button_field=field)
+    drive = drive_of([*drive_east(messages), *rows], mapping, {"/button": kind})
+    edges_s = [(span.start_s, span.end_s) for span in drive.episodes]
+    np.testing.assert_allclose(edges_s, [(50.0, 53.0), (53.0, 58.0)])
     assert drive.cuts == {"button": 1}
 
 
-def test_poses_given_in_several_frames_are_each_brought_from_their_own(tmp_path, messages):
-    rows = [*drive_east(messages, "odom")]
-    rows += [("/tf", 50.0 + tick, tf(messages, 50.0 + tick, 10.0)) for tick in range(9)]
-    in_map = [
+def test_poses_given_in_several_frames_are_each_brought_from_their_own(
+    drive_of, messages, monkeypatch
+):
+    monkeypatch.setattr("serd_app.drives.mapped.drive._AT_ONCE", 7)
+    rows = [*drive_east(messages, "odom"), *odom_at(messages, range(50, 59))]
+    mixed = [
         (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
         if topic == "/pose" and time_s > 55.0
         else (topic, time_s, data)
         for topic, time_s, data in rows
     ]
-    mapping = DRIVEN.model_copy(update={"frame": "map"})
-    one = mapped_drive_in(written(tmp_path / "one", KINDS, *rows), mapping)
-    mixed = written(tmp_path / "two", KINDS, *in_map)
-    two = mapped_drive_in(mixed, mapping)
+    one, two = (drive_of(some, with_keys(DRIVEN, frame="map")) for some in (rows, mixed))
     np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
     np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
     assert one.intent_action.tolist() == two.intent_action.tolist()
     with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
-        mapped_drive_in(mixed, DRIVEN)
+        drive_of(mixed)
 
 
-def test_a_topic_of_actions_without_a_message_is_refused(tmp_path, messages):
-    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
-    silent = written(tmp_path / "silent", KINDS, *poses)
+def test_a_topic_of_actions_without_a_message_is_refused(drive_of, messages):
     with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
-        mapped_drive_in(silent, DRIVEN)
+        drive_of(poses_east(messages))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_command_that_is_not_finite_is_left_out_and_counted(tmp_path, messages, bad):
-    rows = [*drive_east(messages)]
-    sound = mapped_drive_in(written(tmp_path / "sound", KINDS, *rows), DRIVEN)
-    rows.append(("/cmd_vel", 53.05, messages.twist(bad)))
-    drive = mapped_drive_in(written(tmp_path / "bad", KINDS, *rows), DRIVEN)
+def test_a_command_that_is_not_finite_is_left_out_and_counted(drive_of, messages, bad):
+    rows = drive_east(messages)
+    sound, drive = drive_of(rows), drive_of([*rows, ("/cmd_vel", 53.05, messages.twist(bad))])
     assert (sound.n_bad_commands, drive.n_bad_commands) == (0, 1)
     assert drive.intent_action.tolist() == sound.intent_action.tolist()
     _, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert str(report).endswith("; 1 commands not finite")
 
 
-def test_an_intent_or_waypoint_that_is_not_finite_is_dropped_and_counted(tmp_path, messages):
-    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
-    for kind, source in ((VECTOR, "intent"), (POSE, "waypoint")):
-        make = messages.intent if source == "intent" else messages.pose
-        wishes = [("/wish", 50.0 + 2 * n, make(50.0 + 2 * n, 99.0, 0.5)) for n in range(3)]
-        wishes[1] = ("/wish", 52.0, make(52.0, np.nan, 0.5))
-        bag = written(tmp_path / source, KINDS | {"/wish": kind}, *poses, *wishes)
-        mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
-        drive = mapped_drive_in(bag, mapping)
-        assert drive.dropped == {NOT_FINITE: 1}
-        assert drive.intent_time_s.tolist() == [50.0, 54.0]
-        assert drive.intent_action.tolist() == [Action.EAST, Action.EAST]
-
-
-def test_an_intent_that_was_sent_again_is_one(tmp_path, messages):
-    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
-    times_s = (50.0, 50.0, 50.0, 52.0, 54.0, 54.0)
-    wishes = [("/wish", time_s, messages.intent(time_s, 1.0, 0.0)) for time_s in times_s]
-    bag = written(tmp_path / "again", KINDS | {"/wish": VECTOR}, *poses, *wishes)
-    mapping = BagMapping(pose_topic="/pose", action_from="intent", action_topic="/wish")
-    drive = mapped_drive_in(bag, mapping)
-    assert drive.intent_time_s.tolist() == [50.0, 52.0, 54.0]
+@pytest.mark.parametrize(("kind", "source"), [(VECTOR, "intent"), (POSE, "waypoint")])
+def test_an_intent_or_waypoint_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(
+    drive_of, messages, kind, source
+):
+    make = messages.intent if source == "intent" else messages.pose
+    wishes = [(50.0, 99.0), (50.0, 99.0), (52.0, np.nan), (54.0, 99.0), (54.0, 99.0)]
+    rows = [("/wish", time_s, make(time_s, east, 0.5)) for time_s, east in wishes]
+    mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
+    drive = drive_of([*poses_east(messages), *rows], mapping, {"/wish": kind})
+    assert drive.dropped == {NOT_FINITE: 1}
+    assert drive.intent_time_s.tolist() == [50.0, 54.0]
+    assert drive.intent_action.tolist() == [EAST, EAST]
 
 
 @pytest.mark.parametrize(
     ("step_s", "gap_s", "n_episodes"), [(0.1, 0.6, 2), (0.2, 0.9, 1), (0.2, 1.2, 2)]
 )
 def test_what_counts_as_a_gap_follows_how_often_poses_come(
-    tmp_path, messages, step_s, gap_s, n_episodes
+    drive_of, messages, step_s, gap_s, n_episodes
 ):
     rows = [
-        (topic, time_s, data)
-        for topic, time_s, data in drive_east(messages, step_s=step_s)
-        if topic != "/pose" or not 54.05 < time_s < 54.0 + gap_s - 0.05
+        row
+        for row in drive_east(messages, step_s=step_s)
+        if row[0] != "/pose" or not 54.05 < row[1] < 54.0 + gap_s - 0.05
     ]
-    bag = written(tmp_path / "gap", KINDS, *rows)
-    drive = mapped_drive_in(bag, DRIVEN)
+    drive = drive_of(rows)
     assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
     assert len(drive.episodes) == n_episodes
-    given = DRIVEN.model_copy(update={"longest_gap_s": 0.3})
-    assert len(mapped_drive_in(bag, given).episodes) == 2
-
-
-@pytest.mark.parametrize("far_m", [3e4, 1e6, 1e300, -1.7e308])
-def test_a_pose_far_from_the_others_is_named_and_no_grid_fitted(far_m):
-    places = np.array([[1.0, 2.0], [1.5, 2.0], [far_m, -far_m], [2.0, 2.0]])
-    farthest = f"must have at most 4000000 cells, .* the pose ({far_m:g}, {-far_m:g}) m lies"
-    with pytest.raises(BagError, match=re.escape(farthest).replace(r"\.\*", ".*")):
-        grid_around(places, 0.5)
+    assert len(drive_of(rows, with_keys(DRIVEN, longest_gap_s=0.3)).episodes) == 2
 
 
 SET_BACK = r"that of pose 41 does by .* a clock was set back"
@@ -374,11 +279,11 @@ def test_poses_of_two_runs_of_a_clock_are_never_mixed(
         time_s = 100.0 + 0.1 * tick - (back_s if tick >= at - 1 else 0.0)
         log_s = {"wall": 0.1 * tick, "stamps": time_s, "receipt": 100.0 + 0.1 * tick}[log_times]
         pose = messages.pose(time_s, 0.5, 0.1 * tick)
-        moved = tf(messages, time_s, 0.1 * tick)
+        moved = messages.transform(time_s, "map", "odom", 0.1 * tick, 0.0)
         rows.append((topic, log_s, pose if topic == "/pose" else moved))
     bag = BagReader(write_bag(tmp_path / "two", KINDS, rows))
     frames = {"frame": "map", "robot_frame": "odom"} if topic == "/tf" else {}
-    mapping = BagMapping(pose_topic=topic, action_from="hidden", **frames)
+    mapping = with_keys(HIDDEN, pose_topic=topic, **frames)
     if sentence:
         with pytest.raises(BagError, match=sentence):
             mapped_drive_in(bag, mapping)
@@ -393,69 +298,38 @@ def test_poses_that_a_recorder_received_late_are_no_second_run(tmp_path, message
         time_s = 100.0 + 0.1 * tick + (0.05 if 60 <= row < 60 + n_late else 0.0)
         rows.append(("/pose", time_s, messages.pose(time_s, 0.5, 0.1 * tick)))
     bag = BagReader(write_bag(tmp_path / "late", KINDS, rows))
-    drive = mapped_drive_in(bag, BagMapping(pose_topic="/pose", action_from="hidden"))
-    assert len(drive.pose_time_s) == 120 + n_late
+    assert len(mapped_drive_in(bag, HIDDEN).pose_time_s) == 120 + n_late
+
+
+@pytest.fixture
+def foreign_bag(tmp_path, messages):
+    """A robot that looks north and drives so, in a frame 10 m off the map, at ten times real time:
+    stamps are simulated time, log times wall time, velocity commands have no stamp."""
+    rows = []
+    for tick in range(81):
+        time_s, log_s = 50.0 + 0.1 * tick, 1e9 + 0.01 * tick
+        pose = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
+        moved = messages.transform(time_s, "map", "odom", 10.0, 0.0)
+        rows += [("/tf", log_s, moved), ("/robot/pose", log_s, pose)]
+        if tick < 40:
+            rows.append(("/robot/cmd_vel", log_s, messages.twist(0.5)))
+    kinds = {"/robot/pose": POSE, "/robot/cmd_vel": TWIST, "/tf": TF}
+    return BagReader(write_bag(tmp_path / "foreign", kinds, rows))
 
 
 def test_simulated_time_and_frames_are_put_right(foreign_bag):
-    mapping = BagMapping(
-        pose_topic="/robot/pose",
-        frame="map",
-        action_from="velocity",
-        action_topic="cmd_vel",
-    )
+    mapping = with_keys(DRIVEN, pose_topic="/robot/pose", frame="map", action_topic="cmd_vel")
     drive = mapped_drive_in(foreign_bag, mapping)
     decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert drive.position_m[0].tolist() == [10.5, 0.5]
     np.testing.assert_allclose(decisions.time_s, [50.0, 51.2, 53.2], atol=1e-6)
-    assert decisions.action.tolist() == [Action.NORTH] * 3
+    assert decisions.action.tolist() == [NORTH] * 3
     assert decisions.censored.tolist() == [False, False, True]  # by the end of the last command
     assert report.dropped == {NO_COMMAND: 1}
-    silent = mapping.model_copy(update={"silence": "wait"})
-    waiting = mapped_drive_in(foreign_bag, silent)
+    waiting = mapped_drive_in(foreign_bag, with_keys(mapping, silence="wait"))
     _, report = decisions_from_drive(waiting, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert report.dropped == {}
     assert report.n_moving_waits >= 3
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("pose_topic: /robot/cmd_vel\naction_topic: pose", "/robot/cmd_vel must carry a pose, got"),
-        (
-            "pose_topic: pose\naction_topic: /tf",
-            "/tf must carry a vector, got tf2_msgs/msg/TFMessage with the fields transforms; name",
-        ),
-        (
-            "pose_topic: pose\npose_fields: [pose.position.x, pose.positon.y]",
-            "pose_fields 'pose.positon.y' must be a path .* got 'positon'; did you mean 'position'",
-        ),
-        (
-            "pose_topic: pose\npose_fields: [header.frame_id]",
-            "must be paths of numbers, or one of a message, got 'header.frame_id'",
-        ),
-        (
-            "pose_topic: pose\npose_fields: [pose.position]\naction_from: velocity\n"
-            "action_topic: cmd_vel",
-            "pose_topic pose must have a heading",
-        ),
-        (
-            "pose_topic: /tf\naction_from: motion",
-            "robot_frame must be a frame of /tf, got 'base_link'; ch",
-        ),
-        ("pose_topic: nose\naction_topic: cmd_vel", "must hold the topic 'nose', it holds /rob"),
-        (
-            "pose_topic: pose\naction_from: velocity\naction_topic: cmd_vel\nframe: world",
-            "frame 'odom' must be joined with 'world' by /tf",
-        ),
-    ],
-)
-def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
-    with pytest.raises(BagError, match=sentence):
-        mapped_drive_in(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"))
-
-
-ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"
 
 
 def test_the_motion_itself_is_the_action(foreign_bag):
@@ -463,84 +337,72 @@ def test_the_motion_itself_is_the_action(foreign_bag):
     mapping = BagMapping(pose_topic="/robot/pose", action_from="motion")
     drive = mapped_drive_in(foreign_bag, mapping)
     assert drive.intent_time_s.tolist() == [50.0]
-    assert drive.intent_action.tolist() == [Action.NORTH]
-    slow = mapping.model_copy(update={"minimum_speed_mps": 0.51})
-    assert set(mapped_drive_in(foreign_bag, slow).intent_action) == {Action.WAIT}
+    assert drive.intent_action.tolist() == [NORTH]
+    slow = mapped_drive_in(foreign_bag, with_keys(mapping, minimum_speed_mps=0.51))
+    assert set(slow.intent_action) == {WAIT}
 
 
-def test_a_pose_from_tf_is_the_chain_from_the_frame_of_the_grid(tmp_path, messages):
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("pose_topic: /robot/cmd_vel, action_topic: pose", "/robot/cmd_vel must carry a pose, got"),
+        ("pose_topic: pose, action_topic: /tf",
+         "/tf must carry a vector, got tf2_msgs/msg/TFMessage with the fields transforms; name"),
+        ("pose_topic: pose, pose_fields: [pose.position.x, pose.positon.y]",
+         "pose_fields 'pose.positon.y' must be a path .* got 'positon'; did you mean 'position'"),
+        ("pose_topic: pose, pose_fields: [header.frame_id]",
+         "must be paths of numbers, or one of a message, got 'header.frame_id'"),
+        ("pose_topic: pose, pose_fields: [pose.position], action_from: velocity,"
+         " action_topic: cmd_vel", "pose_topic pose must have a heading"),
+        ("pose_topic: /tf, action_from: motion",
+         "robot_frame must be a frame of /tf, got 'base_link'; ch"),
+        ("pose_topic: nose, action_topic: cmd_vel", "must hold the topic 'nose', it holds /rob"),
+        ("pose_topic: pose, action_from: velocity, action_topic: cmd_vel, frame: world",
+         "frame 'odom' must be joined with 'world' by /tf"),
+    ],
+)  # fmt: skip
+def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
+    with pytest.raises(BagError, match=sentence):
+        mapped_drive_in(foreign_bag, yaml_model(f"{{{text}}}", BagMapping, name="x.yaml"))
+
+
+def test_a_pose_from_tf_is_the_chain_from_the_frame_of_the_grid(drive_of, messages):
     """odom moves in map by /tf at 10 Hz, base_link is ahead of it by /tf_static."""
-    static = messages.transform(0.0, "odom", "base", 0.0, 2.0)
-    rows = [("/tf_static", 50.0, static)]
-    rows += [("/tf", 50.0 + n / 10, tf(messages, 50.0 + n / 10, n / 10)) for n in range(81)]
-    bag = written(tmp_path / "tf", {"/tf": TF, "/tf_static": TF}, *rows)
+    rows = [("/tf_static", 50.0, messages.transform(0.0, "odom", "base", 0.0, 2.0))]
+    for tick in range(81):
+        rows += odom_at(messages, [50.0 + tick / 10], tick / 10)
     mapping = BagMapping(pose_topic="tf", action_from="motion", robot_frame="base")
     for frame in ("map", ""):
-        known = mapping.model_copy(update={"frame": frame})
-        drive = mapped_drive_in(bag, known)
+        drive = drive_of(rows, with_keys(mapping, frame=frame), {"/tf_static": TF})
         np.testing.assert_allclose(drive.position_m[:, 0], np.arange(81) / 10, atol=1e-9)
         np.testing.assert_allclose(drive.position_m[:, 1], 2.0)
-        assert drive.intent_action.tolist() == [Action.EAST]
-    still = mapping.model_copy(update={"frame": "odom"})
+        assert drive.intent_action.tolist() == [EAST]
     with pytest.raises(BagError, match="frame 'base' must move in 'odom', /tf_static holds it"):
-        mapped_drive_in(bag, still)
+        drive_of(rows, with_keys(mapping, frame="odom"), {"/tf_static": TF})
 
 
-def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(tmp_path, messages):
+def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(drive_of, messages):
     """Speed of an AckermannDriveStamped; pose and speed in the lists of a Float64MultiArray."""
-    store = typestore_of(message_type(ACKERMANN))
-    state = "std_msgs/msg/Float64MultiArray"
+    ackermann, state = "ackermann_msgs/msg/AckermannDriveStamped", "std_msgs/msg/Float64MultiArray"
+    store = typestore_of(message_type(ackermann))
     layout = messages.make("std_msgs/msg/MultiArrayLayout", [], 0)
     rows = []
     for time_s in np.arange(50.0, 58.01, 0.1):
-        stamp = messages.header(time_s)
-        drive = store.types["ackermann_msgs/msg/AckermannDrive"](0.1, 0.0, 1.0, 0.0, 0.0)
-        data = bytes(store.serialize_cdr(store.types[ACKERMANN](stamp, drive), ACKERMANN))
-        rows.append(("/drive", time_s, data))
+        speed = store.types["ackermann_msgs/msg/AckermannDrive"](0.1, 0.0, 1.0, 0.0, 0.0)
+        steered = store.types[ackermann](messages.header(time_s), speed)
+        rows.append(("/drive", time_s, bytes(store.serialize_cdr(steered, ackermann))))
         numbers = np.array([7.0, time_s - 50.0, 0.5, -math.pi / 2, 1.0])
-        rows.append(
-            ("/state", time_s, messages.encode(messages.make(state, layout, numbers), state))
-        )
-    bag = written(tmp_path / "car", {"/drive": ACKERMANN, "/state": state}, *rows)
-    steered = BagMapping(
+        listed = messages.encode(messages.make(state, layout, numbers), state)
+        rows.append(("/state", time_s, listed))
+    mapping = BagMapping(
         pose_topic="/state", pose_fields=("data.1", "data.2", "data.3"),
         action_from="velocity", action_topic="/drive",
     )  # fmt: skip
-    listed = steered.model_copy(update={"action_topic": "/state", "action_fields": ("data.4",)})
-    for mapping in (steered, listed):
-        drive = mapped_drive_in(bag, mapping)
+    for keys in ({}, {"action_topic": "/state", "action_fields": ("data.4",)}):
+        topics = {"/drive": ackermann, "/state": state}
+        drive = drive_of(rows, with_keys(mapping, **keys), topics)
         np.testing.assert_allclose(drive.position_m[[0, -1]], [[0.0, 0.5], [8.0, 0.5]], atol=1e-9)
-        assert drive.intent_action.tolist() == [Action.SOUTH]
-
-
-@pytest.mark.skipif(
-    not REAL_BAG.is_dir(), reason="the real robot bag is not in ../shared/data/bags"
-)
-def test_the_real_robot_becomes_demonstrations():
-    mapping = BagMapping(
-        pose_topic="/odom",
-        action_from="velocity",
-        action_topic="/cmd_vel",
-        silence="wait",
-        stop_s=None,
-        round_trips=False,
-    )
-    drive = mapped_drive_in(BagReader(REAL_BAG), mapping)
-    grid = grid_around(drive.position_m, 0.5)
-    decisions, report = decisions_from_drive(drive, grid, 4.0, 1.0)
-    assert len(drive.pose_time_s) == 290
-    assert len(drive.episodes) == 1
-    assert report.n_decisions == len(decisions) >= 25
-    np.testing.assert_allclose(decisions.dwell_s.sum(), np.ptp(drive.pose_time_s), atol=0.5)
-    moved = decisions.select(decisions.state != decisions.next_state)
-    assert len(moved) >= 4
-    assert set(decisions.action) > {Action.WAIT}
-    unknown = mapped_drive_in(
-        BagReader(REAL_BAG), mapping.model_copy(update={"silence": "unknown"})
-    )
-    silent, silences = decisions_from_drive(unknown, grid, 4.0, 1.0)
-    assert silent.dwell_s.sum() < 0.8 * decisions.dwell_s.sum()
-    assert 5 < silences.dropped[NO_COMMAND] <= (unknown.intent_action == SILENCE).sum()
+        assert drive.intent_action.tolist() == [SOUTH]
 
 
 @pytest.mark.parametrize(
@@ -551,12 +413,10 @@ def test_the_real_robot_becomes_demonstrations():
         ({"button_field": "buttons.0"}, "button_field must come with a button_topic"),
         ({"button_topic": "joy", "episode_topic": "episode"}, "button_topic must be left out with"),
         ({"goal_area_m": ((0, 0), (1, 1))}, "goal_area_m must have at least 3 corners, got 2"),
-        (
-            {"goals_m": ((0, 0),), "goal_area_m": ((0, 0), (1, 0), (1, 1))},
-            "goals_m and goal_area_m must not both be given",
-        ),
+        ({"goals_m": ((0, 0),), "goal_area_m": ((0, 0), (1, 0), (1, 1))},
+         "goals_m and goal_area_m must not both be given"),
     ],
-)
+)  # fmt: skip
 def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):
     with pytest.raises(ValueError, match=sentence):
         BagMapping(**keys)
@@ -573,34 +433,20 @@ def own_bag(tmp_path, messages):
             rows.append(("/robot/robot_pose", time_s, messages.pose(time_s, 0.0, y_m)))
             if tick % 20 == 0:
                 rows.append(("/robot/intent", time_s, messages.intent(time_s, 0.0, 1.0)))
-                goal = messages.pose(time_s, 0.0, y_m + 1.0)
-                rows.append(("/robot/waypoint", time_s, goal))
-        if episode == 0:
-            rows.append(("/robot/episode", 19.9, messages.mark(19.9, "end", episode, "arrived")))
+                rows.append(("/robot/waypoint", time_s, messages.pose(time_s, 0.0, y_m + 1.0)))
+    rows.append(("/robot/episode", 19.9, messages.mark(19.9, "end", 0, "arrived")))
+    rows.sort(key=lambda row: row[1])
     topics = {f"/robot{name}": kind for name, kind in OWN_TOPICS.items()}
     return write_bag(tmp_path / "own", topics | {"/robot/waypoint": POSE}, rows)
 
 
-def test_a_mapping_of_our_own_topics_changes_nothing(own_bag):
-    direct = read_drives(own_bag)[0]
-    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="episode"))
+def test_a_mapping_of_our_own_topics_and_waypoints_ahead_give_the_drive_of_the_intents(own_bag):
+    (direct,) = read_drives(own_bag)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
-    assert mapped.episodes == direct.episodes
-    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
-        assert np.array_equal(getattr(mapped, name), getattr(direct, name))
-
-
-def test_waypoints_ahead_mean_what_the_intents_say(own_bag):
-    mapping = BagMapping(
-        action_from="waypoint", action_topic="waypoint", episode_topic="/robot/episode"
-    )
-    drive = mapped_drive_in(BagReader(own_bag), mapping)
-    assert set(drive.intent_action) == {Action.NORTH}
-    assert np.array_equal(drive.intent_time_s, read_drives(own_bag)[0].intent_time_s)
-
-
-def test_decoded_messages_come_by_their_short_names(own_bag):
-    found = [(name, message.header.stamp.sec) for name, message in messages_of(own_bag, ["intent"])]
-    assert found[:2] == [("intent", 10), ("intent", 12)]
-    with pytest.raises(BagError, match="must hold scan, it holds episode, intent, robot_pose"):
-        list(messages_of(own_bag, ["scan"]))
+    assert set(direct.intent_action) == {NORTH}
+    for keys in ({}, {"action_from": "waypoint", "action_topic": "waypoint"}):
+        mapping = BagMapping(episode_topic="/robot/episode", **keys)
+        mapped = mapped_drive_in(BagReader(own_bag), mapping)
+        assert mapped.episodes == direct.episodes
+        for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
+            assert np.array_equal(getattr(mapped, name), getattr(direct, name))
