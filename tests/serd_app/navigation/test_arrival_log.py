@@ -1,4 +1,4 @@
-"""The log of arrivals: appended, whole after a kill."""
+"""The log of arrivals: appended, exact, and whole after a kill."""
 
 import os
 import signal
@@ -8,18 +8,12 @@ import sys
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
 
 
-def row(episode):
-    return ArrivalRow(
-        episode, 3, 0.1 + 0.2, 1 / 3, 12.0, 18.0, "a, model.yaml", "arrived", "",
-        0.99, 51.05, 1e-17, 48.9, 0.25,
-    )  # fmt: skip
-
-
 def test_rows_are_appended_and_survive_exactly(tmp_path):
     path = tmp_path / "new" / "arrivals.csv"
-    rows = tuple(row(episode) for episode in range(3))
-    for each in rows:
-        append_arrival(path, each)
+    places, law = (0.1 + 0.2, 1 / 3, 12.0, 18.0), (0.99, 51.05, 1e-17, 48.9, 0.25)
+    rows = tuple(ArrivalRow(i, 3, *places, "a, model", "arrived", "", *law) for i in range(3))
+    for row in rows:
+        append_arrival(path, row)
     assert load_arrivals(path) == rows
 
 
@@ -33,15 +27,12 @@ for episode in count():
 """
 
 
-def test_what_was_told_before_a_kill_is_there_after_it(tmp_path):
+def test_what_was_written_before_a_kill_is_there_after_it(tmp_path):
     path = tmp_path / "arrivals.csv"
     command = [sys.executable, "-c", _WRITE_FOR_EVER, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        for line in process.stdout:
-            if int(line) >= 20:
-                break
+        assert any(int(line) >= 20 for line in process.stdout)
         os.kill(process.pid, signal.SIGKILL)
-    episodes = [each.episode for each in load_arrivals(path)]
+    episodes = [row.episode for row in load_arrivals(path)]
     assert episodes == list(range(len(episodes)))
     assert len(episodes) > 20

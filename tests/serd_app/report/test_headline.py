@@ -42,23 +42,13 @@ def trapped(inputs):
     """The same with a policy that has learned to shun the goal."""
     problem, outcomes = inputs.problem.by_decisions, inputs.fit.outcome_probabilities
     learned = optimal_policy(problem, np.array([-1.0, 0.0, 0.0]), outcomes)
-    driven = arriving_policy(
-        problem,
-        learned,
-        outcomes,
-        np.ones(problem.mdp.available.shape),
-        lambda policy: arrival_by_state(problem, policy.probabilities, outcomes, 60),
-        60,
-    )
+    ones = np.ones(problem.mdp.available.shape)
+
+    def arrival_of(policy):
+        return arrival_by_state(problem, policy.probabilities, outcomes, 60)
+
+    driven = arriving_policy(problem, learned, outcomes, ones, arrival_of, 60)
     return replace(inputs, policy=driven.policy, driven=driven, remarks=("a remark",))
-
-
-def test_a_supported_prediction_is_the_headline(undriven):
-    given = replace(undriven, recorded=recorded(20.0, 21.0, 22.0, n_outside=1))
-    summary = summary_of(given)
-    assert summary.no_prediction_because == ()
-    assert "the robot is predicted to reach the goal within 2 min with" in headline_of(summary)
-    assert dict(summary_rows(summary))["Arrives"].startswith("predicted")
 
 
 @pytest.mark.parametrize(
@@ -92,6 +82,14 @@ def test_what_does_not_support_a_prediction_stands_in_its_place(undriven, change
     assert summary.as_json()["no_prediction_because"] == (reason,)
 
 
+def test_a_supported_prediction_is_the_headline(undriven):
+    given = replace(undriven, recorded=recorded(20.0, 21.0, 22.0, n_outside=1))
+    summary = summary_of(given)
+    assert summary.no_prediction_because == ()
+    assert "the robot is predicted to reach the goal within 2 min with" in headline_of(summary)
+    assert dict(summary_rows(summary))["Arrives"].startswith("predicted")
+
+
 def test_a_start_in_a_trap_has_no_predicted_headline(undriven):
     summary = summary_of(trapped(undriven))
     assert summary.n_least_time_states > 10
@@ -110,12 +108,11 @@ def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs):
     summary = summary_of(replace(inputs, episodes=missed))
     headline = headline_of(summary)
     assert "in 0 of 3 new episodes within 2 min (0 %; no prediction, because " in headline
-    assert (
-        "3 of 3 measured drives arrived outside the 90 % band that the model computes" in headline
-    )
+    assert "3 of 3 measured drives arrived outside the 90 % band that the model" in headline
     assert "; predicted" not in headline + " ".join(dict(summary_rows(summary)).values())
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_the_page_computes_where_it_does_not_predict(undriven, tmp_path):
     one = replace(trapped(undriven), n_demonstrations=1, recorded=recorded(41.0))
     text = write_report(one, tmp_path).read_text(encoding="utf-8")
@@ -129,14 +126,12 @@ def test_the_page_computes_where_it_does_not_predict(undriven, tmp_path):
 
 
 def test_recorded_drives_are_drawn_on_the_forecast_from_the_first_to_the_last(undriven):
-    times_s = [150.0, 31.0, 40.0]
-    figure = draw_forecasts({"area train": undriven.predicted}, 120.0, times_s)
-    (axes,) = figure.axes
+    laws = {"area train": undriven.predicted}
+    (axes,) = draw_forecasts(laws, 120.0, [150.0, 31.0, 40.0]).axes
     (dots,) = [line for line in axes.lines if line.get_label() == "recorded: 3 drives"]
     assert dots.get_xdata().tolist() == [31.0, 40.0, 150.0]
     assert dots.get_ydata() == pytest.approx([1 / 3, 2 / 3, 1.0])
     first_s, last_s = axes.get_xlim()
-    assert first_s < 31.0
-    assert last_s > 150.0
-    (alone,) = draw_forecasts({"area train": undriven.predicted}, 120.0).axes
+    assert first_s < 31.0 < 150.0 < last_s
+    (alone,) = draw_forecasts(laws, 120.0).axes
     assert len(alone.lines) == len(axes.lines) - 2
