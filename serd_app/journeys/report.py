@@ -101,7 +101,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         timeout_s=strategy.timeout_s,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
-        forecasts=(*_forecasts_of_areas(strategy), *forecasts_of(strategy, sources.starts_m)),
+        forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(strategy, paths, found),
         n_demonstrations=file.fit.n_episodes,
         driven=strategy.driven,
@@ -124,25 +124,20 @@ def _recorded(
     }
 
 
-def _forecasts_of_areas(strategy: Strategy) -> Iterator[Forecast]:
-    """The arrival from each start area; a fitted grid has one, where demonstrations began."""
+def _forecasts(strategy: Strategy, starts_m: Sequence[tuple[float, float]]) -> Iterator[Forecast]:
+    """The arrival from each start area and from the cells of points.
+
+    A fitted grid has one area, where demonstrations began.
+    """
     for name in strategy.scenario.start_areas_m:
         start = f"area {name}" if strategy.file.scenario else "where demonstrations began"
         trapped = starts_of(strategy, name).n_trapped > 0
         yield Forecast(start, predicted_law(strategy, name), trapped)
-
-
-def forecasts_of(
-    strategy: Strategy, starts_m: Sequence[tuple[float, float]]
-) -> tuple[Forecast, ...]:
-    """The arrival from the cells of points."""
-    grid, found = strategy.problem.grid, []
+    grid = strategy.problem.grid
     for x_m, y_m in starts_m:
-        start, cell = np.zeros(grid.n_states), goal_cell(grid, x_m, y_m, what="start")
-        start[cell] = 1.0
-        trapped = cell in strategy.driven.learned_traps
-        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start), trapped))
-    return tuple(found)
+        cell = goal_cell(grid, x_m, y_m, what="start")
+        law = strategy.law_from(np.eye(1, grid.n_states, cell)[0])
+        yield Forecast(f"{x_m:g}, {y_m:g}", law, cell in strategy.driven.learned_traps)
 
 
 def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:

@@ -1,4 +1,4 @@
-"""Maps of values per cell: visitation (Fig. 5.7), features (5.5), policy (5.11) and flow."""
+"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11) and flow."""
 
 from collections.abc import Sequence
 
@@ -10,14 +10,10 @@ from matplotlib.figure import Figure
 from serd_app.report import style
 from serd_app.report.figures.map_axes import (
     cell_map,
-    colour_bar,
     colour_bar_below,
-    draw_cells,
     draw_vectors,
-    map_figure,
     outline_traps,
 )
-from serd_app.report.inputs import in_words
 from serd_app.report.style import Look
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray
@@ -94,37 +90,6 @@ def draw_surprises(
             "(red: to the cell reached, circle: none)"
         )
     return figure
-
-
-def draw_features(
-    scenario: Scenario,
-    grid: Grid,
-    features: FloatArray,
-    feature_names: tuple[str, ...],
-    available: BoolArray,
-) -> Figure:
-    """features (S, A, F); available (S, A): a cell without the action stays empty. Panels of
-    actions for which a feature is 0 everywhere are left out."""
-    panels = [
-        panel
-        for i, name in enumerate(feature_names)
-        for panel in _panels(name, features[:, :, i], np.asarray(available))
-        if np.nan_to_num(panel[1]).any()
-    ]
-    with style.report_style():
-        figure, axes = map_figure(scenario, len(panels), height_in=4.8, width_in=12.0)
-        for each, (title, values) in zip(axes, panels, strict=True):
-            cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
-            each.set_title(title, fontsize=8)
-        colour_bar(figure, axes, cells, "feature value", shrink=0.8, pad=0.01, aspect=25)
-    return figure
-
-
-def _panels(name: str, values: FloatArray, available: BoolArray) -> list[tuple[str, FloatArray]]:
-    if (values == values[:, :1]).all():
-        return [(f"{in_words(name)}\nany action", values[:, 0])]
-    masked = np.where(available, values, np.nan)
-    return [(f"{in_words(name)}\n{action.name.lower()}", masked[:, action]) for action in Action]
 
 
 def draw_policy_map(

@@ -9,9 +9,8 @@ import pytest
 from serd_app.navigation.evaluation.comparison import RecordedTimes
 from serd_app.report.figures.arrival import draw_forecasts
 from serd_app.report.inputs import Forecast
-from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
-from serd_app.report.write import write_report
+from serd_app.report.write import summary_rows, write_report
 from serd_core.arrival.arriving_policy import arriving_policy
 from serd_core.policies.solved_policy import optimal_policy
 from support.arrival_twin import arrival_by_state

@@ -2,14 +2,12 @@
 
 import matplotlib as mpl
 import numpy as np
-import pytest
 from matplotlib.container import BarContainer, ErrorbarContainer
 
 from serd_app.learning.knowledge import Knowledge, OutcomeRow
 from serd_app.report.figures.arrival import (
     ArrivalCurve,
-    at_times,
-    draw_arrival,
+    draw_comparison,
     measured_curve,
     predicted_curve,
     shown_from_s,
@@ -19,29 +17,19 @@ from serd_app.report.figures.arrival import (
 from serd_app.report.figures.charts import (
     OUTCOME_LABELS,
     draw_outcomes,
-    draw_progress,
-    draw_weights,
 )
 from serd_app.report.style import png_bytes
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.bayes.information import PRIOR_ONLY
-from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
+from serd_core.grid.navigation import MODEL_NAMES
 
 
 def bars(figure, panel=0):
     return [c for c in figure.axes[panel].containers if isinstance(c, BarContainer)]
 
 
-def test_bars_have_the_lengths_and_names_of_the_weights_and_probabilities():
-    weights = np.array([4.0, -1.5, 0.25])
+def test_bars_have_the_lengths_of_the_probabilities():
     before = dict(mpl.rcParams)
-    figure = draw_weights(FEATURE_NAMES, weights)
-    (drawn,) = bars(figure)
-    np.testing.assert_allclose([bar.get_width() for bar in drawn], weights)
-    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert labels == ["goal", "social norm", "inverse wall distance"]
-    assert png_bytes(figure)
-    assert dict(mpl.rcParams) == before  # drawing leaves the global settings alone
     initial, learned = np.random.default_rng(0).dirichlet(np.ones(5), size=(2, 4))
     figure = draw_outcomes(MODEL_NAMES, initial, learned, np.array([455, 0, 1, 13]))
     counts = ["455 decisions", "0 decisions", "1 decision", "13 decisions"]
@@ -50,6 +38,8 @@ def test_bars_have_the_lengths_and_names_of_the_weights_and_probabilities():
             np.testing.assert_allclose([bar.get_height() for bar in drawn], table[i])
         assert axes.get_title(loc="left") == MODEL_NAMES[i].replace("_", " ")
         assert counts[i] in [text.get_text() for text in axes.texts]
+    assert png_bytes(figure)
+    assert dict(mpl.rcParams) == before  # drawing leaves the global settings alone
 
 
 def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
@@ -75,37 +65,22 @@ def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
     assert png_bytes(figure)
 
 
+LAW = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+
+
 def test_the_arrival_figure_draws_both_curves_with_their_bands():
-    times = np.array([0.0, 10.0, 20.0])
-    predicted, measured = (
-        ArrivalCurve(times, *np.array(rows))
-        for rows in (
-            [[0, 0.4, 0.9], [0, 0.2, 0.7], [0, 0.6, 1.0]],
-            [[0, 0.5, 0.8], [0, 0.3, 0.6], [0.1, 0.7, 0.9]],
-        )
-    )
-    figure = draw_arrival(predicted, measured, n_episodes=30, shown_until_s=25.0)
-    axes = figure.axes[0]
-    for line, curve in zip(axes.lines, (predicted, measured), strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), times)
+    times_s = [3.0, 5.0, np.inf]
+    (axes,) = draw_comparison(LAW, times_s, 60.0).axes
+    curves = predicted_curve(LAW, 3), measured_curve(times_s, 60.0)
+    for line, band, curve in zip(axes.lines, axes.collections, curves, strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), curve.time_s)
         np.testing.assert_array_equal(line.get_ydata(), curve.probability)
         assert line.get_drawstyle() == "steps-post"
-    for band, curve in zip(axes.collections, (predicted, measured), strict=True):
-        heights = band.get_paths()[0].vertices[:, 1]
-        assert set(curve.lower) | set(curve.upper) == set(heights)
+        assert set(curve.lower) | set(curve.upper) == set(band.get_paths()[0].vertices[:, 1])
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert "measured in 30 episodes" in labels
-    assert axes.get_xlim() == (9.0, 25.0)  # a tenth before the first arrival
-    assert png_bytes(figure)
-
-
-@pytest.mark.parametrize("trace", [[-1.0], [2.0, 2.0, 2.0], np.linspace(-900, -1, 500)])
-def test_the_progress_line_is_the_objective_of_every_step(trace):
-    figure = draw_progress(np.array(trace), converged=True)
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), trace)
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xdata(), 1 + np.arange(len(trace)))
-    assert "converged" in figure.axes[0].get_title(loc="right")
-    assert png_bytes(figure)
+    assert "measured in 3 episodes" in labels
+    assert axes.get_xlim() == (0.9 * 2.0, 60.0)  # a tenth before the first arrival
+    assert png_bytes(axes.figure)
 
 
 def curve(times, shares):
@@ -115,13 +90,10 @@ def curve(times, shares):
 
 def test_the_measured_curve_counts_who_never_arrived():
     measured = measured_curve([3.0, 5.0, np.inf, 5.0], 60.0)
-    shares = at_times(measured, np.array([2.9, 3.0, 5.0, 60.0])).probability
-    assert shares.tolist() == [0.0, 0.25, 0.75, 0.75]
+    assert measured.time_s.tolist() == [0.0, 3.0, 5.0, 60.0]
+    assert measured.probability.tolist() == [0.0, 0.25, 0.75, 0.75]
     assert (measured.lower <= measured.probability).all()
     assert (measured.upper >= measured.probability).all()
-
-
-LAW = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
 
 
 def test_the_predicted_band_narrows_with_the_number_of_episodes():
