@@ -20,13 +20,13 @@ def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of
     settings = DriveSettings(model=str(save_model_of()), episodes=3)
     asked, times_s = [], (25.0, 28.0)
 
-    def drive(given, output):
-        asked.append((given, output))
+    def drive(given, output, navigator):
+        asked.append((given, output, navigator.model))
         arrived = [episode_result(i, "arrived", time_s) for i, time_s in enumerate(times_s)]
         return [*arrived, episode_result(2, "timeout")]
 
     done = navigate(settings, None, drive)
-    assert asked == [(settings, None)]
+    assert asked == [(settings, None, settings.model)]
     assert (done.comparison.n_episodes, done.comparison.n_arrived) == (3, 2)
     assert done.settings is settings
     assert done.missing == ""
