@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.learning.durations import learns_durations, with_moves_as_actions
 from serd_app.learning.methods import METHODS
-from serd_app.learning.recipe import LearningTask, learn
+from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.dynamics.estimation import estimate_dynamics

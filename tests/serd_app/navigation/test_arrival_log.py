@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 
-from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
+from serd_app.navigation.navigator import ArrivalRow, append_arrival, load_arrivals
 
 
 def test_rows_are_appended_and_survive_exactly(tmp_path):
@@ -20,7 +20,7 @@ def test_rows_are_appended_and_survive_exactly(tmp_path):
 _WRITE_FOR_EVER = """
 import sys
 from itertools import count
-from serd_app.navigation.arrival_log import ArrivalRow, append_arrival
+from serd_app.navigation.navigator import ArrivalRow, append_arrival
 for episode in count():
     append_arrival(sys.argv[1], ArrivalRow(episode, 1, *[0.0] * 4, "m", "arrived", "", *[1.0] * 5))
     print(episode, flush=True)

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from serd_app.navigation.arrival_log import arrival_row, prediction_of
 from serd_app.navigation.forecast import plan_remarks, traps_text
-from serd_app.navigation.navigator import GiveUp, Navigator, ProgressMonitor
+from serd_app.navigation.navigator import (
+    GiveUp,
+    Navigator,
+    ProgressMonitor,
+    arrival_row,
+    prediction_of,
+)
 from serd_app.navigation.settings import NavigationSettings
 from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
@@ -147,8 +152,7 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
     # One move in 100 succeeds: only the cells next to the goal are left before the time-out.
     forward = {"with_flow": 0.01, "against_flow": 0.01, "across_flow": 0.01, "waiting": 0.0}
     rows = tuple(model_row(name, (1 - p, p, 0.0, 0.0, 0.0)) for name, p in forward.items())
-    fields = {"outcome_models": rows, "reward_weights": {"goal": 1.0}}
-    navigator = navigator_of(fields, timeout_s=40.0)
+    navigator = navigator_of({"outcome_models": rows, "reward_weights": {"goal": 1.0}})
     traps, grid = navigator.strategy.traps, navigator.strategy.problem.grid
     words = traps_text(traps)
     assert words.startswith(f"{len(traps.states)} of 176 cells are traps: from ")

@@ -14,7 +14,7 @@ from serd_app.navigation.evaluation.comparison import (
     recorded_times,
     starts_of,
 )
-from serd_app.navigation.overlay import overlay_of
+from serd_app.teleop.page.view import overlay_of
 from serd_core.arrival.bands import binomial_tail
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.semi_markov.simulation import sample_timed_decisions

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.teleop.direction_choice import DirectionChoice
 from serd_app.teleop.joy_mapping import JoyDriver, JoyMapping, load_joy_mapping
+from serd_app.teleop.session import DirectionChoice
 from serd_bag.errors import FileError
 from serd_core.grid.grid import Action
 from serd_sim.drivers.expert_route import MOVES

@@ -7,8 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
-from serd_app.teleop.twist_mux import TwistMux, VelocityLimits
+from serd_app.teleop.twist_mux import (
+    MuxLock,
+    MuxSettings,
+    MuxTopic,
+    TwistMux,
+    VelocityLimits,
+    load_mux,
+)
 from serd_bag.errors import FileError
 from serd_sim.world.command import STOP, Command
 

@@ -11,11 +11,16 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from serd_app.navigation.overlay import overlay_of
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
 from serd_app.teleop.page.server import PageServer
-from serd_app.teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
+from serd_app.teleop.page.view import (
+    overlay_message,
+    overlay_of,
+    scene_of,
+    watched_scene_of,
+    world_state,
+)
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario

@@ -11,12 +11,12 @@ from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
 from serd_app.errors import TeleopError
-from serd_app.navigation.overlay import ModelOverlay
 from serd_app.teleop.page.access import PageAccess, admits_origin, read_token
 from serd_app.teleop.page.hub import Hub
 from serd_app.teleop.page.requests import Away, Hold, Joystick, parse_request
 from serd_app.teleop.page.server import PageServer, make_app
-from serd_app.teleop.page.view import overlay_message
+from serd_app.teleop.page.view import ModelOverlay, overlay_message
+from support.waiting import PATIENCE_S
 
 TOKEN = "a-long-random-token"
 LOCAL = PageAccess("127.0.0.1")
@@ -32,7 +32,7 @@ def with_client(access, use):
         async with TestClient(TestServer(make_app(hub, access))) as client:
             await use(client, hub)
 
-    asyncio.run(run())
+    asyncio.run(asyncio.wait_for(run(), PATIENCE_S))
 
 
 async def connect(client, **headers):

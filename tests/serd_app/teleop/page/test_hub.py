@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from serd_app.teleop.page.hub import SILENCE_S, Hub, Lease
+from serd_app.teleop.page.hub import SILENCE_S, Hub
 from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold
 
 NORTH = Hold(type="hold", direction="north")
@@ -57,17 +57,16 @@ def request(hub, page, *requests):
         hub.receive(page, each.model_dump_json())
 
 
-def test_one_page_drives_until_it_goes_or_is_silent():
-    lease = Lease()
-    assert lease.claim(1, 0.0)
-    assert not lease.claim(2, 0.1)
-    assert lease.claim(1, SILENCE_S)
-    assert not lease.claim(2, 2 * SILENCE_S)
-    assert lease.claim(2, 2 * SILENCE_S + 0.01)
-    lease.release(1)
-    assert lease.holder(2 * SILENCE_S + 0.02) == 2
-    lease.release(2)
-    assert lease.holder(2 * SILENCE_S + 0.02) is None
+def test_a_page_renews_its_right_to_drive_with_each_request_until_it_is_silent(hub, pages, clock):
+    driver, other = pages
+    for now_s, page, driving in (
+        (SILENCE_S, driver, driver),
+        (2 * SILENCE_S, other, driver),
+        (2 * SILENCE_S + 0.01, other, other),
+    ):
+        clock.now_s = now_s
+        request(hub, page, NORTH)
+        assert hub.driving == driving.number
 
 
 def test_pages_are_greeted_with_their_number_the_scene_and_the_newest_layers(hub):
