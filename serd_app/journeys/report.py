@@ -25,7 +25,6 @@ from serd_app.navigation.forecast import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
-from serd_core.arrays import FloatArray
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.model_file import ModelFile, load_model
 from serd_sim.drivers.strategy import Strategy, load_strategy
@@ -86,7 +85,10 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
     place = load_scenario(scenario or scenario_of_model(model, file.scenario))
     strategy = load_strategy(str(model), place, sources.policy, file=file)
     problem, files = strategy.problem, outcome_files(model)
-    trace, found = _trace(files["learning"], file), None
+    trace = load_trace(files["learning"]) if files["learning"].exists() else np.zeros(0)
+    if len(trace) and not np.isclose(trace[-1], file.fit.objective):
+        trace = np.zeros(0)  # of another fit
+    found = None
     if paths:
         own, mapping = scenario if file.scenario else "", read_mapping(sources.mapping, paths)
         found = familiarity_of(model, paths, mapping=mapping, scenario=own)
@@ -147,12 +149,6 @@ def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
     if not rows:
         raise ReportError(f"{path} must have at least one episode, got none; drive some")
     return rows
-
-
-def _trace(path: Path, file: ModelFile) -> FloatArray:
-    """The steps of the fit, none where the file beside the model is of another fit."""
-    trace = load_trace(path) if path.exists() else np.zeros(0)
-    return trace if len(trace) and np.isclose(trace[-1], file.fit.objective) else np.zeros(0)
 
 
 def _facts(file: ModelFile) -> RunFacts:

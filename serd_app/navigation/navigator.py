@@ -29,6 +29,9 @@ from serd_sim.scenario.goal import goal_at, with_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 
+#: Off the grid a robot never arrives.
+_NEVER = ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
+
 
 class GiveUp(Enum):
     """Why the strategy gives up a drive, as it stands in marks and tables."""
@@ -117,7 +120,7 @@ class Navigator:
             elapsed_s=elapsed_s,
             state=state,
             action=action,
-            law=self._law(state),
+            law=self.strategy.law_of_cell(state) if state >= 0 else _NEVER,
             probability=float(self.strategy.arrival.within(left)[state]) if state >= 0 else 0.0,
             trapped=state >= 0 and state in self.strategy.traps,
             decisions_without_progress=self._monitor.decisions_without_progress,
@@ -166,12 +169,6 @@ class Navigator:
         self.strategy = strategy
         self._driver.follow(strategy.policy.probabilities)
         self._monitor.reset()
-
-    def _law(self, state: int) -> ArrivalLaw:
-        """Remaining seconds from a state; off the grid it never arrives."""
-        if state < 0:
-            return ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
-        return self.strategy.law_of_cell(state)
 
 
 @dataclass(frozen=True)

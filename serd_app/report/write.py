@@ -171,7 +171,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         *([("Compared with the model", summary.compared)] if summary.compared else []),
         *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
-        *(("Plan", _sentence(remark)) for remark in summary.plan_remarks),
+        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
         (
             "Fit",
             f"{'converged' if summary.converged else 'did NOT converge'} "
@@ -223,10 +223,6 @@ def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
     half, most = (law.quantile_s(share) for share in (0.5, 0.9))
     trapped = " (the learned policy does not arrive)" if forecast.trapped else ""
     return f"{forecast.name}{trapped}", percent(float(law.cdf[-1])), _by(half), _by(most)
-
-
-def _sentence(clause: str) -> str:
-    return f"{clause[0].upper()}{clause[1:]}."
 
 
 def _by(time_s: float | None) -> str:

@@ -142,17 +142,6 @@ def test_the_memory_begins_with_the_last_fit_that_converged_and_no_candidate(out
     assert memory.warm_weights is None
 
 
-def test_weights_of_other_features_are_no_start_and_the_memory_states_the_reason(tmp_path):
-    folder = tmp_path / "state"
-    kept = LearnerMemory(HALLWAY, folder).folder
-    kept.save_decisions(first_episodes(1).decisions)
-    kept.save(kept.new().model_copy(update={"reward_weights": {"speed": 1.0}}))
-    again = LearnerMemory(HALLWAY, folder)
-    assert again.warm_weights is None
-    assert again.start_remark.startswith(f"{folder}: reward_weights of its checkpoint must be")
-    assert again.start_remark.endswith("got speed; the next fit begins without them")
-
-
 def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model_unless_edited(outcome, tmp_path):
     own, path = HALLWAY.model_copy(update={"name": "my hallway"}), tmp_path / "model.yaml"
     kept = replace(outcome[0], scenario_yaml=task_in(own, CONFIG.discount).scenario_yaml)

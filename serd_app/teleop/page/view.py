@@ -54,11 +54,15 @@ def watched_scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
 def world_state(observation: Observation, ranges_m: NDArray[np.float32] | None) -> dict[str, Any]:
     """Robot, people and scan."""
     people = np.concatenate([observation.people_position_m, observation.people_velocity_mps], 1)
+    scan_m = None
+    if ranges_m is not None:  # 0 where a ray hit nothing
+        seen_m = np.where(np.isfinite(ranges_m), ranges_m, 0.0).astype(np.float64)
+        scan_m = [round(range_m, _CENTIMETRES) for range_m in seen_m.tolist()]
     return {
         "time_s": round(observation.time_s, _CENTIMETRES),
         "robot": _rounded([*observation.pose, observation.speed_mps, observation.yaw_rate_radps]),
         "people": np.round(people, _CENTIMETRES).tolist(),
-        "scan_m": None if ranges_m is None else _scan_values(ranges_m),
+        "scan_m": scan_m,
     }
 
 
@@ -168,12 +172,6 @@ def _shades(shares: NDArray[np.float64]) -> list[float | None]:
 def _labels(values: NDArray[np.float64], without: str) -> list[str]:
     """Whole numbers; without: in place of NaN."""
     return [without if np.isnan(value) else f"{value:.0f}" for value in values.tolist()]
-
-
-def _scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
-    """(n_rays,) ranges rounded to centimetres, 0 where a ray hit nothing."""
-    seen = np.where(np.isfinite(ranges_m), ranges_m, 0.0).astype(np.float64)
-    return [round(value, _CENTIMETRES) for value in seen.tolist()]
 
 
 def point(waypoint: Waypoint | None) -> list[float] | None:

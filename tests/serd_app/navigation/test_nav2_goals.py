@@ -129,17 +129,12 @@ def test_a_goal_called_off_before_the_server_answered_is_canceled_when_it_does(s
     assert server.answer().canceled
 
 
-def test_without_a_server_nothing_is_sent_until_it_is_there(server, goals):
+@pytest.mark.parametrize("seen_gone", [True, False])
+def test_a_server_that_comes_back_gets_the_same_waypoint_again(server, goals, seen_gone):
     server.ready = False
     goals.take(HERE, 0.0, 0.0)
     assert (goals.state, server.goals) == ("no server", [])
     server.ready = True
-    goals.take(HERE, 2.0, 2.0)
-    assert len(server.goals) == 1
-
-
-@pytest.mark.parametrize("seen_gone", [True, False])
-def test_a_server_that_comes_back_gets_the_same_waypoint_again(server, goals, seen_gone):
     goals.take(HERE, 0.0, 0.0)
     lost = server.answer()
     server.ready = False

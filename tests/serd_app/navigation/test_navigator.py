@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from serd_app.navigation.forecast import plan_remarks, traps_text
 from serd_app.navigation.navigator import (
+    ArrivalRow,
     GiveUp,
     Navigator,
     ProgressMonitor,
+    append_arrival,
     arrival_row,
+    load_arrivals,
     prediction_of,
 )
 from serd_app.navigation.settings import NavigationSettings
@@ -182,6 +184,14 @@ def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(navigator_o
     assert np.isnan(late.predicted_share)
 
 
+def test_rows_of_arrivals_are_appended_and_survive_exactly(tmp_path):
+    path, places, law = tmp_path / "new" / "a.csv", (0.3, 1 / 3, 12.0, 18.0), (0.99, 51.05, 1e-17)
+    rows = tuple(ArrivalRow(i, 3, *places, "a, m", "arrived", "", *law, 48.9, 0.25) for i in (0, 1))
+    for row in rows:
+        append_arrival(path, row)
+    assert load_arrivals(path) == rows
+
+
 #: States 0, 1, 2 have a mean of 3, 2, 1 steps to go; the goal is state 3.
 CDF = np.array([[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], *[[1, 1, 1, 1]] * 2], dtype=np.float64)
 
@@ -205,10 +215,3 @@ def test_every_new_minimum_of_the_expected_time_is_progress(patience, minimum, l
     monitor, arrival = ProgressMonitor(settings), ArrivalByState(CDF, np.ones(4))
     reasons = [monitor.update(arrival, state, left) for state in states]
     assert reasons == [None] * (len(states) - 1) + [last]
-
-
-def test_rules_out_of_range_are_refused():
-    with pytest.raises(ValidationError, match=r"patience_decisions\n.*greater than or equal to 0"):
-        NavigationSettings(patience_decisions=-1)
-    with pytest.raises(ValidationError, match=r"probability\n.*less than or equal to 1"):
-        NavigationSettings(minimum_arrival_probability=7.0)

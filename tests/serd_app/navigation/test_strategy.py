@@ -17,7 +17,6 @@ from serd_sim.drivers.strategy import (
 )
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
-from support.arrival_twin import arrival_by_state
 from tests.conftest import MEAN_S, OUTCOMES, model_row
 
 HALLWAY, PLACES = load_scenario("hallway"), builtin_scenarios()
@@ -75,20 +74,6 @@ def test_the_law_of_arrival_is_that_of_simulated_drives_whose_dwell_times_are_no
     # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
     assert np.abs(share - law.cdf).max() < np.sqrt(np.log(2e6) / (2 * n_drives))
     assert law.cdf_draws.shape == (1, len(law.times_s))
-
-
-def test_where_all_decisions_take_one_second_the_arrival_is_that_of_their_number(save_model_of):
-    """F_n of the thesis, of which a law with certain times is the special case."""
-    sure = {"mean_s": 1.0, "believed_mean_s": 1.0, "shape": 1e7}
-    rows = tuple(row.model_copy(update=sure if row.name in MEAN_S else {}) for row in ROWS)
-    place = HALLWAY.model_copy(update={"patience_s": 1.0, "wait_s": 1.0})
-    strategy = load_strategy(str(save_model_of(outcome_models=rows)), place, "soft")
-    table = np.array(list(OUTCOMES.values()))
-    n = strategy.n_steps // 10
-    chain = arrival_by_state(strategy.problem.by_decisions, strategy.policy.probabilities, table, n)
-    half_a_second_later = strategy.arrival.cdf[5::10]
-    np.testing.assert_allclose(half_a_second_later, chain.cdf[:-1], atol=1e-4)
-    np.testing.assert_allclose(half_a_second_later[:50], chain.cdf[:50], atol=1e-7)
 
 
 def test_the_law_of_a_cell_is_that_of_a_start_in_it(save_model_of):
