@@ -43,7 +43,7 @@ from serd_files.table import csv_text
 #: Most surprising decisions and unusual episodes that are listed.
 _LISTED = 12
 _COMPARED = "compared.csv"
-_OWN_FILES = (
+_OWN_FILES: tuple[FileLink, ...] = (
     FileLink("summary.json", "every number of this page"),
     FileLink("figures/", "all figures as PNG and SVG"),
 )
