@@ -23,7 +23,6 @@ from PIL import Image
 from selenium.webdriver import Chrome
 
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.navigation.overlay import overlay_of
 from serd_app.report.figures.arrival import draw_comparison
 from serd_app.report.figures.maps import draw_policy_map, draw_visitation
 from serd_app.report.style import png_bytes
@@ -31,6 +30,7 @@ from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import (
     overlay_message,
+    overlay_of,
     point,
     scene_of,
     watched_scene_of,

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.arrival_log import ArrivalRecords
 from serd_app.navigation.evaluation.comparison import Comparison, compare
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_app.report.pictures import save_arrival_picture
 from serd_bag.files import read_text, require_folder
@@ -20,7 +19,6 @@ from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.table import write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
-from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.result import result_of_record
 from serd_sim.planning.catalogue import make_planner
@@ -31,8 +29,9 @@ from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
 
-#: Drives a series of episodes and returns their rows; the folder is that of tables, if any.
-Drive = Callable[[DriveSettings, Path | None], Sequence[EpisodeResult]]
+#: Drives a series of episodes by a planned model and returns their rows; the folder is that of
+#: tables, if any.
+Drive = Callable[[DriveSettings, Path | None, Navigator], Sequence[EpisodeResult]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,30 +54,21 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     drive_all: as `drive`, in this process or by nodes. SerdError or FileError for an option that
     does not fit the model or the place, before anything drives, and for a folder of another drive.
     """
-    strategy = _strategy_of(settings)
+    own = settings.place()
+    scenario = with_goal(own, settings.goal)
+    start_states_of(scenario, grid_of(scenario), settings.start_area)
+    make_planner(settings.planner, scenario)
+    navigator = Navigator(own, settings)
+    strategy = navigator.strategy
     if output is not None:
         require_folder(output)
         claim_folder(output, settings)
-    rows = drive_all(settings, output)
+    rows = drive_all(settings, output, navigator)
     missing = ""
     if output is not None:
         missing = save_arrival_picture(output / "arrival.png", strategy, settings.start_area, rows)
     comparison = compare(strategy, settings.start_area, rows)
     return Navigated(settings, comparison, strategy.scenario.patience_remark, missing)
-
-
-def _strategy_of(settings: DriveSettings) -> Strategy:
-    """The plan; raises the error of any bad setting before anything drives."""
-    scenario = with_goal(settings.place(), settings.goal)
-    start_states_of(scenario, grid_of(scenario), settings.start_area)
-    make_planner(settings.planner, scenario)
-    return load_strategy(
-        settings.model,
-        scenario,
-        settings.policy,
-        transfer=settings.transfer,
-        timeout_s=settings.timeout_s,
-    )
 
 
 class BegunDrive(DriveSettings):
@@ -134,13 +124,17 @@ def finished_episodes(settings: DriveSettings, output: Path | None) -> list[Epis
 
 
 def drive(
-    settings: DriveSettings, output: Path | None, on_episode: Callable[[EpisodeResult], None]
+    settings: DriveSettings,
+    output: Path | None,
+    on_episode: Callable[[EpisodeResult], None],
+    navigator: Navigator | None = None,
 ) -> list[EpisodeResult]:
     """Drive the episodes that are not finished yet; the rows of all of them.
 
-    output: folder that gets each row as it comes, none when None.
+    output: folder that gets each row as it comes, none when None. navigator: planned by these
+    settings, None to plan here.
     """
-    navigator = Navigator(settings.place(), settings)
+    navigator = navigator or Navigator(settings.place(), settings)
     records, results = ArrivalRecords(output), finished_episodes(settings, output)
 
     def observe(observation: Observation, _: Command, __: Action) -> bool:

@@ -25,7 +25,6 @@ from serd_app.navigation.forecast import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
-from serd_core.arrays import FloatArray
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.model_file import ModelFile, load_model
 from serd_sim.drivers.strategy import Strategy, load_strategy
@@ -86,7 +85,10 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
     place = load_scenario(scenario or scenario_of_model(model, file.scenario))
     strategy = load_strategy(str(model), place, sources.policy, file=file)
     problem, files = strategy.problem, outcome_files(model)
-    trace, found = _trace(files["learning"], file), None
+    trace = load_trace(files["learning"]) if files["learning"].exists() else np.zeros(0)
+    if len(trace) and not np.isclose(trace[-1], file.fit.objective):
+        trace = np.zeros(0)  # of another fit
+    found = None
     if paths:
         own, mapping = scenario if file.scenario else "", read_mapping(sources.mapping, paths)
         found = familiarity_of(model, paths, mapping=mapping, scenario=own)
@@ -101,7 +103,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         timeout_s=strategy.timeout_s,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
-        forecasts=(*_forecasts_of_areas(strategy), *forecasts_of(strategy, sources.starts_m)),
+        forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(strategy, paths, found),
         n_demonstrations=file.fit.n_episodes,
         driven=strategy.driven,
@@ -124,25 +126,20 @@ def _recorded(
     }
 
 
-def _forecasts_of_areas(strategy: Strategy) -> Iterator[Forecast]:
-    """The arrival from each start area; a fitted grid has one, where demonstrations began."""
+def _forecasts(strategy: Strategy, starts_m: Sequence[tuple[float, float]]) -> Iterator[Forecast]:
+    """The arrival from each start area and from the cells of points.
+
+    A fitted grid has one area, where demonstrations began.
+    """
     for name in strategy.scenario.start_areas_m:
         start = f"area {name}" if strategy.file.scenario else "where demonstrations began"
         trapped = starts_of(strategy, name).n_trapped > 0
         yield Forecast(start, predicted_law(strategy, name), trapped)
-
-
-def forecasts_of(
-    strategy: Strategy, starts_m: Sequence[tuple[float, float]]
-) -> tuple[Forecast, ...]:
-    """The arrival from the cells of points."""
-    grid, found = strategy.problem.grid, []
+    grid = strategy.problem.grid
     for x_m, y_m in starts_m:
-        start, cell = np.zeros(grid.n_states), goal_cell(grid, x_m, y_m, what="start")
-        start[cell] = 1.0
-        trapped = cell in strategy.driven.learned_traps
-        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start), trapped))
-    return tuple(found)
+        cell = goal_cell(grid, x_m, y_m, what="start")
+        law = strategy.law_from(np.eye(1, grid.n_states, cell)[0])
+        yield Forecast(f"{x_m:g}, {y_m:g}", law, cell in strategy.driven.learned_traps)
 
 
 def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
@@ -152,12 +149,6 @@ def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
     if not rows:
         raise ReportError(f"{path} must have at least one episode, got none; drive some")
     return rows
-
-
-def _trace(path: Path, file: ModelFile) -> FloatArray:
-    """The steps of the fit, none where the file beside the model is of another fit."""
-    trace = load_trace(path) if path.exists() else np.zeros(0)
-    return trace if len(trace) and np.isclose(trace[-1], file.fit.objective) else np.zeros(0)
 
 
 def _facts(file: ModelFile) -> RunFacts:

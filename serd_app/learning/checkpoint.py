@@ -1,12 +1,15 @@
-"""What a live learner has observed and where its fit stands, on disk against a kill.
+"""What a live learner has observed and where its fit stands, on disk against a kill; its fits.
 
 The folder holds `decisions.csv`, every decision learned from or still to learn from, and
-`checkpoint.yaml`, where the newest fit stood.
+`checkpoint.yaml`, where the newest fit stood. A fit runs in a thread of its own, so that the
+caller's thread stays free meanwhile.
 """
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -14,15 +17,20 @@ from pydantic import Field
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
-from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.fit_data import FitProgress, ProgressCallback
+from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
+from serd_core.errors import SerdError
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of, grid_of
 from serd_sim.scenario.scenario import Scenario
+
+_STOP_TIMEOUT_S = 10.0
 
 
 class LearnerCheckpoint(StrictModel):
@@ -184,3 +192,61 @@ class LearnerMemory:
 
     def _named(self, weights: FloatArray) -> dict[str, float]:
         return dict(zip(self._feature_names, weights.tolist(), strict=True))
+
+
+Job = Callable[[ProgressCallback], FitOutcome]
+Event = FitProgress | FitOutcome | SerdError | FileError
+
+
+class FitStoppedError(SerdError):
+    """The fit was stopped before its end."""
+
+
+class FitWorker:
+    """One job at a time; `events` returns its progress in the caller's thread."""
+
+    def __init__(self) -> None:
+        self._events: SimpleQueue[Event | BaseException] = SimpleQueue()
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job has begun whose end was not returned by `events` yet."""
+        return self._thread is not None
+
+    def begin(self, job: Job) -> None:
+        """Run it; the outcome, or the error that ended it, is the last of its events."""
+        self._thread = threading.Thread(target=self._run, args=(job,), daemon=True)
+        self._thread.start()
+
+    def events(self) -> list[Event]:
+        """Everything since the last call; raises an error of the job that is no SerdError."""
+        fetched: list[Event] = []
+        while True:
+            try:
+                event = self._events.get_nowait()
+            except Empty:
+                return fetched
+            if not isinstance(event, FitProgress):
+                self._thread = None
+            if isinstance(event, BaseException) and not isinstance(event, USER_ERRORS):
+                raise event
+            fetched.append(event)
+
+    def stop(self) -> None:
+        """End the job at its next step and wait for that."""
+        self._stopped.set()
+        if self._thread is not None:
+            self._thread.join(_STOP_TIMEOUT_S)
+
+    def _run(self, job: Job) -> None:
+        try:
+            self._events.put(job(self._report))
+        except BaseException as error:
+            self._events.put(error)
+
+    def _report(self, progress: FitProgress) -> None:
+        if self._stopped.is_set():
+            raise FitStoppedError("learning was stopped; start the learner again to continue")
+        self._events.put(progress)

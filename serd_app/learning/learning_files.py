@@ -96,28 +96,25 @@ def read_learning_files(
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
     scenario's goal area, or without a scenario where most of the episodes end.
     """
-    recorded = _read_recorded(table, scenario)
-    grid, known, all_decisions = recorded.grid, recorded.scenario, recorded.decisions
-    goals, decisions = recorded.goal_states(goals_m)
-    elsewhere = ~np.isin(all_decisions.episode, decisions.episode)
-    others = (
-        usual_goal_states(all_decisions.select(elsewhere), grid) if elsewhere.any() else goals[:0]
-    )
+    all_decisions, grid, record, known = _read(table, scenario)
+    goals, decisions = _goals(all_decisions, grid, known, goals_m)
+    elsewhere = all_decisions.select(~np.isin(all_decisions.episode, decisions.episode))
+    others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], grid, known, flow)
-    problem = recorded.problem(chosen, goals, discount)
+    problem = _problem(grid, known, record, chosen, goals, discount)
     return LearningFiles(
         task=LearningTask(
             problem,
             known.name if known else "",
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(known, problem, kept, recorded.record),
+            scenario_yaml=_scenario_yaml(known, problem, kept, record),
         ),
         demonstrations=Demonstrations(kept),
         flow_from=source,
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
-        n_elsewhere=len(all_decisions) - len(decisions),
+        n_elsewhere=len(elsewhere),
         n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
         reaching=episodes_reaching(decisions, goals),
@@ -125,46 +122,11 @@ def read_learning_files(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Recorded:
-    """What lies beside a table of decisions; scenario: None where the grid was fitted."""
-
-    decisions: TimedDecisions
-    grid: Grid
-    record: DemonstrationRecord
-    scenario: Scenario | None
-
-    def goal_states(
-        self, goals_m: tuple[tuple[float, float], ...]
-    ) -> tuple[IntArray, TimedDecisions]:
-        """(G,) those of places, else of the scenario, else where most episodes end, and the
-        decisions of the episodes that end there."""
-        if goals_m:
-            return _goal_states(self.grid, goals_m), self.decisions
-        if self.scenario:
-            return goal_states_of(self.scenario, self.grid), self.decisions
-        goals = usual_goal_states(self.decisions, self.grid)
-        return goals, ending_in(self.decisions, goals)
-
-    def problem(self, flow: IntArray, goals: IntArray, discount: float) -> NavigationProblem:
-        """Its decisions take time; flow: (S,)."""
-        grid, place = self.grid, self.scenario
-        by_decisions = build_navigation_problem(
-            grid=grid,
-            flow=flow,
-            goal_states=goals,
-            wall_distance_m=wall_distance_of(place, grid) if place else grid_wall_distance_m(grid),
-            discount=discount,
-        )
-        return with_dwell_times(
-            by_decisions, patience_s=self.record.patience_s, wait_s=self.record.wait_s
-        )
-
-
-def _read_recorded(table: Path, scenario: str) -> _Recorded:
-    """The files, which must be of one place; scenario: in place of the one the record names."""
-    files = files_beside(table)
-    decisions = load_decisions(table)
+def _read(
+    table: Path, scenario: str
+) -> tuple[TimedDecisions, Grid, DemonstrationRecord, Scenario | None]:
+    """The decisions and the files beside them, which must be of one place."""
+    files, decisions = files_beside(table), load_decisions(table)
     require_beside(table, files["grid"], files["record"])
     grid = load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
@@ -172,7 +134,43 @@ def _read_recorded(table: Path, scenario: str) -> _Recorded:
     known = load_scenario(place) if place else None
     _require_one_place(files, record, grid, known)
     _require_states(table, decisions, grid)
-    return _Recorded(decisions, grid, record, known)
+    return decisions, grid, record, known
+
+
+def _goals(
+    decisions: TimedDecisions,
+    grid: Grid,
+    scenario: Scenario | None,
+    goals_m: tuple[tuple[float, float], ...],
+) -> tuple[IntArray, TimedDecisions]:
+    """(G,) states of given places, else of the scenario, else where most episodes end, and the
+    decisions of the episodes that end there."""
+    if goals_m:
+        states = grid.states_at(np.array(goals_m))
+        if (states < 0).any():
+            x_m, y_m = goals_m[int(np.argmax(states < 0))]
+            raise AppError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
+        return np.unique(states), decisions
+    if scenario:
+        return goal_states_of(scenario, grid), decisions
+    goals = usual_goal_states(decisions, grid)
+    return goals, ending_in(decisions, goals)
+
+
+def _problem(
+    grid: Grid,
+    scenario: Scenario | None,
+    record: DemonstrationRecord,
+    flow: IntArray,
+    goals: IntArray,
+    discount: float,
+) -> NavigationProblem:
+    """What is learned on, whose decisions take time; flow: (S,)."""
+    distance_m = wall_distance_of(scenario, grid) if scenario else grid_wall_distance_m(grid)
+    by_decisions = build_navigation_problem(
+        grid=grid, flow=flow, goal_states=goals, wall_distance_m=distance_m, discount=discount
+    )
+    return with_dwell_times(by_decisions, patience_s=record.patience_s, wait_s=record.wait_s)
 
 
 def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
@@ -231,14 +229,6 @@ def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:
             f"{table}: states must be below {grid.n_states}, the number of cells of the grid"
             f" beside it, got {highest}; run 'serd demos' again"
         )
-
-
-def _goal_states(grid: Grid, goals_m: tuple[tuple[float, float], ...]) -> IntArray:
-    states = grid.states_at(np.array(goals_m))
-    if (states < 0).any():
-        x_m, y_m = goals_m[int(np.argmax(states < 0))]
-        raise AppError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
-    return np.unique(states)
 
 
 def _flow(

@@ -44,9 +44,6 @@ VISITS_MAP = LinearSegmentedColormap.from_list(
     "visits", ["#fdfcfa", "#f7cfc0", "#e58a78", "#c04a50", "#7a1733"]
 )
 VALUE_MAP = LinearSegmentedColormap.from_list("value", ["#f4f7fa", "#d3e2ee", "#a3c4de", "#6f9fc6"])
-FEATURE_MAP = LinearSegmentedColormap.from_list(
-    "feature", ["#4477aa", "#a8c3dc", "#fdfcfa", "#f0a59d", "#b92f44"]
-)
 
 _STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",

@@ -1,55 +1,51 @@
-"""Every file of a report: figures, tables, summary and the page, each written atomically."""
+"""Every file of a report: figures, tables, summary and the page, each written atomically.
 
+The page is one HTML file with embedded pictures and without resources from outside.
+"""
+
+import base64
 import json
+from collections.abc import Mapping
 from dataclasses import astuple, fields
 from pathlib import Path
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from serd_app.navigation.evaluation.familiarity import ScoredEpisode
-from serd_app.report.figures.arrival import (
-    at_times,
-    draw_comparison,
-    draw_forecasts,
-    measured_curve,
-    predicted_curve,
-)
-from serd_app.report.figures.charts import (
-    OUTCOME_LABELS,
-    draw_outcomes,
-    draw_progress,
-    draw_weights,
-)
+from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
+from serd_app.report.figures.charts import OUTCOME_LABELS, draw_outcomes
 from serd_app.report.figures.hallway import draw_hallway
 from serd_app.report.figures.maps import (
-    draw_features,
     draw_flow_map,
     draw_gain,
     draw_policy_map,
     draw_surprises,
     draw_visitation,
 )
-from serd_app.report.inputs import FileLink, ReportInputs
-from serd_app.report.page import render_page
+from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
 from serd_app.report.style import save_figure, svg_bytes
-from serd_app.report.summary import known_decisions, summary_of, trapped_states
+from serd_app.report.summary import (
+    Summary,
+    headline_of,
+    known_decisions,
+    summary_of,
+    trapped_states,
+)
 from serd_bag.files import atomic_write_bytes, atomic_write_text
-from serd_core.demonstrations.decisions import state_counts
+from serd_bag.quantities import counted, seconds_in_words
+from serd_core.demonstrations.decisions import HIDDEN, state_counts
+from serd_core.grid.grid import Action
 from serd_core.grid.navigation import NO_FLOW
-from serd_files.episode_table import EpisodeResult
 from serd_files.table import csv_text
 
+#: Most surprising decisions and unusual episodes that are listed.
+_LISTED = 12
 _COMPARED = "compared.csv"
-_OWN_FILES = (
+_OWN_FILES: tuple[FileLink, ...] = (
     FileLink("summary.json", "every number of this page"),
-    FileLink("reward_weights.csv", "learned reward weights"),
-    FileLink("outcome_models.csv", "initial and learned outcome probabilities"),
     FileLink("figures/", "all figures as PNG and SVG"),
-)
-_FILES_OF_EPISODES = (
-    FileLink("episodes.csv", "how each new episode ended"),
-    FileLink("arrival_times.csv", "predicted and measured arrival curves with bands"),
 )
 
 
@@ -62,12 +58,14 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     summary = summary_of(inputs)
     pictures = {}
-    for name, figure in (_map_figures(inputs) | _chart_figures(inputs)).items():
+    for name, figure in _figures(inputs).items():
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
         save_figure(folder / "figures" / f"{name}.png", figure)
-    for file_name, text in all_tables(inputs).items():
-        atomic_write_text(folder / file_name, text)
+    if inputs.familiarity is not None:
+        names = [field.name for field in fields(ScoredEpisode)]
+        table = csv_text(names, map(astuple, inputs.familiarity.episodes))
+        atomic_write_text(folder / _COMPARED, table)
     numbers = json.dumps(summary.as_json(), indent=2, allow_nan=False)
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
@@ -78,81 +76,14 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
 def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
-    own = _OWN_FILES + (_FILES_OF_EPISODES if inputs.episodes else ())
+    own = _OWN_FILES
     if inputs.familiarity is not None:
         own += (FileLink(_COMPARED, "how usual each demonstration is for the model"),)
     return inputs.files + tuple(link for link in own if link.path not in given)
 
 
-def all_tables(inputs: ReportInputs) -> dict[str, str]:
-    """CSV text by file name."""
-    driven = {}
-    if inputs.episodes:
-        driven["episodes.csv"] = episodes_table(inputs.episodes)
-        driven["arrival_times.csv"] = arrival_table(inputs)
-    if inputs.familiarity is not None:
-        names = [field.name for field in fields(ScoredEpisode)]
-        driven[_COMPARED] = csv_text(names, map(astuple, inputs.familiarity.episodes))
-    return driven | {
-        "reward_weights.csv": weights_table(inputs),
-        "outcome_models.csv": outcomes_table(inputs),
-    }
-
-
-def episodes_table(episodes: tuple[EpisodeResult, ...]) -> str:
-    """One row per episode; time_of_arrival_s is empty unless the robot arrived."""
-    columns = {
-        "episode": [each.episode for each in episodes],
-        "seed": [each.seed for each in episodes],
-        "outcome": [each.outcome for each in episodes],
-        "time_of_arrival_s": [
-            each.time_of_arrival_s if each.arrived else None for each in episodes
-        ],
-        "path_length_m": [each.distance_m for each in episodes],
-        "robot_on_person_contacts": [each.robot_on_person for each in episodes],
-        "person_on_robot_contacts": [each.person_on_robot for each in episodes],
-        "wall_contacts": [each.robot_on_wall for each in episodes],
-    }
-    return csv_text(list(columns), zip(*columns.values(), strict=True))
-
-
-def arrival_table(inputs: ReportInputs) -> str:
-    """Both curves with their bands at every time at which one of them steps."""
-    n_episodes = len(inputs.episodes)
-    predicted = predicted_curve(inputs.predicted, n_episodes)
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
-    times_s = np.union1d(predicted.time_s, measured.time_s)
-    columns, header = [times_s], ["time_s"]
-    for name, curve in (("predicted", predicted), ("measured", measured)):
-        read = at_times(curve, times_s)
-        columns += [read.probability, read.lower, read.upper]
-        header += [f"{name}_cdf", f"{name}_lower_95", f"{name}_upper_95"]
-    return csv_text(header, np.column_stack(columns).tolist())
-
-
-def weights_table(inputs: ReportInputs) -> str:
-    """feature, weight."""
-    fit = inputs.fit
-    rows = zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)
-    return csv_text(["feature", "reward_weight"], rows)
-
-
-def outcomes_table(inputs: ReportInputs) -> str:
-    """One row per model and outcome: number of decisions, initial and learned probability."""
-    counts = known_decisions(inputs).tolist()
-    initial = inputs.fit.initial_outcome_probabilities.tolist()
-    learned = inputs.fit.outcome_probabilities.tolist()
-    rows = [
-        (model, outcome, counts[m], initial[m][k], learned[m][k])
-        for m, model in enumerate(inputs.problem.model_names)
-        for k, outcome in enumerate(OUTCOME_LABELS)
-    ]
-    header = ["model", "outcome", "decisions_of_model"]
-    return csv_text([*header, "initial_probability", "learned_probability"], rows)
-
-
-def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
-    """By their names in the template of the page."""
+def _figures(inputs: ReportInputs) -> dict[str, Figure]:
+    """Maps and charts by their names in the template of the page."""
     scenario, problem = inputs.scenario, inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
@@ -174,13 +105,10 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     found["policy"] = draw_policy_map(
         scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
     )
-    found["features"] = draw_features(
-        scenario, grid, problem.features, problem.feature_names, problem.mdp.available
-    )
-    return found
+    return found | _charts(inputs)
 
 
-def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
+def _charts(inputs: ReportInputs) -> dict[str, Figure]:
     fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
     found: dict[str, Figure] = {}
     recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
@@ -190,15 +118,138 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
-    if len(fit.objective_trace):
-        found["progress"] = draw_progress(fit.objective_trace, converged=fit.converged)
-    return found | {
-        "weights": draw_weights(fit.feature_names, fit.reward_weights),
-        "outcomes": draw_outcomes(
-            tuple(problem.model_names[m] for m in used),
-            fit.initial_outcome_probabilities[used],
-            fit.outcome_probabilities[used],
-            known_decisions(inputs)[used],
-            inputs.knowledge,
+    found["outcomes"] = draw_outcomes(
+        tuple(problem.model_names[m] for m in used),
+        fit.initial_outcome_probabilities[used],
+        fit.outcome_probabilities[used],
+        known_decisions(inputs)[used],
+        inputs.knowledge,
+    )
+    return found
+
+
+def render_page(
+    inputs: ReportInputs,
+    summary: Summary,
+    pictures: Mapping[str, bytes],
+    links: tuple[FileLink, ...],
+) -> str:
+    """The whole page as text; `pictures` are SVG bytes by figure name."""
+    environment = Environment(
+        loader=PackageLoader("serd_app.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
+    return environment.get_template("report.html.j2").render(
+        inputs=inputs,
+        headline=headline_of(summary),
+        no_prediction=summary.no_prediction,
+        summary=summary,
+        summary_rows=summary_rows(summary),
+        pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
+        outcome_labels=OUTCOME_LABELS,
+        models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
+        links=links,
+        has_tracks=bool(inputs.demonstration_tracks_m),
+        forecasts=[_forecast_row(each) for each in inputs.forecasts],
+        surprises=surprise_rows(inputs),
+        unusual=() if inputs.familiarity is None else inputs.familiarity.episodes[:_LISTED],
+    )
+
+
+def summary_rows(summary: Summary) -> list[tuple[str, str]]:
+    """The summary table: names and values as text."""
+    rows = [
+        (
+            "Demonstrations",
+            f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
         ),
-    }
+        *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
+        *([("Compared with the model", summary.compared)] if summary.compared else []),
+        *_arrival_rows(summary),
+        ("Trap states", str(summary.n_trap_states)),
+        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
+        (
+            "Fit",
+            f"{'converged' if summary.converged else 'did NOT converge'} "
+            f"after {counted(summary.n_steps, 'step')}, log posterior {summary.objective:.2f}",
+        ),
+    ]
+    factors = [f"{name} {factor:.0f}" for name, factor in summary.real_time_factor.items()]
+    return rows + (
+        [("Times faster than real time (whole phase)", ", ".join(factors))] if factors else []
+    )
+
+
+def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
+    """Measured beside predicted arrival, or predicted alone where nothing drove.
+
+    What is predicted is left out where that is not supported.
+    """
+    predicted = f"predicted {percent(summary.predicted_arrival_probability)}"
+    median = f"predicted {_seconds(summary.predicted_median_s)}"
+    none = []
+    if summary.no_prediction_because:
+        none = [("Predicted arrival", f"none, because {summary.no_prediction}")]
+    if summary.measured_arrival_interval_95 is None or summary.agreement is None:
+        return none or [("Arrives", predicted), ("Median time of arrival", median)]
+    low, high = summary.measured_arrival_interval_95
+    beside = ("", "") if none else (f"; {predicted}", f"; {median}")
+    return [
+        *none,
+        (
+            "Arrived",
+            f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
+            f"({percent(summary.measured_arrival_probability or 0.0)}, 95 % interval "
+            f"{percent(low)} to {percent(high)}){beside[0]}",
+        ),
+        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}{beside[1]}"),
+        ("Largest gap of the two arrival curves", summary.agreement.gap_text),
+        (
+            "Contacts",
+            f"robot ran into people {summary.robot_on_person_contacts} times, people into the "
+            f"robot {summary.person_on_robot_contacts} times, "
+            f"walls touched {summary.wall_contacts} times",
+        ),
+    ]
+
+
+def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
+    """Start, probability of arriving, and by when half and nine in ten do."""
+    law = forecast.law
+    half, most = (law.quantile_s(share) for share in (0.5, 0.9))
+    trapped = " (the learned policy does not arrive)" if forecast.trapped else ""
+    return f"{forecast.name}{trapped}", percent(float(law.cdf[-1])), _by(half), _by(most)
+
+
+def _by(time_s: float | None) -> str:
+    return "not in time" if time_s is None else seconds_in_words(time_s)
+
+
+def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]]:
+    """Episode, time in it, place, action and tail probability of the least likely decisions."""
+    found = inputs.familiarity
+    if found is None:
+        return []
+    decisions, grid = found.decisions, found.problem.grid
+    episodes, first = np.unique(decisions.episode, return_index=True)
+    began_s = dict(zip(episodes.tolist(), decisions.time_s[first].tolist(), strict=True))
+    rows = np.argsort(found.tails, kind="stable")[:_LISTED]
+    rows = rows[found.surprising[rows]]
+    return [
+        (
+            int(decisions.episode[row]),
+            float(decisions.time_s[row] - began_s[int(decisions.episode[row])]),
+            "{:.2f}, {:.2f}".format(*grid.centers_m[decisions.state[row]]),
+            "hidden" if action == HIDDEN else Action(action).name.lower(),
+            f"{found.tails[row]:.1e}",
+        )
+        for row, action in zip(rows, decisions.action[rows].tolist(), strict=True)
+    ]
+
+
+def _seconds(value: float | None) -> str:
+    return "more than half never arrived" if value is None else seconds_in_words(value)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeInt
 
-from serd_app.teleop.mux_settings import read_parameters
+from serd_app.teleop.twist_mux import read_parameters
 from serd_files.yaml_config import StrictModel, yaml_model
 from serd_files.yaml_text import write_yaml
 from serd_sim.world.command import STOP, Command
@@ -89,8 +89,8 @@ class JoyDriver:
         mapping = self._mapping
         linear = mapping.scale_linear_turbo if turbo else mapping.scale_linear
         angular = mapping.scale_angular_turbo if turbo else mapping.scale_angular
-        linear_mps = linear["x"] * _deflection(axes, mapping.axis_linear["x"])
-        angular_radps = angular["yaw"] * _deflection(axes, mapping.axis_angular["yaw"])
+        linear_mps = linear["x"] * float(axes[mapping.axis_linear["x"]])
+        angular_radps = angular["yaw"] * float(axes[mapping.axis_angular["yaw"]])
         if mapping.inverted_reverse and linear_mps < 0.0:
             angular_radps = -angular_radps
         return Command(linear_mps, angular_radps)
@@ -107,7 +107,3 @@ def load_joy_mapping(path: str | Path = "") -> JoyMapping:
 
 def _held(buttons: Sequence[int], index: int) -> bool:
     return 0 <= index < len(buttons) and bool(buttons[index])
-
-
-def _deflection(axes: Sequence[float], index: int) -> float:
-    return float(axes[index]) if index < len(axes) else 0.0

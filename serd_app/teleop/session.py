@@ -12,6 +12,7 @@ from typing import Literal
 
 from serd_app.drives.episode_spans import DISCARDED, END, SAVED, START, EpisodeMark
 from serd_app.errors import TeleopError
+from serd_core.grid.grid import Action
 from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
@@ -146,3 +147,27 @@ class EpisodeTally:
     def __str__(self) -> str:
         """For example `3 kept (2 arrived), 1 discarded`."""
         return f"{self.kept} kept ({self.arrived} arrived), {self.discarded} discarded"
+
+
+class DirectionChoice:
+    """The direction that a person holds, else wait.
+
+    After `clear`, a key counts when it is pressed anew. One that is held from the start on counts.
+    """
+
+    def __init__(self) -> None:
+        self._held: Action | None = None
+        self._counts = True
+
+    @property
+    def action(self) -> Action:
+        """What the person wants now."""
+        return Action.WAIT if self._held is None or not self._counts else self._held
+
+    def hold(self, action: Action | None) -> None:
+        """Set the direction that is held now, None for none; repeated calls change nothing."""
+        self._held, self._counts = action, self._counts or action is None
+
+    def clear(self) -> None:
+        """Reset to wait; a key that is held now counts after it has been released."""
+        self._held, self._counts = None, False

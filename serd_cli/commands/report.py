@@ -51,8 +51,8 @@ def report(
     """Parse the options, write the page and print its summary."""
     from serd_app.journeys.report import ReportSources
     from serd_app.journeys.report import report as write
-    from serd_app.report.page import summary_rows
     from serd_app.report.summary import headline_of
+    from serd_app.report.write import summary_rows
     from serd_cli.output.terminal import console, print_json
     from serd_sim.scenario.goal import point_of
 

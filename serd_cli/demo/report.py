@@ -21,9 +21,8 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.comparison import predicted_law, recorded_times
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.page import summary_rows
 from serd_app.report.summary import headline_of, summary_of
-from serd_app.report.write import write_report
+from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, print_json

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from serd_app.journeys.navigate import Navigated, drive, finished_episodes
 from serd_app.navigation.evaluation.comparison import Comparison, reasons_text
+from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, counting_bar, progress_console, results_kept_in
@@ -78,7 +79,9 @@ def _seconds(time_s: float | None) -> str:
     return "never" if time_s is None else f"{time_s:.1f} s"
 
 
-def drive_through_ros(settings: DriveSettings, output: Path | None) -> list[EpisodeResult]:
+def drive_through_ros(
+    settings: DriveSettings, output: Path | None, _: Navigator
+) -> list[EpisodeResult]:
     """Drive all episodes in lock-step; the strategy writes its tables to the folder, if any."""
     same_names = {*NavigationSettings.model_fields, "start_area", "people"}
     with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
@@ -93,7 +96,9 @@ def drive_through_ros(settings: DriveSettings, output: Path | None) -> list[Epis
         return list(load_episodes(Path(folder) / "episodes.csv"))
 
 
-def drive_in_process(settings: DriveSettings, output: Path | None) -> list[EpisodeResult]:
+def drive_in_process(
+    settings: DriveSettings, output: Path | None, navigator: Navigator
+) -> list[EpisodeResult]:
     """Drive the episodes that are not finished yet, in this process."""
     n_finished = len(finished_episodes(settings, output))
     bar = counting_bar("{task.description}", "[dim]{task.fields[text]}", bar_width=20)
@@ -103,4 +108,4 @@ def drive_in_process(settings: DriveSettings, output: Path | None) -> list[Episo
         def show(row: EpisodeResult) -> None:
             bar.update(task, advance=1, text=f"{row.outcome} after {row.duration_s:.1f} s")
 
-        return drive(settings, output, show)
+        return drive(settings, output, show, navigator)

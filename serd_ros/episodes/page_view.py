@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from serd_app.drives.episode_spans import START, EpisodeMark
-from serd_app.navigation.overlay import ModelOverlay, overlay_of
 from serd_app.teleop.page.server import PageServer
-from serd_app.teleop.page.view import overlay_message, point, world_state
+from serd_app.teleop.page.view import ModelOverlay, overlay_message, overlay_of, point, world_state
 from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS

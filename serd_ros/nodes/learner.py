@@ -14,13 +14,12 @@ from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.demonstrations.recorded import Place, files_beside, save_learnable
-from serd_app.learning.checkpoint import LearnerMemory
+from serd_app.learning.checkpoint import FitWorker, LearnerMemory
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.methods import require_learnable
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
 from serd_app.learning.settings import LearningSettings
-from serd_app.learning.worker import FitWorker
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
 from serd_bag.files import require_file_place

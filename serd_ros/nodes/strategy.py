@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
-from serd_app.navigation.arrival_log import ArrivalRecords
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult

@@ -19,11 +19,11 @@ from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.journeys.navigate import BegunDrive
 from serd_app.learning.checkpoint import LearnerCheckpoint
-from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
+from serd_app.navigation.navigator import ArrivalRow, append_arrival, load_arrivals
 from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_app.teleop.joy_mapping import load_joy_mapping
-from serd_app.teleop.mux_settings import load_mux
+from serd_app.teleop.twist_mux import load_mux
 from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_core.semi_markov.timed_decisions import TimedDecisions

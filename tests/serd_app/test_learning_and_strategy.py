@@ -42,6 +42,7 @@ TRUTH = np.array(
     ]
 )
 CONFIG = LearnerConfig(bag="sampled", method="mdce_serd")
+QUICK = LearningSettings(method="mdce_serd", prior_weights=(1.0,))
 
 
 @pytest.fixture(scope="module")
@@ -66,21 +67,17 @@ def outcome():
 def test_every_fit_reports_its_steps_and_the_weight_best_on_validation_is_used(outcome):
     found, reports = outcome
     weights = (*sorted(CONFIG.prior_weights), found.prior_weight)
-    reported = {(each.number, each.prior_weight) for each in reports}
-    assert reported == set(enumerate(weights, start=1))
+    assert {(each.number, each.prior_weight) for each in reports} == set(enumerate(weights, 1))
     assert {each.total for each in reports} == {len(weights)}
     assert found.prior_weight == max(found.validation, key=lambda pair: pair[1])[0]
     assert reports[-1].weights.tolist() == found.fit.reward_weights.tolist()
     assert found.fit.converged
+    header, *lines = found.trace_table().splitlines()
+    assert header == "step,objective"
+    assert [float(line.split(",")[1]) for line in lines] == list(found.fit.objective_trace)
 
 
-def test_the_trace_lists_every_step_with_its_objective(outcome):
-    lines = outcome[0].trace_table().splitlines()
-    assert lines[0] == "step,objective"
-    assert [float(line.split(",")[1]) for line in lines[1:]] == list(outcome[0].fit.objective_trace)
-
-
-def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
+def test_a_model_file_gives_the_fit_back_and_a_policy_that_leads_to_the_goal(outcome, tmp_path):
     path, fit = tmp_path / "model.yaml", outcome[0].fit
     save_yaml_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
@@ -93,16 +90,9 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
     assert local == pytest.approx(fit.outcome_probabilities, abs=1e-12)
     means = [each.mean_s for each in outcome[0].model.outcome_models[:3]]
     assert np.exp(back.parameters.truth[model.means]) == pytest.approx(means)
-    law = strategy.law_from(start_distribution(HALLWAY, "train"))
+    law, grid = strategy.law_from(start_distribution(HALLWAY, "train")), strategy.problem.grid
     assert (np.diff(law.cdf) >= 0).all()
     assert law.cdf[-1] > 0.9
-
-
-def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_path):
-    path = tmp_path / "model.yaml"
-    save_yaml_model(path, outcome[0].model)
-    strategy = load_strategy(str(path), HALLWAY, "optimal")
-    grid = strategy.problem.grid
     way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
     assert np.abs(np.diff(way_m, axis=0)).sum(axis=1) == pytest.approx(grid.cell_size_m)
     assert grid.state_at(*way_m[-1]) in set(strategy.problem.goal_states.tolist())
@@ -138,54 +128,33 @@ def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_com
     assert warm.fit.reward_weights == pytest.approx(cold.fit.reward_weights, rel=0.01)
 
 
-def test_a_fit_that_found_no_end_is_no_start_for_the_next(outcome, tmp_path):
-    memory = LearnerMemory(HALLWAY, tmp_path / "state")
-    memory.save_learned(outcome[0].fit)
-    assert memory.warm_weights.tolist() == outcome[0].fit.reward_weights.tolist()
-    memory.save_learned(replace(outcome[0].fit, converged=False))
+def test_the_memory_begins_with_the_last_fit_that_converged_and_no_candidate(outcome, tmp_path):
+    memory, fit = LearnerMemory(HALLWAY, tmp_path / "state"), outcome[0].fit
+    assert memory.start_remark == ""
+    memory.save_learned(fit)
+    assert memory.warm_weights.tolist() == fit.reward_weights.tolist()
+    step = Step(7, 0.0, 1.0, 9, np.array([1.0, 2.0, 3.0, 0.5]))
+    memory.save_progress(FitProgress(1, 2, 0.1, step))
+    assert memory.warm_weights.tolist() == fit.reward_weights.tolist()
+    memory.save_progress(FitProgress(2, 2, 0.1, step))
+    assert memory.warm_weights.tolist() == [1.0, 2.0, 3.0]
+    memory.save_learned(replace(fit, converged=False))
     assert memory.warm_weights is None
 
 
-def test_weights_of_other_features_are_no_start_and_the_memory_states_the_reason(tmp_path):
-    folder = tmp_path / "state"
-    memory = LearnerMemory(HALLWAY, folder)
-    assert memory.start_remark == ""
-    kept = memory.folder.new().model_copy(update={"reward_weights": {"speed": 1.0}})
-    memory.folder.save_decisions(first_episodes(1).decisions)
-    memory.folder.save(kept)
-    again = LearnerMemory(HALLWAY, folder)
-    assert again.warm_weights is None
-    assert again.start_remark.startswith(f"{folder}: reward_weights of its checkpoint must be")
-    assert again.start_remark.endswith("got speed; the next fit begins without them")
-
-
-def test_a_candidate_fit_leaves_the_weights_of_the_checkpoint_as_they_are(outcome, tmp_path):
-    memory = LearnerMemory(HALLWAY, tmp_path / "state")
-    memory.save_learned(outcome[0].fit)
-    before = memory.warm_weights.tolist()
-    step = Step(7, 0.0, 1.0, 9, np.array([1.0, 2.0, 3.0, 0.5]))
-    memory.save_progress(FitProgress(1, 2, 0.1, step))
-    assert memory.warm_weights.tolist() == before
-    memory.save_progress(FitProgress(2, 2, 0.1, step))
-    assert memory.warm_weights.tolist() == [1.0, 2.0, 3.0]
-
-
-def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model(outcome, tmp_path):
-    own = HALLWAY.model_copy(update={"name": "my hallway"})
-    path = tmp_path / "model.yaml"
+def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model_unless_edited(outcome, tmp_path):
+    own, path = HALLWAY.model_copy(update={"name": "my hallway"}), tmp_path / "model.yaml"
     kept = replace(outcome[0], scenario_yaml=task_in(own, CONFIG.discount).scenario_yaml)
     save_outcome(path, kept, grid_of(HALLWAY))
     assert load_scenario(scenario_beside(path, "my hallway")) == own
     save_outcome(path, outcome[0], grid_of(HALLWAY))
     assert scenario_beside(path, "hallway") == "hallway"
-
-
-def test_a_model_is_not_saved_beside_an_edited_scenario_that_is_another(outcome, tmp_path):
-    path = tmp_path / "model.yaml"
-    (tmp_path / "model.scenario.yaml").write_text("name: my own\n")
+    edited = tmp_path / "new"
+    edited.mkdir()
+    (edited / "model.scenario.yaml").write_text("name: my own\n")
     with pytest.raises(AppError, match="edited or written by hand"):
-        save_outcome(path, outcome[0], grid_of(HALLWAY))
-    assert [each.name for each in tmp_path.iterdir()] == ["model.scenario.yaml"]
+        save_outcome(edited / "model.yaml", outcome[0], grid_of(HALLWAY))
+    assert [file.name for file in edited.iterdir()] == ["model.scenario.yaml"]
 
 
 def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
@@ -204,21 +173,17 @@ def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
             state = following
         rows += [(episode, 1.0 * step, *row) for step, row in enumerate(lap)]
     episode, time_s, state, action, following = map(np.array, zip(*rows, strict=True))
-    return Demonstrations(timed(episode, time_s, state, action, following))
-
-
-def timed(*columns):
-    """Decisions of about a second each."""
-    n, rng = len(columns[0]), np.random.default_rng(3)
-    dwell_s = rng.gamma(20.0, 1 / 20, n)
-    return TimedDecisions(*columns, dwell_s=dwell_s, censored=np.zeros(n, dtype=bool))
+    dwell_s = np.random.default_rng(3).gamma(20.0, 1 / 20, len(state))
+    ended = np.zeros(len(state), dtype=bool)
+    columns = (episode, time_s, state, action, following)
+    return Demonstrations(TimedDecisions(*columns, dwell_s=dwell_s, censored=ended))
 
 
 def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_trap(tmp_path):
     quiet = HALLWAY.with_pedestrian_count(0)
     task = task_in(quiet, CONFIG.discount)
     starts = start_states_of(quiet, task.problem.grid, "train")
-    found = learn(task, laps_with_waits(task.problem, starts), LearningSettings())
+    found = learn(task, laps_with_waits(task.problem, starts), QUICK)
     assert found.fit.feature_names == ("goal", "inverse_wall_distance")
     assert tuple(found.model.reward_weights) == found.fit.feature_names
     path = tmp_path / "model.yaml"
@@ -232,7 +197,6 @@ def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_tr
     memory = LearnerMemory(quiet, tmp_path / "state", feature_names=task.problem.feature_names)
     memory.save_learned(found.fit)
     assert memory.warm_weights.tolist() == found.fit.reward_weights.tolist()
-    assert LearnerMemory(quiet, tmp_path / "other").start_remark == ""
 
 
 def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):

@@ -12,7 +12,7 @@ from visualization_msgs.msg import MarkerArray
 
 from serd_app.drives.episode_spans import END
 from serd_app.journeys.navigate import drive
-from serd_app.navigation.arrival_log import load_arrivals
+from serd_app.navigation.navigator import load_arrivals
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_core.grid.navigation import MODEL_NAMES
 from serd_files.episode_table import load_episodes

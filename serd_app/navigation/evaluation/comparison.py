@@ -228,13 +228,14 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     law = strategy.law_from(starts)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())
+    endings = (f"{row.outcome} ({row.reason})" if row.reason else row.outcome for row in episodes)
     band_s = law.quantile_s(BAND[0]), law.quantile_s(BAND[1])
     low, high = clopper_pearson([n_arrived], len(episodes))
     return Comparison(
         **asdict(agreement(law, times_s)),
         n_episodes=len(episodes),
         n_arrived=n_arrived,
-        outcomes=dict(Counter(_ending(row) for row in episodes)),
+        outcomes=dict(Counter(endings)),
         predicted_probability=float(law.cdf[-1]),
         measured_probability=n_arrived / len(episodes),
         measured_interval_95=(float(low[0]), float(high[0])),
@@ -263,10 +264,6 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
 def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
     """Time of arrival from anywhere in a start area, up to the time-out."""
     return strategy.law_from(start_distribution(strategy.scenario, start_area))
-
-
-def _ending(row: EpisodeResult) -> str:
-    return f"{row.outcome} ({row.reason})" if row.reason else row.outcome
 
 
 def _quantile_s(times_s: FloatArray, share: float) -> float | None:

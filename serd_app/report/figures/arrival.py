@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,38 +49,10 @@ def measured_curve(arrival_times_s: ArrayLike, timeout_s: float) -> ArrivalCurve
     return ArrivalCurve(empirical.times_s, empirical.cdf, empirical.lower, empirical.upper)
 
 
-def at_times(curve: ArrivalCurve, times_s: FloatArray) -> ArrivalCurve:
-    """The step functions of `curve` evaluated at other times; zero before its first."""
-    index = np.searchsorted(curve.time_s, times_s, side="right") - 1
-    before = index < 0
-    return ArrivalCurve(
-        time_s=times_s,
-        probability=np.where(before, 0.0, curve.probability[index]),
-        lower=np.where(before, 0.0, curve.lower[index]),
-        upper=np.where(before, 0.0, curve.upper[index]),
-    )
-
-
 def time_reaching(curve: ArrivalCurve, share: float) -> float | None:
     """First time at which the curve is at or above `share`, None if it never is."""
     reached = np.flatnonzero(curve.probability >= share - 1e-12)
     return float(curve.time_s[reached[0]]) if reached.size else None
-
-
-def draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
-    """The share of recorded drives that had arrived by each time: steps with a dot at each time.
-
-    recorded_s: (N,) times of arrival, nothing is drawn of none.
-    """
-    times_s = np.sort(np.asarray(recorded_s, dtype=np.float64))
-    if not len(times_s):
-        return
-    share = np.arange(1, len(times_s) + 1) / len(times_s)
-    label = f"recorded: {counted(len(times_s), 'drive')}"
-    look: Look = {"color": style.INK, "linewidth": 1.0}
-    ends_s, steps = np.append(times_s, axes.get_xlim()[1]), np.append(share, 1.0)
-    axes.step(np.append(times_s[0], ends_s), np.append(0.0, steps), where="post", **look)
-    axes.plot(times_s, share, "o", markersize=4, label=label, **look)
 
 
 def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> float:
@@ -106,39 +77,24 @@ def draw_comparison(
     timeout_s: float,
     recorded_s: ArrayLike = (),
 ) -> Figure:
-    """`draw_arrival` of a prediction and of the (N,) times of episodes, inf without an arrival.
+    """A prediction and the (N,) times of episodes, inf without an arrival, as steps with bands.
 
-    recorded_s: times of arrival of the demonstrations.
+    What stays below 1 never arrived in time. recorded_s: times of arrival of the demonstrations.
     """
-    n_episodes = len(np.asarray(arrival_times_s))
-    return draw_arrival(
+    n_episodes, recorded = len(np.asarray(arrival_times_s)), np.asarray(recorded_s)
+    law, measured = (
         predicted_curve(predicted, n_episodes),
         measured_curve(arrival_times_s, timeout_s),
-        n_episodes=n_episodes,
-        shown_until_s=max(
-            [shown_until_s(predicted, arrival_times_s, timeout_s), *(1.05 * np.asarray(recorded_s))]
-        ),
-        recorded_s=recorded_s,
     )
-
-
-def draw_arrival(
-    predicted: ArrivalCurve,
-    measured: ArrivalCurve,
-    *,
-    n_episodes: int,
-    shown_until_s: float,
-    recorded_s: ArrayLike = (),
-) -> Figure:
-    """Both curves as steps with their 95 % bands; what stays below 1 never arrived in time."""
+    until_s = max([shown_until_s(predicted, arrival_times_s, timeout_s), *(1.05 * recorded)])
     with style.report_style():
         figure = new_figure(7.2, 3.9)
         axes = figure.subplots()
-        draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
-        draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
-        begin_s = min([shown_from_s(predicted, measured), *(0.9 * np.asarray(recorded_s))])
-        _frame(axes, min(begin_s, 0.9 * shown_until_s), shown_until_s)
-        draw_recorded(axes, recorded_s)
+        _draw_curve(axes, law, "predicted", "predicted by the learned model")
+        _draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes")
+        begin_s = min([shown_from_s(law, measured), *(0.9 * recorded)])
+        _frame(axes, min(begin_s, 0.9 * until_s), until_s)
+        _draw_recorded(axes, recorded)
         handles, labels = axes.get_legend_handles_labels()
         order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
         axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")
@@ -170,7 +126,7 @@ def draw_forecasts(
         starts_s.append(np.asarray(recorded_s, dtype=np.float64))
         from_s = 0.9 * float(np.concatenate(starts_s).min(initial=until_s))
         _frame(axes, from_s, max(until_s, from_s + 1e-3))
-        draw_recorded(axes, recorded_s)
+        _draw_recorded(axes, recorded_s)
         axes.legend(loc="lower right", title="from")
     return figure
 
@@ -181,12 +137,23 @@ def _frame(axes: Axes, from_s: float, until_s: float) -> None:
     axes.grid()
 
 
-def draw_curve(
-    axes: Axes, curve: ArrivalCurve, kind: Literal["predicted", "measured"], label: str, **look: Any
-) -> None:
+def _draw_curve(axes: Axes, curve: ArrivalCurve, kind: str, label: str) -> None:
     """A curve as steps with its band, in the look of its kind."""
     colour, line = _LOOKS[kind]
     shade: Look = {"step": "post", "color": colour, "alpha": 0.18, "linewidth": 0}
     axes.fill_between(curve.time_s, curve.lower, curve.upper, label=f"95 % band, {kind}", **shade)
-    look |= {"where": "post", "color": colour, "linestyle": line}
+    look: Look = {"where": "post", "color": colour, "linestyle": line, "linewidth": 2.0}
     axes.step(curve.time_s, curve.probability, label=label, **look)
+
+
+def _draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
+    """The share of recorded drives that had arrived by each time: steps with a dot at each time."""
+    times_s = np.sort(np.asarray(recorded_s, dtype=np.float64))
+    if not len(times_s):
+        return
+    share = np.arange(1, len(times_s) + 1) / len(times_s)
+    label = f"recorded: {counted(len(times_s), 'drive')}"
+    look: Look = {"color": style.INK, "linewidth": 1.0}
+    ends_s, steps = np.append(times_s, axes.get_xlim()[1]), np.append(share, 1.0)
+    axes.step(np.append(times_s[0], ends_s), np.append(0.0, steps), where="post", **look)
+    axes.plot(times_s, share, "o", markersize=4, label=label, **look)

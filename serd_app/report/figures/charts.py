@@ -1,4 +1,4 @@
-"""Charts of the fit: weights, outcome models, the objective."""
+"""The chart of the outcome models, and error bars."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
@@ -17,27 +16,6 @@ from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.grid import Outcome
-
-
-def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> Figure:
-    """One horizontal bar per feature, its value written at its end; first feature on top."""
-    with style.report_style():
-        figure = new_figure(5.6, 0.7 + 0.5 * len(reward_weights))
-        axes = figure.subplots()
-        rows = np.arange(len(reward_weights))
-        colours = [style.BLUE if w >= 0 else style.RED for w in reward_weights]
-        bars = axes.barh(rows, reward_weights, height=0.6, color=colours)
-        labels = [f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in reward_weights]
-        axes.bar_label(bars, labels=labels, padding=4, fontsize=8.5)
-        axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
-        axes.invert_yaxis()
-        axes.axvline(0, color=style.MUTED, linewidth=0.8)
-        axes.margins(x=0.18)
-        axes.spines["left"].set_visible(False)
-        axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("reward per decision and unit of the feature")
-    return figure
-
 
 OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
 _BAR_WIDTH = 0.38
@@ -130,27 +108,6 @@ def _draw_model(
     axes.grid(axis="y")
     axes.tick_params(length=0)
     axes.spines["left"].set_visible(False)
-
-
-def draw_progress(trace: FloatArray, *, converged: bool) -> Figure:
-    """trace (n_steps,): log posterior after each step; the last point is the fit."""
-    with style.report_style():
-        figure = new_figure(5.6, 2.9)
-        axes = figure.subplots()
-        steps = np.arange(1, len(trace) + 1)
-        axes.plot(steps, trace, color=style.BLUE, linewidth=1.8, gid="objective")
-        axes.plot(steps[-1:], trace[-1:], "o", color=style.BLUE, markersize=6)
-        ending = "converged" if converged else "stopped early"
-        reached = f"{trace[-1]:.2f}, {ending}".replace("-", "\N{MINUS SIGN}")
-        axes.set_title(reached, loc="right", fontsize=8.5, fontweight="normal")
-        low = np.percentile(trace, 5) if len(trace) > 20 else trace.min()
-        span = max(trace[-1] - low, 1e-3 * abs(trace[-1]), 1e-9)
-        axes.set_ylim(low - 0.05 * span, trace.max() + 0.12 * span)
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=7, integer=True, steps=[1, 2, 5, 10]))
-        axes.grid(axis="y")
-        axes.set_xlabel("step")
-        axes.set_ylabel("objective (log posterior)")
-    return figure
 
 
 def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:

@@ -36,7 +36,7 @@ _LARGEST_GRID = 4000
 def draw_hallway(scenario: Scenario, snapshot: CrowdSnapshot) -> Figure:
     """Fig. 5.6 with a recorded crowd: arrows show where each person is in 0.7 s at this speed."""
     with style.report_style():
-        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=6.4)
+        figure, axes = map_figure(scenario)
         draw_areas(axes, scenario, filled=True)
         for trail in np.swapaxes(snapshot.people_trail_m, 0, 1):
             _fading_trail(axes, trail, style.PERSON_COLOUR, width=1.6)
@@ -95,7 +95,7 @@ def draw_scenario_plan(scenario: Scenario) -> Figure:
     """The empty place in metres; the legend names the loops and how many people walk each."""
     loops = scenario.directed_loops
     with style.report_style():
-        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=7.3)
+        figure, axes = map_figure(scenario, width_in=7.3)
         _draw_cells(axes, scenario)
         draw_areas(axes, scenario, filled=True)
         handles = []

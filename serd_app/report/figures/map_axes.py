@@ -1,15 +1,11 @@
 """Map axes: metres, equal aspect, walkable floor, walls and named areas under every map figure."""
 
 import math
-from collections.abc import Sequence
 from itertools import cycle
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -30,26 +26,33 @@ _MARGIN_M = 0.5
 _BESIDE_M = 0.4
 #: Between ticks, or a multiple of it where there would be more of them.
 _TICKS_M, _MOST_TICKS = 4.0, 15
-_GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.3
+_GAP_IN, _SIDE_IN, _FOOT_IN, _HEIGHT_IN = 0.3, 0.85, 1.3, 7.3
 _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
 _ROOM_IN = 1.2
 
 
-def map_figure(
-    scenario: Scenario, n_panels: int = 1, *, height_in: float, width_in: float
-) -> tuple[Figure, list[Axes]]:
-    """A figure of `n_panels` equal map axes, arranged to be as large as the given space allows."""
-    rows, columns, size_in = _arranged(scenario, n_panels, width_in, height_in)
-    figure = new_figure(*size_in)
+def map_figure(scenario: Scenario, width_in: float = 6.4) -> tuple[Figure, Axes]:
+    """A figure with one map of a place, as large as a page allows: floor, walls, obstacles."""
+    x_min, y_min, x_max, y_max = scenario.bounds_m
+    width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
+    across = (width_in - _SIDE_IN - _GAP_IN) / width_m
+    upright = (_HEIGHT_IN - _FOOT_IN - _TITLE_HEIGHT_IN) / height_m
+    scale = max(min(across, upright), 0.01)
+    pitch_in = max(width_m * scale + _GAP_IN, _TITLE_WIDTH_IN)
+    size_in = max(pitch_in + _SIDE_IN, _LEGEND_WIDTH_IN)
+    figure = new_figure(size_in, height_m * scale + _TITLE_HEIGHT_IN + _FOOT_IN)
     with style.report_style():
-        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    axes = list(grid.ravel())
-    for spare in axes[n_panels:]:
-        spare.remove()
-    for each in axes[:n_panels]:
-        draw_layout(each, scenario)
-    return figure, axes[:n_panels]
+        axes = figure.subplots()
+    floor, *obstacles = scenario.wall_polygons_m
+    axes.add_patch(Polygon(floor, facecolor=style.FLOOR, edgecolor="none", zorder=0))
+    wall: Look = {"edgecolor": style.WALL, "zorder": 6}
+    outline = wall | {"fill": False, "linewidth": 2.2, "joinstyle": "miter", "gid": "wall"}
+    axes.add_patch(Polygon(floor, **outline))
+    for obstacle in obstacles:
+        axes.add_patch(Polygon(obstacle, facecolor=style.WALL, gid="obstacle", **wall))
+    _frame(axes, scenario)
+    return figure, axes
 
 
 def cell_map(
@@ -68,10 +71,14 @@ def cell_map(
     if scenario is None:
         figure, axes = _fitted_figure(grid)
     else:
-        figure, (axes,) = map_figure(scenario, height_in=7.3, width_in=6.4)
+        figure, axes = map_figure(scenario)
         if areas:
             draw_areas(axes, scenario, filled=False)
-    cells = draw_cells(axes, grid, values, norm, colour_map)
+    look: Look = {"edgecolor": "#ffffff", "linewidth": 0.4, "zorder": 1}
+    squares = cell_squares(grid.centers_m, grid.cell_size_m)
+    cells = PatchCollection(squares, cmap=colour_map, norm=norm, **look)
+    cells.set_array(np.asarray(values, dtype=np.float64))
+    axes.add_collection(cells)
     if scenario is None:
         axes.autoscale_view()
     return figure, axes, cells
@@ -87,36 +94,6 @@ def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
     axes = figure.subplots()
     axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     return figure, axes
-
-
-def _arranged(
-    scenario: Scenario, n_panels: int, width_in: float, height_in: float
-) -> tuple[int, int, tuple[float, float]]:
-    """Rows, columns, and the size with room for titles, labels and a colour bar or legend."""
-    x_min, y_min, x_max, y_max = scenario.bounds_m
-    width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
-    candidates = []
-    for columns in range(1, n_panels + 1):
-        rows = math.ceil(n_panels / columns)
-        across = (width_in - _SIDE_IN - columns * _GAP_IN) / (columns * width_m)
-        upright = (height_in - _FOOT_IN - rows * _TITLE_HEIGHT_IN) / (rows * height_m)
-        candidates.append((max(min(across, upright), 0.01), rows, columns))
-    scale, rows, columns = max(candidates, key=itemgetter(0))
-    pitch_in = max(width_m * scale + _GAP_IN, _TITLE_WIDTH_IN)
-    size_in = max(columns * pitch_in + _SIDE_IN, _LEGEND_WIDTH_IN)
-    return rows, columns, (size_in, rows * (height_m * scale + _TITLE_HEIGHT_IN) + _FOOT_IN)
-
-
-def draw_layout(axes: Axes, scenario: Scenario) -> None:
-    """Floor, walls, obstacles and axes in metres."""
-    floor, *obstacles = scenario.wall_polygons_m
-    axes.add_patch(Polygon(floor, facecolor=style.FLOOR, edgecolor="none", zorder=0))
-    wall: Look = {"edgecolor": style.WALL, "zorder": 6}
-    outline = wall | {"fill": False, "linewidth": 2.2, "joinstyle": "miter", "gid": "wall"}
-    axes.add_patch(Polygon(floor, **outline))
-    for obstacle in obstacles:
-        axes.add_patch(Polygon(obstacle, facecolor=style.WALL, gid="obstacle", **wall))
-    _frame(axes, scenario)
 
 
 def draw_areas(axes: Axes, scenario: Scenario, *, filled: bool) -> None:
@@ -136,54 +113,22 @@ def draw_areas(axes: Axes, scenario: Scenario, *, filled: bool) -> None:
             _label_area(axes, name, polygon, colour, floor)
 
 
-def area_legend(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> None:
-    """What the outlines of areas in a map are, and others, below all of the figure."""
-    areas = [each for each in axes.patches if str(each.get_gid()).startswith("area ")]
-    handles = [*areas, *others]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=3 + len(others), handlelength=1.6
-        )
-
-
 def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
     """The square around each of the (N, 2) centres."""
     return [Rectangle((x - side_m / 2, y - side_m / 2), side_m, side_m) for x, y in centers_m]
 
 
-def draw_cells(
-    axes: Axes, grid: Grid, values: FloatArray, norm: Normalize, colour_map: object
-) -> PatchCollection:
-    """Every state's cell filled by its value (S,); returns the collection for a colour bar."""
-    look: Look = {"edgecolor": "#ffffff", "linewidth": 0.4, "zorder": 1}
-    squares = cell_squares(grid.centers_m, grid.cell_size_m)
-    collection = PatchCollection(squares, cmap=colour_map, norm=norm, **look)
-    collection.set_array(np.asarray(values, dtype=np.float64))
-    axes.add_collection(collection)
-    return collection
-
-
-def colour_bar(
-    figure: Figure, axes: Axes | Sequence[Axes], cells: ScalarMappable, label: str, **look: Any
+def colour_bar_below(
+    figure: Figure, axes: Axes, cells: PatchCollection, label: str, extend: str = "neither"
 ) -> None:
-    """A slim colour bar without a frame; look: as `Figure.colorbar` has it."""
-    bar = figure.colorbar(cells, ax=axes, **look)
+    """A slim horizontal colour bar under the map, and below it what the outlines of areas are."""
+    areas = [each for each in axes.patches if str(each.get_gid()).startswith("area ")]
+    if areas:
+        figure.legend(handles=areas, loc="outside lower center", ncols=3, handlelength=1.6)
+    look: Look = {"location": "bottom", "shrink": 0.85, "pad": 0.02, "aspect": 35}
+    bar = figure.colorbar(cells, ax=axes, extend=extend, **look)
     bar.set_label(label)
     bar.outline.set_visible(False)
-
-
-def colour_bar_below(
-    figure: Figure,
-    axes: Axes | Sequence[Axes],
-    cells: PatchCollection,
-    label: str,
-    extend: str = "neither",
-) -> None:
-    """A horizontal colour bar under the map, or under several, and the names of their areas."""
-    n_maps = 1 if isinstance(axes, Axes) else min(len(axes), 3)
-    area_legend(figure, axes if isinstance(axes, Axes) else axes[0])
-    look = {"location": "bottom", "shrink": 0.85, "pad": 0.02, "aspect": 35 * n_maps}
-    colour_bar(figure, axes, cells, label, extend=extend, **look)
 
 
 def draw_vectors(axes: Axes, from_m: FloatArray, shift_m: FloatArray, **look: Any) -> None:
@@ -217,7 +162,6 @@ def _frame(axes: Axes, scenario: Scenario) -> None:
     step_m = _TICKS_M * 2.0 ** max(0, math.ceil(math.log2(longest_m / (_MOST_TICKS * _TICKS_M))))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(step_m))
-    axes.label_outer()
     axes.tick_params(length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)

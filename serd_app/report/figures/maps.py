@@ -1,4 +1,4 @@
-"""Maps of values per cell: visitation (Fig. 5.7), features (5.5), policy (5.11) and flow."""
+"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11) and flow."""
 
 from collections.abc import Sequence
 
@@ -10,14 +10,10 @@ from matplotlib.figure import Figure
 from serd_app.report import style
 from serd_app.report.figures.map_axes import (
     cell_map,
-    colour_bar,
     colour_bar_below,
-    draw_cells,
     draw_vectors,
-    map_figure,
     outline_traps,
 )
-from serd_app.report.inputs import in_words
 from serd_app.report.style import Look
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray
@@ -96,37 +92,6 @@ def draw_surprises(
     return figure
 
 
-def draw_features(
-    scenario: Scenario,
-    grid: Grid,
-    features: FloatArray,
-    feature_names: tuple[str, ...],
-    available: BoolArray,
-) -> Figure:
-    """features (S, A, F); available (S, A): a cell without the action stays empty. Panels of
-    actions for which a feature is 0 everywhere are left out."""
-    panels = [
-        panel
-        for i, name in enumerate(feature_names)
-        for panel in _panels(name, features[:, :, i], np.asarray(available))
-        if np.nan_to_num(panel[1]).any()
-    ]
-    with style.report_style():
-        figure, axes = map_figure(scenario, len(panels), height_in=4.8, width_in=12.0)
-        for each, (title, values) in zip(axes, panels, strict=True):
-            cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
-            each.set_title(title, fontsize=8)
-        colour_bar(figure, axes, cells, "feature value", shrink=0.8, pad=0.01, aspect=25)
-    return figure
-
-
-def _panels(name: str, values: FloatArray, available: BoolArray) -> list[tuple[str, FloatArray]]:
-    if (values == values[:, :1]).all():
-        return [(f"{in_words(name)}\nany action", values[:, 0])]
-    masked = np.where(available, values, np.nan)
-    return [(f"{in_words(name)}\n{action.name.lower()}", masked[:, action]) for action in Action]
-
-
 def draw_policy_map(
     scenario: Scenario,
     grid: Grid,
@@ -142,7 +107,8 @@ def draw_policy_map(
     """
     with style.report_style():
         elsewhere = np.delete(value, goal_states)
-        norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else value))
+        low, high = np.percentile(elsewhere if len(elsewhere) else value, [2, 98])
+        norm = Normalize(low, high) if high > low else Normalize(low - 0.5, low + 0.5)
         figure, axes, cells = cell_map(grid, scenario, value, norm, style.VALUE_MAP)
         draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_traps(axes, grid, trapped)
@@ -156,18 +122,6 @@ def draw_policy_map(
     return figure
 
 
-def _colour_range(values: FloatArray) -> tuple[float, float]:
-    low, high = np.percentile(values, [2, 98])
-    return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
-
-
-def _cell_in(axes: Axes, grid: Grid) -> float:
-    """About the side of a cell of a map on paper, in inches."""
-    rows, columns = grid.walkable.shape
-    panel = axes.get_window_extent()
-    return float(min(panel.width / columns, panel.height / rows)) / axes.figure.dpi
-
-
 def draw_arrows(
     axes: Axes,
     grid: Grid,
@@ -177,7 +131,10 @@ def draw_arrows(
     width_in: float = 0.016,
 ) -> None:
     """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
-    width_in = min(width_in, _SLENDER * _cell_in(axes, grid))
+    rows, columns = grid.walkable.shape
+    panel = axes.get_window_extent()
+    cell_in = min(panel.width / columns, panel.height / rows) / axes.figure.dpi
+    width_in = min(width_in, _SLENDER * float(cell_in))
     moving = (greedy != Action.WAIT) & ~is_goal
     waiting = (greedy == Action.WAIT) & ~is_goal
     colours = np.where(trapped, style.RED, style.INK)
@@ -213,11 +170,8 @@ def draw_flow_map(
         arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
         draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
         colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")
-        axes.set_title(_flow_title(flow, differing, compared=scenario_flow is not None))
+        title = f"flow known in {int((flow != NO_FLOW).sum())} of {len(flow)} cells"
+        if scenario_flow is not None:
+            title += f",\n{int(differing.sum())} not the scenario's (red)"
+        axes.set_title(title)
     return figure
-
-
-def _flow_title(flow: IntArray, differing: BoolArray, *, compared: bool) -> str:
-    n_known = int((flow != NO_FLOW).sum())
-    known = f"flow known in {n_known} of {len(flow)} cells"
-    return f"{known},\n{int(differing.sum())} not the scenario's (red)" if compared else known

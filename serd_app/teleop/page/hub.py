@@ -21,35 +21,6 @@ _MOST_NOTICES = 50
 _OTHER_PAGE_DRIVES = "another page is driving; close it first"
 
 
-class Lease:
-    """The right to drive, held by one page at a time until it releases it or is silent.
-
-    Pages are identified by number; times are seconds of one monotonic clock.
-    """
-
-    def __init__(self) -> None:
-        self._holder: int | None = None
-        self._heard_s = 0.0
-
-    def holder(self, now_s: float) -> int | None:
-        """Number of the page that drives now, None for none."""
-        if self._holder is not None and now_s - self._heard_s > SILENCE_S:
-            self._holder = None
-        return self._holder
-
-    def claim(self, page: int, now_s: float) -> bool:
-        """Take or renew the lease; returns whether the page holds it."""
-        if self.holder(now_s) not in (None, page):
-            return False
-        self._holder, self._heard_s = page, now_s
-        return True
-
-    def release(self, page: int) -> None:
-        """Give the lease up, where the page holds it."""
-        if self._holder == page:
-            self._holder = None
-
-
 class OpenPage:
     """The messages that wait to be sent to one page: few, also if it never reads."""
 
@@ -82,14 +53,18 @@ class OpenPage:
 
 
 class Hub:
-    """requests: those of the driving page, in order, for the node that drives the robot."""
+    """Which page drives: one at a time, until it is away, closed or silent.
+
+    requests: those of the driving page, in order, for the node that drives the robot.
+    """
 
     def __init__(self, scene: str, clock: Callable[[], float] = time.monotonic) -> None:
         self.requests: queue.SimpleQueue[PageRequest] = queue.SimpleQueue()
         self.driving: int | None = None
         self._scene, self._clock = scene, clock
         self._overlay: str | None = None
-        self._lease = Lease()
+        self._holder: int | None = None
+        self._heard_s = 0.0
         self._pages: dict[int, OpenPage] = {}
         self._numbers = count(1)
 
@@ -104,7 +79,7 @@ class Hub:
     def close(self, page: OpenPage) -> None:
         """Remove a page; if it was driving, no page drives."""
         self._pages.pop(page.number, None)
-        self._lease.release(page.number)
+        self._release(page)
         self._update_driver()
 
     def receive(self, page: OpenPage, text: str) -> None:
@@ -117,8 +92,9 @@ class Hub:
         if isinstance(request, EmergencyStop) and request.engaged:
             self.requests.put(request)
         elif isinstance(request, Away):
-            self._lease.release(page.number)
-        elif self._lease.claim(page.number, self._clock()):
+            self._release(page)
+        elif self._holding() in (None, page.number):
+            self._holder, self._heard_s = page.number, self._clock()
             self.requests.put(request)
         elif request.type in ("episode", "e_stop", "mode"):
             page.add_notice(_OTHER_PAGE_DRIVES)
@@ -141,9 +117,19 @@ class Hub:
         for page in self._pages.values():
             page.add_notice(text)
 
+    def _holding(self) -> int | None:
+        """Number of the page that may drive now, None where all may."""
+        if self._holder is not None and self._clock() - self._heard_s > SILENCE_S:
+            self._holder = None
+        return self._holder
+
+    def _release(self, page: OpenPage) -> None:
+        if self._holder == page.number:
+            self._holder = None
+
     def _update_driver(self) -> None:
         """Set `driving`, and request Away once when no page drives any more."""
-        holder = self._lease.holder(self._clock())
+        holder = self._holding()
         if self.driving is not None and holder is None:
             self.requests.put(Away(type="away"))
         self.driving = holder

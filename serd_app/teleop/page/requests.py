@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.direction_choice import Mode
 from serd_files.yaml_config import StrictModel
 
 LARGEST_REQUEST_BYTES = 4096
+Mode = Literal["directions", "velocity"]
 Direction = Literal["north", "east", "south", "west"]
 _Share = Annotated[float, Field(ge=-1.0, le=1.0)]
 

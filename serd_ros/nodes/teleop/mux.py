@@ -11,8 +11,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_app.teleop.mux_settings import load_mux
-from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
+from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits, load_mux
 from serd_files.settings import setting, setting_of
 from serd_ros.convert.command import from_any_twist
 from serd_ros.convert.diagnostics import OK, WARN

@@ -26,7 +26,6 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.direction_choice import DirectionChoice, Mode
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.requests import (
     Away,
@@ -34,6 +33,7 @@ from serd_app.teleop.page.requests import (
     Episode,
     Hold,
     Joystick,
+    Mode,
     Move,
     Override,
     PageRequest,
@@ -41,6 +41,7 @@ from serd_app.teleop.page.requests import (
 )
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import scene_of
+from serd_app.teleop.session import DirectionChoice
 from serd_core.grid.grid import Action
 from serd_files.settings import setting, setting_of
 from serd_ros.convert.command import to_intent, to_joy, to_twist

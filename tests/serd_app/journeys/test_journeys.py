@@ -18,18 +18,15 @@ from support.ros_maps import maze, write_map
 
 def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of):
     settings = DriveSettings(model=str(save_model_of()), episodes=3)
-    asked = []
+    asked, times_s = [], (25.0, 28.0)
 
-    def drive(given, output):
-        asked.append((given, output))
-        return [
-            episode_result(0, "arrived", 25.0),
-            episode_result(1, "arrived", 28.0),
-            episode_result(2, "timeout"),
-        ]
+    def drive(given, output, navigator):
+        asked.append((given, output, navigator.model))
+        arrived = [episode_result(i, "arrived", time_s) for i, time_s in enumerate(times_s)]
+        return [*arrived, episode_result(2, "timeout")]
 
     done = navigate(settings, None, drive)
-    assert asked == [(settings, None)]
+    assert asked == [(settings, None, settings.model)]
     assert (done.comparison.n_episodes, done.comparison.n_arrived) == (3, 2)
     assert done.settings is settings
     assert done.missing == ""

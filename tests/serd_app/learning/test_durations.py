@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.learning.durations import learns_durations, with_moves_as_actions
 from serd_app.learning.methods import METHODS
-from serd_app.learning.recipe import LearningTask, learn
+from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.grid.grid import Action, Grid
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Grid, Outcome
 from serd_core.grid.navigation import (
     MODEL_NAMES,
+    WAITING,
     build_navigation_problem,
     with_dwell_times,
 )
@@ -50,7 +51,7 @@ WEIGHTS = np.array([3.0, 0.2, 0.0])
 
 
 def demonstrations(n_episodes, seed=0, log_pace=None):
-    """Of an expert who starts in the southern row."""
+    """Decisions of an expert who starts in the southern row."""
     problem = semi_markov_problem(PROBLEM, log_pace=log_pace)
     table = problem.mdp.transitions.local_probabilities(TRUTH)
     starts = np.zeros(GRID.n_states)
@@ -78,7 +79,7 @@ def learned(decisions, method, **options):
 
 
 def means_of(outcome):
-    return {each.name: each.mean_s for each in outcome.model.outcome_models}
+    return {row.name: row.mean_s for row in outcome.model.outcome_models}
 
 
 def test_the_methods_by_evidence_learn_durations_where_actions_are_known(decisions):
@@ -101,7 +102,7 @@ def test_a_fit_by_evidence_has_the_true_means_within_its_intervals(decisions):
     assert "waiting" not in found.durations[0]
 
 
-@pytest.mark.parametrize("method", ["mdce_irl", "mdce_serd", "mdce_serd_free"])
+@pytest.mark.parametrize("method", ["mdce_irl", "mdce_serd_free"])
 def test_other_methods_count_the_laws(decisions, method):
     found = learned(decisions, method)
     assert not isinstance(found.problem.mdp.transitions, SemiMarkovModels)
@@ -128,35 +129,47 @@ def test_counted_means_are_those_of_the_moves():
 
 
 def test_hidden_actions_are_those_that_lead_to_the_next_cell_and_stays_are_left_out():
-    north, stays_at_wall, known, cut_off = [4, 7], [0, 0], [4, 4], [5, 5]
-    pairs = np.array([north, stays_at_wall, known, cut_off])
+    # A move north, a stay at a wall, a known action, and a decision that was cut off.
+    state, following = np.array([[4, 7], [0, 0], [4, 4], [5, 5]]).T
     given = TimedDecisions(
         np.zeros(4, int),
         np.arange(4.0),
-        pairs[:, 0],
+        state,
         [HIDDEN, HIDDEN, int(Action.WEST), HIDDEN],
-        pairs[:, 1],
+        following,
         dwell_s=[1.0, 4.0, 4.0, 0.5],
         censored=[False, False, False, True],
     )
     found = with_moves_as_actions(GRID, given)
-    assert found.state.tolist() == [4, 4]
+    assert (found.state.tolist(), found.dwell_s.tolist()) == ([4, 4], [1.0, 4.0])
     assert found.action.tolist() == [Action.NORTH, Action.WEST]
-    assert found.dwell_s.tolist() == [1.0, 4.0]
     shown = given.select(np.array([2]))
     assert with_moves_as_actions(GRID, shown) is shown
 
 
-def test_laws_of_hidden_actions_are_counted_from_the_moves(decisions):
+def test_where_actions_are_hidden_laws_are_counted_from_moves_and_waits_stay(decisions):
     hidden = replace(decisions, action=np.full(len(decisions), HIDDEN))
     found = learned(hidden, "mdce_serd_evidence")
     assert not isinstance(found.problem.mdp.transitions, SemiMarkovModels)
     expected = estimate_dynamics(PROBLEM, with_moves_as_actions(GRID, hidden))
     laws = np.exp(expected[MODEL.means])
     assert [means_of(found)[name] for name in MODEL_NAMES[:3]] == pytest.approx(laws.tolist())
-    draws = np.array(found.model.draws.mean_s)
-    assert len(draws) == len(found.model.draws.learned) > 10
-    np.testing.assert_allclose(draws, np.broadcast_to(laws, draws.shape))
+    draws = found.model.draws
+    assert len(draws.mean_s) == len(draws.learned) > 10
+    np.testing.assert_allclose(draws.mean_s, np.broadcast_to(laws, (len(draws.mean_s), 3)))
+    stays = np.eye(len(Outcome))[Outcome.STAY]
+    assert found.model.outcome_models[WAITING].learned == tuple(stays)
+    for table in draws.learned:
+        assert table[WAITING] == pytest.approx(stays)
+
+
+def test_waiting_leads_nowhere_in_a_problem_with_still_waits():
+    still = PROBLEM.by_decisions.with_still_waits
+    own = np.arange(GRID.n_states)[:, None]
+    assert (still.outcome_models.successors[:, Action.WAIT] == own).all()
+    assert still.mdp.transitions is still.outcome_models
+    with pytest.raises(SerdError, match=r"use problem\.by_decisions\.with_still_waits"):
+        _ = PROBLEM.with_still_waits
 
 
 def test_places_are_taken_where_left_out_episodes_support_them():
@@ -172,13 +185,14 @@ def test_places_are_taken_where_left_out_episodes_support_them():
 
 
 def test_places_are_not_taken_where_they_do_not_differ_or_are_not_known(decisions):
-    even = learned(decisions, "mdce_irl")
-    assert even.model.pace == ()
-    assert even.durations[1].endswith("do not support dwell times that differ by place")
     one = decisions.select_episodes(decisions.episodes[:1])
-    single = learned(one, "mdce_irl", minimum_decisions=1)
-    assert single.model.pace == ()
-    assert single.durations[1].endswith("is not known from 1 episode")
+    for seen, reason in (
+        (decisions, "do not support dwell times that differ by place"),
+        (one, "is not known from 1 episode"),
+    ):
+        found = learned(seen, "mdce_irl", minimum_decisions=1)
+        assert found.model.pace == ()
+        assert found.durations[1].endswith(reason)
 
 
 def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path):

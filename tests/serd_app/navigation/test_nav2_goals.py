@@ -1,7 +1,4 @@
-"""Waypoints as goals of Nav2, against a stand-in for its action server.
-
-A real Nav2 was never part of these tests.
-"""
+"""Waypoints as goals of Nav2, against a stand-in for its action server; no real one is tested."""
 
 import math
 
@@ -14,6 +11,7 @@ from serd_ros.nodes.nav2_bridge import ros_type
 from support.nav2_server import Handle, Nav2Server, answered
 
 ABORTED = 6
+HERE, THERE = ([(1.0, y_m, 0.0)] for y_m in (2.0, 3.0))
 
 
 @pytest.fixture
@@ -26,53 +24,47 @@ def goals(server):
     return Nav2Goals(server, lambda targets, time_s: (tuple(targets), time_s), timeout_s=5.0)
 
 
+def places(server):
+    return [list(targets) for targets, _ in server.goals]
+
+
 def test_a_waypoint_becomes_one_goal_however_often_it_comes(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 10.0, 0.0)
+    goals.take(HERE, 10.0, 0.0)
     server.answer()
-    goals.take([(1.0, 2.0, 0.0)], 12.0, 2.0)
-    assert server.goals == [(((1.0, 2.0, 0.0),), 10.0)]
+    goals.take(HERE, 12.0, 2.0)
+    assert server.goals == [(tuple(HERE), 10.0)]
     assert goals.state == "driving"
 
 
-def test_a_new_waypoint_replaces_the_goal_and_the_old_ones_end_tells_nothing(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+@pytest.mark.parametrize("old_ends_first", [True, False])
+def test_a_new_waypoint_replaces_the_goal_and_the_end_of_the_old_one_changes_nothing(
+    server, goals, old_ends_first
+):
+    goals.take(HERE, 0.0, 0.0)
     old = server.answer()
-    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
+    goals.take(THERE, 2.0, 2.0)
+    if old_ends_first:
+        old.end(ABORTED)
     new = server.answer()
-    old.end(ABORTED)
-    assert goals.state == "driving"
+    if not old_ends_first:
+        old.end(ABORTED)
+    assert (goals.state, new.canceled, len(server.goals)) == ("driving", False, 2)
     new.end(SUCCEEDED)
     assert goals.state == "arrived"
-    assert len(server.goals) == 2
 
 
-def test_a_goal_that_ends_while_the_next_one_is_sent_does_not_cancel_that(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    old = server.answer()
-    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
-    old.end(ABORTED)
-    new = server.answer()
-    assert goals.state == "driving"
-    assert not new.canceled
-
-
-def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_it(server, goals):
-    for place in range(4):
-        goals.take([(float(place), 0.0, 0.0)], 0.0, 0.0)
-    assert len(server.goals) == 1
-    server.answer()
-    assert [goal[0] for goal in server.goals] == [((0.0, 0.0, 0.0),), ((3.0, 0.0, 0.0),)]
-
-
-def test_a_waypoint_taken_back_before_the_server_answered_is_not_sent(server, goals):
-    first, second = [(1.0, 2.0, 0.0)], [(1.0, 3.0, 0.0)]
-    for targets in (first, second, first):
+@pytest.mark.parametrize("taken", [[HERE, THERE, THERE], [HERE, THERE, HERE]])
+def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_it(
+    server, goals, taken
+):
+    for targets in taken:
         goals.take(targets, 0.0, 0.0)
+    assert len(server.goals) == 1
     handle = server.answer()
-    assert [goal[0] for goal in server.goals] == [tuple(first)]
-    assert goals.state == "driving"
-    handle.end(SUCCEEDED)
-    assert goals.state == "arrived"
+    assert places(server) == ([HERE, THERE] if taken[-1] == THERE else [HERE])
+    if taken[-1] == HERE:
+        handle.end(SUCCEEDED)
+        assert goals.state == "arrived"
 
 
 def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
@@ -94,91 +86,70 @@ def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
     ],
 )
 def test_after_a_failure_the_next_waypoint_tries_again(server, goals, state, status, code):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    goals.take(HERE, 0.0, 0.0)
     handle = server.answer(accepted=status is not None)
     if status is not None:
         handle.end(status, error_code=code)
     assert goals.state == state
-    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
+    goals.take(HERE, 2.0, 2.0)
     assert len(server.goals) == 2
 
 
-def test_silence_stops_nav2(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    handle = server.answer()
-    assert not goals.expire(4.9)
-    assert goals.expire(5.1)
-    assert handle.canceled
-    assert not goals.expire(6.0)
-
-
-def test_silence_stops_the_goal_before_a_rejected_one(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+def test_silence_stops_nav2_also_where_the_newest_goal_was_rejected(server, goals):
+    goals.take(HERE, 0.0, 0.0)
     older = server.answer()
-    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
+    assert not goals.expire(4.9)
+    goals.take(THERE, 5.0, 5.0)
     server.answer(accepted=False)
+    assert not goals.expire(9.9)
     assert not older.canceled
-    assert goals.expire(7.1)
+    assert goals.expire(10.1)
     assert older.canceled
-    assert not goals.expire(8.0)
+    assert not goals.expire(11.0)
 
 
 def test_a_request_without_an_answer_is_sent_again_and_its_late_goal_is_canceled(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    goals.take([(1.0, 2.0, 0.0)], 4.9, 4.9)
+    goals.take(HERE, 0.0, 0.0)
+    goals.take(HERE, 4.9, 4.9)
     assert len(server.goals) == 1
     goals.expire(5.1)
     assert goals.state == "no answer"
-    goals.take([(1.0, 2.0, 0.0)], 5.2, 5.2)
+    goals.take(HERE, 5.2, 5.2)
     assert len(server.goals) == 2
     late = Handle(accepted=True)
     answered(server.answers[0], late)
-    assert late.canceled
-    assert goals.state == "sent"
+    assert (late.canceled, goals.state) == (True, "sent")
     assert not server.answer().canceled
     assert goals.state == "driving"
 
 
-def test_a_goal_of_a_server_that_has_gone_is_not_canceled(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    lost = server.answer()
-    server.ready = False
-    assert not goals.expire(0.5)
-    assert not goals.expire(100.0)
-    assert (goals.state, lost.canceled) == ("no server", False)
-
-
 def test_a_goal_called_off_before_the_server_answered_is_canceled_when_it_does(server, goals):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    goals.take(HERE, 0.0, 0.0)
     goals.cancel()
     assert server.answer().canceled
 
 
-def test_without_a_server_nothing_is_sent_until_it_is_there(server, goals):
-    server.ready = False
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    assert (goals.state, server.goals) == ("no server", [])
-    server.ready = True
-    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
-    assert len(server.goals) == 1
-
-
 @pytest.mark.parametrize("seen_gone", [True, False])
 def test_a_server_that_comes_back_gets_the_same_waypoint_again(server, goals, seen_gone):
-    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    server.ready = False
+    goals.take(HERE, 0.0, 0.0)
+    assert (goals.state, server.goals) == ("no server", [])
+    server.ready = True
+    goals.take(HERE, 0.0, 0.0)
     lost = server.answer()
     server.ready = False
     if seen_gone:
         assert not goals.expire(0.5)
+        assert not goals.expire(100.0)  # nothing to cancel
     else:
-        goals.take([(1.0, 2.0, 0.0)], 1.0, 1.0)
-    assert goals.state == "no server"
+        goals.take(HERE, 1.0, 1.0)
+    assert (goals.state, lost.canceled) == ("no server", False)
     server.ready = True
-    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
+    goals.take(HERE, 102.0, 102.0)
     assert len(server.goals) == 2
     found = server.answer()
     assert goals.state == "driving"
-    assert goals.expire(7.1)
+    assert goals.expire(107.1)
     assert (lost.canceled, found.canceled) == (False, True)
 
 

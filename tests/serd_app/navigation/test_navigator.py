@@ -2,11 +2,18 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
-from serd_app.navigation.arrival_log import arrival_row, prediction_of
-from serd_app.navigation.forecast import traps_text
-from serd_app.navigation.navigator import GiveUp, Navigator, ProgressMonitor
+from serd_app.navigation.forecast import plan_remarks, traps_text
+from serd_app.navigation.navigator import (
+    ArrivalRow,
+    GiveUp,
+    Navigator,
+    ProgressMonitor,
+    append_arrival,
+    arrival_row,
+    load_arrivals,
+    prediction_of,
+)
 from serd_app.navigation.settings import NavigationSettings
 from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
@@ -21,8 +28,17 @@ from tests.conftest import model_row
 HALLWAY = load_scenario("hallway")
 
 
-def navigator_of(model, **changes):
-    return Navigator(HALLWAY, NavigationSettings(model=str(model), **changes))
+@pytest.fixture
+def navigator_of(save_model_of):
+    """Makes a navigator of a model file with the fields, by settings with the changes."""
+
+    def make(fields=(), **changes):
+        settings = NavigationSettings(model=str(save_model_of(**dict(fields))), **changes)
+        navigator = Navigator(HALLWAY, settings)
+        navigator.begin(0)
+        return navigator
+
+    return make
 
 
 def decide(navigator, x_m, y_m, time_s=0.0):
@@ -31,31 +47,25 @@ def decide(navigator, x_m, y_m, time_s=0.0):
     return navigator.decide(observation_at(x_m, y_m, time_s=time_s), state)
 
 
-def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_model_of):
-    navigator = navigator_of(save_model_of())
-    navigator.begin(0)
+def test_another_goal_turns_the_robot_round_and_one_in_a_wall_is_refused(navigator_of):
+    navigator = navigator_of()
     assert decide(navigator, 4.5, 9.5) == Action.NORTH
-    navigator.set_goal(1.5, 2.5)
-    assert decide(navigator, 4.5, 9.5, time_s=2.0) in (Action.WEST, Action.SOUTH)
-    way_m = navigator.way_m(observation_at(4.5, 9.5))
-    assert way_m[-1].tolist() == [1.5, 2.5]
-    navigator.set_goal_text("")
-    assert decide(navigator, 4.5, 9.5, time_s=4.0) == Action.NORTH
-
-
-def test_a_goal_in_a_wall_is_refused_and_changes_nothing(save_model_of):
-    navigator = navigator_of(save_model_of())
     before = navigator.strategy
     with pytest.raises(SimError, match="goal must be in a walkable cell"):
         navigator.set_goal(9.0, 3.0)
     assert navigator.strategy is before
+    navigator.set_goal(1.5, 2.5)
+    assert decide(navigator, 4.5, 9.5, time_s=2.0) in (Action.WEST, Action.SOUTH)
+    assert navigator.way_m(observation_at(4.5, 9.5))[-1].tolist() == [1.5, 2.5]
+    navigator.set_goal_text("")
+    assert decide(navigator, 4.5, 9.5, time_s=4.0) == Action.NORTH
 
 
-def test_another_model_changes_the_policy_and_a_broken_one_nothing(save_model_of, tmp_path):
-    navigator = navigator_of(save_model_of())
+def test_another_model_changes_the_policy_and_a_broken_or_equal_one_nothing(
+    navigator_of, save_model_of, tmp_path
+):
+    navigator = navigator_of()
     lazy = save_model_of(name="lazy.yaml", reward_weights={"goal": -5.0, "social_norm": 1.0})
-    navigator.begin(0)
-    assert decide(navigator, 4.5, 9.5) == Action.NORTH
     navigator.set_model(str(lazy))
     assert navigator.model == str(lazy)
     assert len(navigator.strategy.driven.learned_traps.states) > 100
@@ -64,35 +74,27 @@ def test_another_model_changes_the_policy_and_a_broken_one_nothing(save_model_of
     with pytest.raises(FileError, match=r"broken\.yaml"):
         navigator.set_model(str(tmp_path / "broken.yaml"))
     assert (navigator.strategy, navigator.model) == (before, str(lazy))
+    navigator.use_model(load_model(lazy), "model of the learner")
+    assert (navigator.strategy, navigator.model) == (before, "model of the learner")
 
 
-def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model(save_model_of):
-    path, equal = save_model_of(), save_model_of(name="equal.yaml", method="learned again")
-    kept, changed = (navigator_of(path, policy="soft") for _ in range(2))
-    for each in (kept, changed):
-        each.begin(5)
+def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model(
+    navigator_of, save_model_of
+):
+    kept, changed = navigator_of(policy="soft"), navigator_of(policy="soft")
+    for navigator in (kept, changed):
+        navigator.begin(5)
+    before = changed.strategy
     for step in range(30):
         if step == 7:
-            before = changed.strategy
-            changed.set_model(str(equal))
+            changed.set_model(str(save_model_of(name="equal.yaml", method="learned again")))
             assert changed.strategy is not before
         here = 3.5, 9.5, 2.0 * step
         assert decide(kept, *here) == decide(changed, *here)
 
 
-def test_the_same_model_again_keeps_the_plan(save_model_of):
-    path = save_model_of()
-    navigator = navigator_of(path)
-    before = navigator.strategy
-    navigator.use_model(load_model(path), "model of the learner")
-    assert navigator.strategy is before
-    assert navigator.model == "model of the learner"
-
-
-def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
-    navigator = navigator_of(save_model_of())
-    navigator.begin(0)
-    outside = observation_at(9.0, 3.0)
+def test_off_the_grid_it_waits_and_expects_nothing(navigator_of):
+    navigator, outside = navigator_of(), observation_at(9.0, 3.0)
     assert navigator.decide(outside, -1) == Action.WAIT
     assert navigator.forecast.probability == 0.0
     assert navigator.forecast.law.quantile_s(0.5) is None
@@ -103,10 +105,10 @@ def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
     assert navigator.forecast.situation == "waiting: off the grid"
 
 
-def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_does_not(save_model_of):
-    navigator = navigator_of(save_model_of(), patience_decisions=3)
-    navigator.begin(0)
-    reasons = []
+def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_or_has_a_new_goal_does_not(
+    navigator_of,
+):
+    navigator, reasons = navigator_of(patience_decisions=3), []
     for step in range(4):
         decide(navigator, 4.5, 9.5, time_s=2.0 * step)
         reasons.append(navigator.gave_up)
@@ -115,23 +117,17 @@ def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_does_not(save_
     for step in range(6):
         decide(navigator, 4.5, 9.5 + step, time_s=2.0 * step)
         assert navigator.gave_up is None
+    navigator.begin(2)
+    for step in range(6):
+        if step == 3:
+            navigator.set_goal(1.5, 2.5)
+        decide(navigator, 4.5, 9.5, time_s=2.0 * step)
+        assert navigator.gave_up is None
 
 
-def test_a_new_goal_renews_the_patience(save_model_of):
-    navigator = navigator_of(save_model_of(), patience_decisions=2)
-    navigator.begin(0)
-    decide(navigator, 4.5, 9.5)
-    decide(navigator, 4.5, 9.5, time_s=2.0)
-    navigator.set_goal(1.5, 2.5)
-    decide(navigator, 4.5, 9.5, time_s=4.0)
-    assert navigator.gave_up is None
-
-
-def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_of):
-    path = save_model_of()
+def test_too_little_time_left_is_given_up_where_the_settings_say_so(navigator_of):
     for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
-        navigator = navigator_of(path, minimum_arrival_probability=minimum, timeout_s=100.0)
-        navigator.begin(0)
+        navigator = navigator_of(minimum_arrival_probability=minimum, timeout_s=100.0)
         decide(navigator, 4.5, 1.5)
         assert navigator.gave_up is None
         decide(navigator, 4.5, 2.5, time_s=90.0)
@@ -139,11 +135,9 @@ def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_o
 
 
 def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_the_clock(
-    save_model_of,
+    navigator_of,
 ):
-    navigator = navigator_of(save_model_of(), timeout_s=120.0)
-    navigator.begin(0)
-    medians, chances = [], []
+    navigator, medians, chances = navigator_of(timeout_s=120.0), [], []
     for step in range(8):
         decide(navigator, 4.5, 1.5 + step, time_s=2.0 * step)
         medians.append(navigator.forecast.law.quantile_s(0.5))
@@ -156,92 +150,68 @@ def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_t
     assert chances[-1] < 1e-6
 
 
-def test_traps_are_counted_by_kind_and_reported_for_a_state(save_model_of):
+def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
     # One move in 100 succeeds: only the cells next to the goal are left before the time-out.
-    chances = dict.fromkeys(("with_flow", "against_flow", "across_flow"), 0.01)
-    rows = tuple(
-        model_row(name, (1 - chance, chance, 0.0, 0.0, 0.0))
-        for name, chance in {**chances, "waiting": 0.0}.items()
-    )
-    navigator = navigator_of(save_model_of(outcome_models=rows, reward_weights={"goal": 1.0}))
-    traps = navigator.strategy.traps
-    far, near = (4.5, 1.5), (10.5, 17.5)
-    grid = navigator.strategy.problem.grid
-    assert grid.state_at(4.5, 1.5) in traps
-    assert grid.state_at(10.5, 17.5) not in traps
+    forward = {"with_flow": 0.01, "against_flow": 0.01, "across_flow": 0.01, "waiting": 0.0}
+    rows = tuple(model_row(name, (1 - p, p, 0.0, 0.0, 0.0)) for name, p in forward.items())
+    navigator = navigator_of({"outcome_models": rows, "reward_weights": {"goal": 1.0}})
+    traps, grid = navigator.strategy.traps, navigator.strategy.problem.grid
     words = traps_text(traps)
     assert words.startswith(f"{len(traps.states)} of 176 cells are traps: from ")
     assert words.endswith(
         f"from {traps.unlikely.sum()} it is reached before the time-out with less than 50%"
     )
-    navigator.begin(0)
-    for place, trapped in ((far, True), (near, False)):
+    for place, trapped in (((4.5, 1.5), True), ((10.5, 17.5), False)):
+        assert (grid.state_at(*place) in traps) == trapped
         decide(navigator, *place)
         assert navigator.forecast.trapped == trapped
         assert navigator.forecast.values()["trapped"] == trapped
         assert navigator.forecast.needs_attention == trapped
 
 
-def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(save_model_of):
-    navigator = navigator_of(save_model_of())
-    navigator.begin(0)
+def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(navigator_of):
+    navigator = navigator_of()
+    assert plan_remarks(navigator.strategy) == []
     decide(navigator, 4.5, 9.5, 100.0)
+    assert (navigator.forecast.by_time, navigator.forecast.situation) == (False, "driving")
     prediction = prediction_of(navigator, observation_at(4.5, 9.5, time_s=100.0))
     row = arrival_row(prediction, episode_result(4, "arrived", 40.0))
     law = navigator.forecast.law
     assert row.predicted_median_s == law.quantile_s(0.5)
     assert row.predicted_share == pytest.approx(float(law.probability_by(40.0)))
-    assert (row.start_x_m, row.start_y_m) == (4.5, 9.5)
-    assert (row.goal_x_m, row.goal_y_m) == (12.0, 18.0)
+    assert (row.start_x_m, row.start_y_m, row.goal_x_m, row.goal_y_m) == (4.5, 9.5, 12.0, 18.0)
     late = arrival_row(prediction, episode_result(4, "aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)
 
 
+def test_rows_of_arrivals_are_appended_and_survive_exactly(tmp_path):
+    path, places, law = tmp_path / "new" / "a.csv", (0.3, 1 / 3, 12.0, 18.0), (0.99, 51.05, 1e-17)
+    rows = tuple(ArrivalRow(i, 3, *places, "a, m", "arrived", "", *law, 48.9, 0.25) for i in (0, 1))
+    for row in rows:
+        append_arrival(path, row)
+    assert load_arrivals(path) == rows
+
+
 #: States 0, 1, 2 have a mean of 3, 2, 1 steps to go; the goal is state 3.
-CDF = np.array(
-    [[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]], dtype=np.float64
+CDF = np.array([[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], *[[1, 1, 1, 1]] * 2], dtype=np.float64)
+
+
+@pytest.mark.parametrize(
+    ("patience", "minimum", "left", "states", "last"),
+    [
+        (3, 0.0, 10, [0, 1, 0, 1], None),
+        (3, 0.0, 10, [0, 1, 0, 1, 0], GiveUp.NO_PROGRESS),  # to and fro
+        (0, 0.0, 10, [0] * 100, None),
+        (2, 0.0, 10, [0, 0, 1, 1, 2, 2], None),
+        (3, 0.9, 10, [0, -1, -1], None),  # off the grid
+        (2, 0.9, 10, [0, -1, -1], GiveUp.NO_PROGRESS),
+        (0, 0.5, 3, [0], None),
+        (0, 0.5, 2, [0], GiveUp.UNLIKELY),
+        (0, 0.5, -1, [0], GiveUp.UNLIKELY),
+    ],
 )
-ARRIVAL = ArrivalByState(CDF, np.ones(4))
-
-
-def rules(patience_decisions, minimum_arrival_probability):
-    return NavigationSettings(
-        patience_decisions=patience_decisions,
-        minimum_arrival_probability=minimum_arrival_probability,
-    )
-
-
-def reasons(settings, states, left=10):
-    monitor = ProgressMonitor(settings)
-    return [monitor.update(ARRIVAL, state, left) for state in states]
-
-
-def test_going_to_and_fro_is_no_progress():
-    assert reasons(rules(3, 0.0), [0, 1, 0, 1, 0]) == [None] * 4 + [GiveUp.NO_PROGRESS]
-
-
-def test_no_patience_is_endless_patience():
-    assert reasons(rules(0, 0.0), [0] * 100) == [None] * 100
-
-
-def test_every_new_minimum_counts_as_progress():
-    assert reasons(rules(2, 0.0), [0, 0, 1, 1, 2, 2]) == [None] * 6
-
-
-def test_off_the_grid_there_is_no_progress_but_no_chance_to_judge_either():
-    assert reasons(rules(3, 0.9), [0, -1, -1]) == [None] * 3
-    assert reasons(rules(2, 0.9), [0, -1, -1]) == [None, None, GiveUp.NO_PROGRESS]
-
-
-def test_too_few_steps_left_make_an_arrival_unlikely():
-    unlikely = rules(0, 0.5)
-    assert reasons(unlikely, [0], left=3) == [None]
-    assert reasons(unlikely, [0], left=2) == [GiveUp.UNLIKELY]
-    assert reasons(unlikely, [0], left=-1) == [GiveUp.UNLIKELY]
-
-
-def test_rules_out_of_range_are_refused():
-    with pytest.raises(ValidationError, match=r"patience_decisions\n.*greater than or equal to 0"):
-        rules(-1, 0.0)
-    with pytest.raises(ValidationError, match=r"probability\n.*less than or equal to 1"):
-        rules(1, 7.0)
+def test_every_new_minimum_of_the_expected_time_is_progress(patience, minimum, left, states, last):
+    settings = NavigationSettings(patience_decisions=patience, minimum_arrival_probability=minimum)
+    monitor, arrival = ProgressMonitor(settings), ArrivalByState(CDF, np.ones(4))
+    reasons = [monitor.update(arrival, state, left) for state in states]
+    assert reasons == [None] * (len(states) - 1) + [last]

@@ -7,7 +7,7 @@ from serd_bag.errors import FileError
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_files.model_file import GridSummary, ModelDraws, load_model
+from serd_files.model_file import ModelDraws, load_model
 from serd_sim.drivers.strategy import (
     MOST_DRAWS,
     STEP_S,
@@ -17,10 +17,10 @@ from serd_sim.drivers.strategy import (
 )
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
-from support.arrival_twin import arrival_by_state
 from tests.conftest import MEAN_S, OUTCOMES, model_row
 
-HALLWAY = load_scenario("hallway")
+HALLWAY, PLACES = load_scenario("hallway"), builtin_scenarios()
+ROWS = tuple(model_row(name, row) for name, row in OUTCOMES.items())
 
 
 def paced(path):
@@ -33,26 +33,27 @@ def test_a_model_of_another_place_is_refused_unless_transfer_is_wanted(save_mode
     path = str(save_model_of("corridor"))
     with pytest.raises(FileError, match="was made for another grid of the scenario 'corridor'"):
         load_strategy(path, HALLWAY, "optimal", transfer=False)
+    grid = load_model(path).grid.model_copy(update={"cell_size_m": 2.0, "fingerprint": "other"})
+    coarse = str(save_model_of(name="coarse.yaml", grid=grid))
+    with pytest.raises(FileError, match="learned with cells of 2 m, but 'hallway' has 1 m"):
+        load_strategy(coarse, HALLWAY, "optimal", transfer=True)
     assert load_strategy(path, HALLWAY, "optimal", transfer=True).transferred
     assert not load_strategy(path, load_scenario("corridor"), "optimal", transfer=True).transferred
 
 
-@pytest.mark.parametrize("there", builtin_scenarios())
-@pytest.mark.parametrize("here", builtin_scenarios())
-def test_a_model_of_any_scenario_leads_to_the_goal_in_any_other(there, here, save_model_of):
-    path = str(save_model_of(there))
-    strategy = load_strategy(path, load_scenario(here), "optimal", transfer=True)
-    assert strategy.transferred == (there != here)
+@pytest.mark.parametrize("place", range(len(PLACES)))
+def test_a_model_of_a_scenario_leads_to_the_goal_in_another(place, save_model_of):
+    path, here = str(save_model_of(PLACES[place])), load_scenario(PLACES[place - 1])
+    strategy = load_strategy(path, here, "optimal", transfer=True)
+    assert strategy.transferred
     assert len(strategy.traps.states) == 0
     assert np.allclose(strategy.arrival.arrival_probability, 1.0)
 
 
-@pytest.mark.parametrize("own_paces", [False, True])
-def test_the_law_of_arrival_is_that_of_simulated_drives(save_model_of, own_paces):
-    """Episodes of the chain, decision by decision, with dwell times that are not rounded."""
-    path = save_model_of("crossing")
-    pace = paced(path) if own_paces else ()
-    path = save_model_of("crossing", pace=pace)
+def test_the_law_of_arrival_is_that_of_simulated_drives_whose_dwell_times_are_not_rounded(
+    save_model_of,
+):
+    path = save_model_of("crossing", pace=paced(save_model_of("crossing")))
     crossing = load_scenario("crossing")
     strategy = load_strategy(str(path), crossing, "soft")
     starts, n_drives = start_distribution(crossing, "train"), 800
@@ -73,23 +74,6 @@ def test_the_law_of_arrival_is_that_of_simulated_drives(save_model_of, own_paces
     # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
     assert np.abs(share - law.cdf).max() < np.sqrt(np.log(2e6) / (2 * n_drives))
     assert law.cdf_draws.shape == (1, len(law.times_s))
-
-
-def test_where_all_decisions_take_one_second_the_arrival_is_that_of_their_number(save_model_of):
-    """F_n of the thesis, of which a law with certain times is the special case."""
-    sure = {"mean_s": 1.0, "believed_mean_s": 1.0, "shape": 1e7}
-    rows = tuple(
-        model_row(name, row).model_copy(update=sure if name in MEAN_S else {})
-        for name, row in OUTCOMES.items()
-    )
-    place = HALLWAY.model_copy(update={"patience_s": 1.0, "wait_s": 1.0})
-    strategy = load_strategy(str(save_model_of(outcome_models=rows)), place, "soft")
-    table = np.array(list(OUTCOMES.values()))
-    n = strategy.n_steps // 10
-    chain = arrival_by_state(strategy.problem.by_decisions, strategy.policy.probabilities, table, n)
-    half_a_second_later = strategy.arrival.cdf[5::10]
-    np.testing.assert_allclose(half_a_second_later, chain.cdf[:-1], atol=1e-4)
-    np.testing.assert_allclose(half_a_second_later[:50], chain.cdf[:50], atol=1e-7)
 
 
 def test_the_law_of_a_cell_is_that_of_a_start_in_it(save_model_of):
@@ -132,45 +116,43 @@ def test_paces_hold_on_the_grid_of_the_model_alone(save_model_of):
 
 def test_laws_models_and_outcomes_are_found_by_name_whatever_their_order(save_model_of):
     usual = load_model(save_model_of())
+    kinds = ("learned", "believed", "initial")
     turned = tuple(
-        each.model_copy(
-            update={kind: getattr(each, kind)[::-1] for kind in ("learned", "believed", "initial")}
-        )
-        for each in usual.outcome_models[::-1]
+        row.model_copy(update={kind: getattr(row, kind)[::-1] for kind in kinds})
+        for row in usual.outcome_models[::-1]
     )
-    laws = tuple(MEAN_S.values())
-    draws = {"reward_weights": ((5.0, 1.0, 0.0),), "shape": ((4.0, 5.0, 6.0),)}
-    tables = usual.outcome_probabilities[None]
-    values = ModelDraws(**draws, mean_s=(laws,), learned=tables.tolist())
-    back = ModelDraws(
-        reward_weights=values.reward_weights,
-        shape=((6.0, 5.0, 4.0),),
-        mean_s=(laws[::-1],),
-        learned=tables[:, ::-1, ::-1].tolist(),
-    )
-    first, second = (
-        load_strategy(str(path), HALLWAY, "optimal")
-        for path in (
-            save_model_of(draws=values),
-            save_model_of(
-                name="turned.yaml",
-                outcome_models=turned,
-                outcome_names=usual.outcome_names[::-1],
-                draws=back,
+    laws, tables = tuple(MEAN_S.values()), usual.outcome_probabilities[None]
+    strategies = [
+        load_strategy(str(save_model_of(draws=draws_of(means, shapes, table), **changes)), HALLWAY,
+                      "optimal")
+        for means, shapes, table, changes in (
+            (laws, (4.0, 5.0, 6.0), tables, {}),
+            (
+                laws[::-1], (6.0, 5.0, 4.0), tables[:, ::-1, ::-1],
+                {"outcome_models": turned, "outcome_names": usual.outcome_names[::-1]},
             ),
         )
-    )
+    ]  # fmt: skip
+    first, second = strategies
     np.testing.assert_array_equal(first.draws, second.draws)
     assert np.exp(first.draws[0, -6:]).tolist() == pytest.approx([*laws, 4.0, 5.0, 6.0])
-    learned = [learned_dynamics("m", each.file, each.problem) for each in (first, second)]
+    learned = [learned_dynamics("m", each.file, each.problem) for each in strategies]
     np.testing.assert_array_equal(*learned)
 
 
-def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
-    rows = tuple(
-        model_row(name, row).model_copy(update={"believed": (0.2,) * 5, "believed_mean_s": 3.0})
-        for name, row in OUTCOMES.items()
+def draws_of(means_s, shapes, tables):
+    """One draw."""
+    return ModelDraws(
+        reward_weights=((5.0, 1.0, 0.0),),
+        shape=(shapes,),
+        mean_s=(means_s,),
+        learned=tables.tolist(),
     )
+
+
+def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
+    belief = {"believed": (0.2,) * 5, "believed_mean_s": 3.0}
+    rows = tuple(row.model_copy(update=belief) for row in ROWS)
     found = load_strategy(str(save_model_of(outcome_models=rows)), HALLWAY, "optimal")
     model = require_timed(found.problem.mdp.transitions)
     truth, belief = (
@@ -197,15 +179,11 @@ def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
             "outcome_names must have stay, forward, right, back, left, but 'left' is missing",
         ),
         (
-            {"outcome_models": tuple(model_row(*each) for each in list(OUTCOMES.items())[1:])},
+            {"outcome_models": ROWS[1:]},
             "outcome_models must have with_flow, .*, but 'with_flow' is missing",
         ),
         (
-            {
-                "outcome_models": tuple(
-                    model_row(*each).model_copy(update={"shape": None}) for each in OUTCOMES.items()
-                )
-            },
+            {"outcome_models": tuple(row.model_copy(update={"shape": None}) for row in ROWS)},
             "outcome_models with a shape must have with_flow, against_flow, across_flow, but"
             " 'with_flow' is missing; learn the model again",
         ),
@@ -214,14 +192,6 @@ def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
 def test_what_cannot_be_used_is_said_with_the_file(changes, sentence, save_model_of):
     path = save_model_of(**changes)
     with pytest.raises(FileError, match=f"{path.name}: .*{sentence}"):
-        load_strategy(str(path), HALLWAY, "optimal", transfer=True)
-
-
-def test_cells_of_another_size_are_refused(save_model_of):
-    grid = load_model(save_model_of()).grid
-    coarse = GridSummary(**{**grid.model_dump(), "cell_size_m": 2.0, "fingerprint": "other"})
-    path = save_model_of(name="coarse.yaml", grid=coarse)
-    with pytest.raises(FileError, match="learned with cells of 2 m, but 'hallway' has 1 m"):
         load_strategy(str(path), HALLWAY, "optimal", transfer=True)
 
 

@@ -1,11 +1,19 @@
 """A small L-shaped world with hand-made results: everything a report needs, nothing simulated."""
 
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
+from serd_app.report.inputs import (
+    CrowdSnapshot,
+    FileLink,
+    Forecast,
+    PhaseTiming,
+    ReportInputs,
+    RunFacts,
+)
+from serd_app.report.write import write_report
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
@@ -23,28 +31,16 @@ from support.episodes import episode_result
 
 @pytest.fixture(scope="session")
 def scenario() -> Scenario:
+    train, transfer = ([[x, 0], [x + w, 0], [x + w, 1], [x, 1]] for x, w in ((0, 2), (2, 1)))
+    ways = [[0.5, 0.5], [2.5, 0.5], [2.5, 4.5], [6.5, 4.5], [6.5, 5.5], [0.5, 5.5]]
+    loop = {"name": "round", "waypoints_m": ways, "lane_half_width_m": 0.3}
     return Scenario.model_validate(
         {
             "name": "corner",
             "walkable_area_m": [[0, 0], [3, 0], [3, 4], [7, 4], [7, 6], [0, 6]],
             "goal_area_m": [[6, 4], [7, 4], [7, 6], [6, 6]],
-            "start_areas_m": {
-                "train": [[0, 0], [2, 0], [2, 1], [0, 1]],
-                "transfer": [[2, 0], [3, 0], [3, 1], [2, 1]],
-            },
-            "pedestrians": {
-                "count": 3,
-                "loops": [
-                    {
-                        "name": "round",
-                        "waypoints_m": [
-                            *([0.5, 0.5], [2.5, 0.5], [2.5, 4.5]),
-                            *([6.5, 4.5], [6.5, 5.5], [0.5, 5.5]),
-                        ],
-                        "lane_half_width_m": 0.3,
-                    }
-                ],
-            },
+            "start_areas_m": {"train": train, "transfer": transfer},
+            "pedestrians": {"count": 3, "loops": [loop]},
         }
     )
 
@@ -114,19 +110,12 @@ def snapshot() -> CrowdSnapshot:
 
 
 @pytest.fixture(scope="session")
-def inputs(
-    scenario: Scenario,
-    problem: NavigationProblem,
-    start: np.ndarray,
-    demonstrations: TimedDecisions,
-    fit: FitResult,
-    policy: Policy,
-    snapshot: CrowdSnapshot,
-) -> ReportInputs:
+def inputs(scenario, problem, start, demonstrations, fit, policy, snapshot) -> ReportInputs:
     arrived = arrival_by_state(
         problem.by_decisions, policy.probabilities, fit.outcome_probabilities, 60
     )
-    arrival_s = 2.0 * np.arange(61)
+    share = float(arrived.arrival_probability @ start)
+    law = ArrivalLaw(2.0 * np.arange(61), arrived.cdf @ start, share)
     return ReportInputs(
         title="Corner demo",
         scenario=scenario,
@@ -141,9 +130,8 @@ def inputs(
             episode_result(2, "arrived", 19.0),
             episode_result(3, "timeout", robot_on_person=1),
         ),
-        predicted=ArrivalLaw(
-            arrival_s, arrived.cdf @ start, float(arrived.arrival_probability @ start)
-        ),
+        predicted=law,
+        forecasts=tuple(Forecast(f"from place {i}", law) for i in range(3)),
         timeout_s=120.0,
         snapshot=snapshot,
         run=RunFacts(
@@ -158,21 +146,7 @@ def inputs(
     )
 
 
-@pytest.fixture
-def odd_inputs(inputs: ReportInputs) -> ReportInputs:
-    """The same report with names that would break a careless page."""
-    odd = '<script>alert("x")</script> & $x_1$ "quoted"'
-    run = replace(
-        inputs.run,
-        command=f"serd demo {odd}",
-        how=odd,
-        seeds={odd: 1},
-        versions={odd: odd},
-        phases=(PhaseTiming(odd, 1.0, 2.0),),
-    )
-    area = inputs.scenario.start_areas_m["train"]
-    scenario = inputs.scenario.model_copy(
-        update={"name": odd, "start_areas_m": {"train": area, odd: area}}
-    )
-    files = (FileLink("a <b> & c.yaml", odd),)
-    return replace(inputs, title=odd, run=run, scenario=scenario, files=files)
+@pytest.fixture(scope="session")
+def page(inputs: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The whole report, its pictures in full size."""
+    return write_report(inputs, tmp_path_factory.mktemp("run") / "report")

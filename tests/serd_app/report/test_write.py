@@ -1,25 +1,21 @@
 """The whole report: complete, self-contained, escaped, and equal for equal inputs; snapshots."""
 
-import csv
 import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.navigation.evaluation.comparison import Agreement, agreement
-from serd_app.report.inputs import RunFacts
-from serd_app.report.page import render_page
+from serd_app.report.inputs import FileLink, PhaseTiming
 from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
 from serd_core.learners.serd import fit_mdce_serd
 
 FIGURES = {
-    *("hallway", "visitation", "policy", "arrival"),
-    *("weights", "outcomes", "features", "progress"),
+    *("hallway", "visitation", "policy", "arrival", "forecast", "flow", "outcomes"),
 }
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
@@ -50,16 +46,14 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def folder(inputs, tmp_path_factory):
-    target = tmp_path_factory.mktemp("run") / "report"
-    page = write_report(inputs, target)
-    assert page == target / "report.html"
-    return target
+def folder(page):
+    assert page.name == "report.html"
+    return page.parent
 
 
 @pytest.fixture(scope="module")
-def text(folder):
-    return (folder / "report.html").read_text(encoding="utf-8")
+def text(page):
+    return page.read_text(encoding="utf-8")
 
 
 def test_the_page_needs_nothing_from_outside(text):
@@ -73,113 +67,88 @@ def test_the_page_needs_nothing_from_outside(text):
         assert address.startswith("data:image/svg+xml;base64,") or ":" not in address
 
 
-def test_the_page_shows_every_figure_with_its_caption(text):
+def test_the_page_shows_every_figure_with_its_caption_and_both_files(folder, text):
     page = Page(text)
     assert page.tags.count("figure") == page.tags.count("img") == len(FIGURES)
     captions = re.findall(r"<strong>[^<]+\.</strong>([^<]+)</figcaption>", text)
     assert len(captions) == len(FIGURES)
     assert all(len(caption.split()) > 10 for caption in captions)
-
-
-def test_every_link_leads_to_a_file_beside_the_page(folder, text):
-    for address in Page(text).addresses:
+    for name in FIGURES:
+        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert b"<svg" in (folder / "figures" / f"{name}.svg").read_bytes()
+    assert "Forecast of the arrival" in page.text
+    assert "no prediction" not in page.text
+    for address in page.addresses:
         if not address.startswith("data:") and address != "model.yaml":
             assert (folder / address).exists(), address
 
 
-def test_each_figure_is_written_as_png_and_svg(folder):
-    for name in FIGURES:
-        assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert b"<svg" in (folder / "figures" / f"{name}.svg").read_bytes()
-
-
-def test_the_summary_file_holds_the_numbers_of_the_run(folder, inputs):
+def test_the_summary_file_holds_the_numbers_of_the_run(folder, text, inputs):
     summary = json.loads((folder / "summary.json").read_text())
     assert summary == json.loads(json.dumps(summary_of(inputs).as_json()))
-    assert summary["n_episodes"] == 4
-    assert summary["n_arrived"] == 3
+    assert (summary["n_episodes"], summary["n_arrived"]) == (4, 3)
     assert summary["measured_median_s"] == 21.05
     assert summary["robot_on_person_contacts"] == 1
     assert summary["person_on_robot_contacts"] == 2
     assert summary["real_time_factor"] == {"navigate": 50.0}
     assert sum(summary["decisions_per_model"].values()) == summary["n_decisions"]
-
-
-def test_page_and_summary_state_the_gap_of_the_curves_with_its_probability(folder, inputs):
     found = agreement(inputs.predicted, inputs.arrival_times_s)
     assert 0 < found.gap_probability < 1
-    assert Agreement(**json.loads((folder / "summary.json").read_text())["agreement"]) == found
-    assert found.gap_text in Page((folder / "report.html").read_text(encoding="utf-8")).text
+    assert Agreement(**summary["agreement"]) == found
+    assert found.gap_text in Page(text).text
 
 
-def test_the_tables_hold_what_was_given(folder, inputs):
-    def rows(name):
-        with (folder / name).open(newline="") as stream:
-            return list(csv.DictReader(stream))
-
-    assert [row["time_of_arrival_s"] for row in rows("episodes.csv")] == [
-        "21.05",
-        "24.5",
-        "19.0",
-        "",
-    ]
-    weights = [float(row["reward_weight"]) for row in rows("reward_weights.csv")]
-    np.testing.assert_array_equal(weights, inputs.fit.reward_weights)
-    learned = [float(row["learned_probability"]) for row in rows("outcome_models.csv")]
-    np.testing.assert_array_equal(learned, inputs.fit.outcome_probabilities.ravel())
-    last = rows("arrival_times.csv")[-1]
-    assert float(last["time_s"]) == 120.0
-    assert float(last["measured_cdf"]) == 0.75
-
-
-def test_odd_names_are_shown_and_not_obeyed(odd_inputs, tmp_path):
-    page = Page(write_report(odd_inputs, tmp_path).read_text(encoding="utf-8"))
+@pytest.mark.usefixtures("quick_pictures")
+def test_odd_names_are_shown_and_not_obeyed(inputs, tmp_path):
+    odd = '<script>alert("x")</script> & $x_1$ "quoted"'
+    run = replace(
+        inputs.run,
+        command=f"serd demo {odd}",
+        how=odd,
+        seeds={odd: 1},
+        versions={odd: odd},
+        phases=(PhaseTiming(odd, 1.0, 2.0),),
+    )
+    areas = inputs.scenario.start_areas_m
+    scenario = inputs.scenario.model_copy(
+        update={"name": odd, "start_areas_m": areas | {odd: areas["train"]}}
+    )
+    files = (FileLink("a <b> & c.yaml", odd),)
+    given = replace(inputs, title=odd, run=run, scenario=scenario, files=files)
+    page = Page(write_report(given, tmp_path).read_text(encoding="utf-8"))
     assert "script" not in page.tags
     assert not page.open
-    assert page.text.count('<script>alert("x")</script> & $x_1$ "quoted"') >= 6
+    assert page.text.count(odd) >= 6
     assert "a%20%3Cb%3E%20%26%20c.yaml" in page.addresses
 
 
-def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(inputs, folder):
-    bare = replace(inputs, run=RunFacts("serd report", "in process", "2026"), files=())
-    pictures = {path.stem: path.read_bytes() for path in (folder / "figures").glob("*.svg")}
-    page = Page(render_page(bare, summary_of(bare), pictures, links=()))
-    assert not page.open
-    assert page.tags.count("figure") == len(FIGURES)
+@pytest.fixture(scope="module")
+def known(inputs):
+    """The inputs with a fit by a posterior, and what it knows."""
+    problem, decisions = inputs.problem, inputs.demonstrations
+    fit = fit_mdce_serd(problem, decisions)
+    posterior = posterior_of(problem, decisions, fit)
+    return replace(inputs, fit=fit, knowledge=knowledge_of(problem, posterior))
 
 
-def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(inputs, tmp_path):
-    problem = inputs.problem
-    fit = fit_mdce_serd(problem, inputs.demonstrations)
-    posterior = posterior_of(problem, inputs.demonstrations, fit)
-    assert posterior is not None
-    known = knowledge_of(problem, posterior)
-    assert known is not None
-    page = Page(write_report(replace(inputs, fit=fit, knowledge=known), tmp_path).read_text())
+@pytest.mark.usefixtures("quick_pictures")
+def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(known, tmp_path):
+    page = Page(write_report(known, tmp_path).read_text())
     assert page.tags.count("figure") == len(FIGURES) + 1
-    assert (tmp_path / "figures" / "gain.png").stat().st_size > 1000
+    assert (tmp_path / "figures" / "gain.png").exists()
     assert "Which demonstration next" in page.text
-    for row in known.outcomes[::5]:
+    for row in known.knowledge.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text
     assert "How long a move takes" in page.text
-    for law in known.durations:
+    for law in known.knowledge.durations:
         assert f"{law.median_s:.2f} ({law.lower_s:.2f} to {law.upper_s:.2f})" in page.text
         assert f"{law.correlation:+.2f}" in page.text
 
 
-def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs):
-    decisions = inputs.demonstrations
-    fit = fit_mdce_serd(inputs.problem, decisions)
-    posterior = posterior_of(inputs.problem, decisions, fit)
-    assert posterior is not None
-    compared = replace(
-        inputs,
-        fit=fit,
-        knowledge=knowledge_of(inputs.problem, posterior),
-        demonstrations=decisions.select(decisions.episode == decisions.episode[0]),
-        n_demonstrations=6,
-    )
-    summary = summary_of(compared)
+def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(known):
+    decisions = known.demonstrations
+    first = decisions.select(decisions.episode == decisions.episode[0])
+    summary = summary_of(replace(known, demonstrations=first, n_demonstrations=6))
     assert summary.n_decisions == sum(summary.decisions_per_model.values()) == len(decisions)
-    assert summary.n_compared_decisions == len(compared.demonstrations) < len(decisions)
+    assert summary.n_compared_decisions == len(first) < len(decisions)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import serd_sim.scenario.scenario
-from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.evaluation.comparison import compare, predicted_law
+from serd_app.navigation.navigator import load_arrivals
 from serd_app.navigation.settings import DriveSettings
 from serd_bag.quantities import counted
 from serd_cli.output.arrival import remarks

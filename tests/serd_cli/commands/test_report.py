@@ -21,10 +21,7 @@ from support.bag_messages import Messages
 from support.foreign_bags import STEP_S, ForeignBag
 from tests.serd_cli.test_map_journey import SPEED_MPS, laps
 
-FIGURES = {
-    *("forecast", "visitation", "policy", "outcomes", "weights", "progress"),
-    *("gain", "features", "surprises"),
-}
+FIGURES = {"forecast", "visitation", "policy", "outcomes", "gain", "surprises"}
 
 
 def foreign_bag(folder):

@@ -14,7 +14,7 @@ import scipy.sparse
 from scipy.stats import norm
 
 from lab.experiments.study.people.place import Place
-from serd_app.learning.durations import dynamics_of, with_moves_as_actions
+from serd_app.learning.recipe import dynamics_of, with_moves_as_actions
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.chain import ArrivalByState, policy_chain

@@ -2,14 +2,12 @@
 
 import matplotlib as mpl
 import numpy as np
-import pytest
 from matplotlib.container import BarContainer, ErrorbarContainer
 
 from serd_app.learning.knowledge import Knowledge, OutcomeRow
 from serd_app.report.figures.arrival import (
     ArrivalCurve,
-    at_times,
-    draw_arrival,
+    draw_comparison,
     measured_curve,
     predicted_curve,
     shown_from_s,
@@ -19,42 +17,29 @@ from serd_app.report.figures.arrival import (
 from serd_app.report.figures.charts import (
     OUTCOME_LABELS,
     draw_outcomes,
-    draw_progress,
-    draw_weights,
 )
 from serd_app.report.style import png_bytes
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.bayes.information import PRIOR_ONLY
-from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
+from serd_core.grid.navigation import MODEL_NAMES
 
 
 def bars(figure, panel=0):
     return [c for c in figure.axes[panel].containers if isinstance(c, BarContainer)]
 
 
-def test_weight_bars_have_the_lengths_and_names_of_the_weights():
-    weights = np.array([4.0, -1.5, 0.25])
-    figure = draw_weights(FEATURE_NAMES, weights)
-    (drawn,) = bars(figure)
-    np.testing.assert_allclose([bar.get_width() for bar in drawn], weights)
-    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert labels == ["goal", "social norm", "inverse wall distance"]
-    assert png_bytes(figure)
-
-
-def test_outcome_panels_show_initial_and_learned_probabilities_and_counts():
-    rng = np.random.default_rng(0)
-    initial, learned = rng.dirichlet(np.ones(5), size=(2, 4))
+def test_bars_have_the_lengths_of_the_probabilities():
+    before = dict(mpl.rcParams)
+    initial, learned = np.random.default_rng(0).dirichlet(np.ones(5), size=(2, 4))
     figure = draw_outcomes(MODEL_NAMES, initial, learned, np.array([455, 0, 1, 13]))
-    for i, axes in enumerate(figure.axes):
-        before, after = bars(figure, i)
-        np.testing.assert_allclose([bar.get_height() for bar in before], initial[i])
-        np.testing.assert_allclose([bar.get_height() for bar in after], learned[i])
-        assert axes.get_title(loc="left") == MODEL_NAMES[i].replace("_", " ")
     counts = ["455 decisions", "0 decisions", "1 decision", "13 decisions"]
-    texts = [[text.get_text() for text in axes.texts] for axes in figure.axes]
-    assert all(count in panel for count, panel in zip(counts, texts, strict=True))
+    for i, axes in enumerate(figure.axes):
+        for drawn, table in zip(bars(figure, i), (initial, learned), strict=True):
+            np.testing.assert_allclose([bar.get_height() for bar in drawn], table[i])
+        assert axes.get_title(loc="left") == MODEL_NAMES[i].replace("_", " ")
+        assert counts[i] in [text.get_text() for text in axes.texts]
     assert png_bytes(figure)
+    assert dict(mpl.rcParams) == before  # drawing leaves the global settings alone
 
 
 def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
@@ -80,46 +65,22 @@ def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
     assert png_bytes(figure)
 
 
+LAW = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+
+
 def test_the_arrival_figure_draws_both_curves_with_their_bands():
-    times = np.array([0.0, 10.0, 20.0])
-    predicted = ArrivalCurve(
-        times, np.array([0, 0.4, 0.9]), np.array([0, 0.2, 0.7]), np.array([0, 0.6, 1.0])
-    )
-    measured = ArrivalCurve(
-        times, np.array([0, 0.5, 0.8]), np.array([0, 0.3, 0.6]), np.array([0.1, 0.7, 0.9])
-    )
-    figure = draw_arrival(predicted, measured, n_episodes=30, shown_until_s=25.0)
-    axes = figure.axes[0]
-    for line, curve in zip(axes.lines, (predicted, measured), strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), times)
+    times_s = [3.0, 5.0, np.inf]
+    (axes,) = draw_comparison(LAW, times_s, 60.0).axes
+    curves = predicted_curve(LAW, 3), measured_curve(times_s, 60.0)
+    for line, band, curve in zip(axes.lines, axes.collections, curves, strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), curve.time_s)
         np.testing.assert_array_equal(line.get_ydata(), curve.probability)
         assert line.get_drawstyle() == "steps-post"
-    for band, curve in zip(axes.collections, (predicted, measured), strict=True):
-        heights = band.get_paths()[0].vertices[:, 1]
-        assert set(curve.lower) | set(curve.upper) == set(heights)
+        assert set(curve.lower) | set(curve.upper) == set(band.get_paths()[0].vertices[:, 1])
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert "measured in 30 episodes" in labels
-    assert axes.get_xlim() == (9.0, 25.0)  # a tenth before the first arrival
-    assert png_bytes(figure)
-
-
-def test_the_progress_line_is_the_objective_of_every_step():
-    trace = np.array([-300.0, -220.0, -208.0, -207.5])
-    figure = draw_progress(trace, converged=True)
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), trace)
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xdata(), [1, 2, 3, 4])
-    assert "converged" in figure.axes[0].get_title(loc="right")
-
-
-@pytest.mark.parametrize("trace", [[-1.0], [2.0, 2.0, 2.0], np.linspace(-900, -1, 500)])
-def test_any_trace_can_be_drawn(trace):
-    assert png_bytes(draw_progress(np.array(trace), converged=False))
-
-
-def test_drawing_leaves_the_global_settings_alone_and_needs_no_pyplot():
-    before = dict(mpl.rcParams)
-    png_bytes(draw_weights(("goal",), np.ones(1)))
-    assert dict(mpl.rcParams) == before
+    assert "measured in 3 episodes" in labels
+    assert axes.get_xlim() == (0.9 * 2.0, 60.0)  # a tenth before the first arrival
+    assert png_bytes(axes.figure)
 
 
 def curve(times, shares):
@@ -129,39 +90,33 @@ def curve(times, shares):
 
 def test_the_measured_curve_counts_who_never_arrived():
     measured = measured_curve([3.0, 5.0, np.inf, 5.0], 60.0)
-    assert at_times(measured, np.array([2.9, 3.0, 5.0, 60.0])).probability.tolist() == [
-        0.0,
-        0.25,
-        0.75,
-        0.75,
-    ]
+    assert measured.time_s.tolist() == [0.0, 3.0, 5.0, 60.0]
+    assert measured.probability.tolist() == [0.0, 0.25, 0.75, 0.75]
     assert (measured.lower <= measured.probability).all()
     assert (measured.upper >= measured.probability).all()
 
 
 def test_the_predicted_band_narrows_with_the_number_of_episodes():
-    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
-    few, many = predicted_curve(predicted, 10), predicted_curve(predicted, 1000)
+    few, many = predicted_curve(LAW, 10), predicted_curve(LAW, 1000)
     assert few.time_s.tolist() == [0.0, 2.0, 4.0, 6.0]
     assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
 
 
-def test_the_time_axis_ends_where_both_curves_have_settled():
-    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
-    assert shown_until_s(predicted, [3.0, 5.0], 60.0) == 1.15 * 6.0
-    assert shown_until_s(predicted, [3.0, 9.0], 60.0) == 1.15 * 9.0
-    assert shown_until_s(predicted, [3.0, np.inf], 60.0) == 60.0
-    assert shown_until_s(predicted, [3.0, 9.0], 10.0) == 10.0
-
-
-def test_a_share_that_is_never_reached_has_no_time():
-    assert time_reaching(curve([0.0, 1.0], [0.0, 0.4]), 0.5) is None
-    assert time_reaching(curve([0.0, 1.0], [0.0, 0.5]), 0.5) == 1.0
-
-
-def test_the_axis_begins_shortly_before_the_first_curve_leaves_zero():
+def test_the_time_axis_shows_where_the_curves_rise():
+    for times_s, timeout_s, end_s in (
+        ([3.0, 5.0], 60.0, 1.15 * 6.0),
+        ([3.0, 9.0], 60.0, 1.15 * 9.0),
+        ([3.0, np.inf], 60.0, 60.0),
+        ([3.0, 9.0], 10.0, 10.0),
+    ):
+        assert shown_until_s(LAW, times_s, timeout_s) == end_s
     times = [0.0, 20.0, 30.0, 40.0]
     early, late = curve(times, [0.0, 0.1, 0.5, 1.0]), curve(times, [0.0, 0.001, 0.5, 1.0])
     assert shown_from_s(early, late) == 0.9 * 20.0
     assert shown_from_s(late) == 0.9 * 30.0
     assert shown_from_s(curve(times, [0.0] * 4)) == 0.0
+
+
+def test_a_share_that_is_never_reached_has_no_time():
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.4]), 0.5) is None
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.5]), 0.5) == 1.0

@@ -3,7 +3,6 @@
 Rules are those of axe-core (Mozilla Public License 2.0, in the package axe-playwright-python).
 """
 
-import os
 import threading
 from contextlib import contextmanager
 
@@ -12,11 +11,16 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from serd_app.navigation.overlay import overlay_of
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
 from serd_app.teleop.page.server import PageServer
-from serd_app.teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
+from serd_app.teleop.page.view import (
+    overlay_message,
+    overlay_of,
+    scene_of,
+    watched_scene_of,
+    world_state,
+)
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
@@ -38,17 +42,8 @@ STATE = {
     "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), None),
     "is_stale": False,
     "waypoint": [2.5, 3.5],
-    "episode": {
-        "phase": "running",
-        "number": 3,
-        "outcome": "",
-        "duration_s": 12.3,
-        "decisions": 6,
-        "other_driver": "",
-        "kept": 2,
-        "arrived": 1,
-        "discarded": 0,
-    },
+    "episode": {"phase": "running", "number": 3, "outcome": "", "duration_s": 12.3, "decisions": 6}
+    | {"other_driver": "", "kept": 2, "arrived": 1, "discarded": 0},
     "mux": {"e_stop": "False", "active": "keys"},
     "guard": {"action": "DO_NOTHING", "overridden": "False"},
     "recorder": {"recording": "True", "messages": "1200", "free_mb": "70000"},
@@ -58,19 +53,25 @@ STATE = {
     "choice": "north",
 }
 DISCARD = Episode(type="episode", do="discard")
+STOP, RELEASE = (EmergencyStop(type="e_stop", engaged=engaged) for engaged in (True, False))
+#: Each scheme and each device.
+VIEWS = [(SCHEMES[0], *DEVICES[0]), (SCHEMES[1], *DEVICES[1])]
 
 pytestmark = [pytest.mark.slow, needs_chromium]
 
 
 class ShownPage:
-    """A served page without a robot; `state` is sent again and again, as by the node."""
+    """A served page without a robot; its state is sent again and again, as by the node."""
 
-    def __init__(self, server, browser):
-        self.server, self.browser = server, browser
-        self.state = STATE
+    def __init__(self, server, browser, state):
+        self.server, self.browser, self.state = server, browser, state
 
     def show(self, **values):
         self.state = self.state | values
+
+    def focus(self, name):
+        selected = f"#{name}, [data-direction={name}], [data-layer={name}]"
+        self.browser.execute_script("document.querySelector(arguments[0]).focus()", selected)
 
     def focused(self):
         active = self.browser.switch_to.active_element
@@ -84,8 +85,14 @@ class ShownPage:
         wait_until(lambda: found.extend(self.server.take()) or wanted in found)
         return found
 
+    def part(self, name):
+        return self.browser.find_element(By.ID, name)
+
     def text(self, name):
-        return self.browser.find_element(By.ID, name).get_attribute("textContent")
+        return self.part(name).get_attribute("textContent")
+
+    def until_text(self, name, beginning):
+        wait_until(lambda: self.text(name).startswith(beginning), seen=lambda: self.text(name))
 
 
 def hold(direction):
@@ -93,21 +100,28 @@ def hold(direction):
 
 
 @contextmanager
-def sending(shown, server):
-    """The newest state of the shown page, sent until the end."""
-    ended = threading.Event()
+def opened(browser, scene, state):
+    """A page of the scene that shows a state; its server, and so its origin, is a new one."""
+    server, ended = PageServer(scene, PageAccess("127.0.0.1", ""), 0), threading.Event()
+    page = ShownPage(server, browser, state)
 
     def send():
         while not ended.wait(0.1):
-            server.show(shown.state | {"page": server.driving_page})
+            server.show(page.state | {"page": server.driving_page})
 
     thread = threading.Thread(target=send)
     thread.start()
     try:
-        yield
+        view(browser, width=1280, height=900, scheme="light")
+        browser.get(server.url)
+        page.until_text("phase", "episode 3")
+        yield page
     finally:
         ended.set()
         thread.join()
+        ActionChains(browser).reset_actions()  # releases keys that a failed test holds
+        browser.get("about:blank")
+        server.close()
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +134,7 @@ def browser(tmp_path_factory):
 @pytest.fixture
 def shown(browser):
     with opened(browser, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
-        wait_until(page.browser.find_element(By.ID, "save").is_enabled)  # this page drives
+        wait_until(page.part("save").is_enabled)  # this page drives
         yield page
 
 
@@ -131,68 +145,61 @@ def watched(browser):
         yield page
 
 
-@contextmanager
-def opened(browser, scene, state):
-    """A page of the scene that shows a state; its server, and so its origin, is a new one."""
-    server = PageServer(scene, PageAccess("127.0.0.1", ""), 0)
-    page = ShownPage(server, browser)
-    page.state = state
-    try:
-        with sending(page, server):
-            view(browser, width=1280, height=900, scheme="light")
-            browser.get(server.url)
-            wait_until(lambda: page.text("phase") == "episode 3", seen=lambda: page.text("phase"))
-            yield page
-    finally:
-        ActionChains(browser).reset_actions()  # releases keys that a failed test holds
-        browser.get("about:blank")
-        server.close()
+@pytest.fixture
+def layers(save_model_of):
+    """The layers of a model that is against the flow in two of three lanes."""
+    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
+    return overlay_message(overlay_of(strategy))
 
 
-def keep_picture(browser, name):
-    """SERD_PICTURES=FOLDER keeps pictures of the page there."""
-    if "SERD_PICTURES" in os.environ:
-        browser.save_screenshot(f"{os.environ['SERD_PICTURES']}/teleop_{name}.png")
+@pytest.fixture
+def learned(shown, layers):
+    assert not shown.part("overlays").is_displayed()
+    shown.server.show_overlay(layers)
+    wait_until(shown.part("overlays").is_displayed)
+    return shown
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize(("width", "height"), DEVICES)
-def test_axe_finds_no_violation_on_the_page_that_watches(watched, scheme, width, height):
-    browser = watched.browser
-    view(browser, width=width, height=height, scheme=scheme)
-    keep_picture(browser, f"watch_{scheme}_{width}")
-    assert violations(browser) == []
+def layer_button(shown, name):
+    return shown.browser.find_element(By.CSS_SELECTOR, f"[data-layer={name!r}]")
+
+
+def test_the_page_that_watches_has_no_controls_and_requests_nothing_by_any_key(watched):
     for name in ("start", "pad", "stop"):
-        assert not browser.find_element(By.ID, name).is_displayed()
-
-
-def test_the_page_that_watches_requests_nothing_by_any_key(watched):
+        assert not watched.part(name).is_displayed()
     for key in ("s", "d", "r", "m", "g", Keys.ENTER, Keys.ARROW_UP, " "):
         watched.press(key)
     watched.show(episode=STATE["episode"] | {"number": 4})
-    wait_until(lambda: watched.text("phase") == "episode 4")
+    watched.until_text("phase", "episode 4")
     assert watched.server.take() == []
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize(("width", "height"), DEVICES)
-def test_axe_finds_no_violation_and_controls_are_44_pixels_large(shown, scheme, width, height):
-    browser = shown.browser
+@pytest.mark.parametrize(("scheme", "width", "height"), VIEWS)
+def test_axe_finds_no_violation_on_the_page_that_watches(watched, scheme, width, height):
+    view(watched.browser, width=width, height=height, scheme=scheme)
+    assert violations(watched.browser) == []
+
+
+@pytest.mark.parametrize(("scheme", "width", "height"), VIEWS)
+def test_axe_finds_no_violation_while_driving_stopped_and_with_each_layer(
+    learned, layers, scheme, width, height
+):
+    browser = learned.browser
     view(browser, width=width, height=height, scheme=scheme)
-    for name, values in {
-        "driving": {},
-        "stopped": {"mux": {"e_stop": "True"}, "recorder": {"recording": "False"}},
-    }.items():
-        shown.show(**values)
-        stopped = values.get("mux", {}).get("e_stop") == "True"
-        wait_until(lambda: shown.text("stop").startswith("RELEASE") == stopped)  # noqa: B023
-        keep_picture(browser, f"{name}_{scheme}_{width}")
-        assert violations(browser) == []
     buttons = [each for each in browser.find_elements(By.TAG_NAME, "button") if each.is_displayed()]
     assert {"start", "save", "stop"} <= {each.get_attribute("id") for each in buttons}
     for button in buttons:
         size = button.size
         assert min(size["width"], size["height"]) >= 44, button.get_attribute("outerHTML")
+    assert violations(browser) == []
+    learned.show(mux={"e_stop": "True"}, recorder={"recording": "False"})
+    learned.until_text("stop", "RELEASE")
+    assert violations(browser) == []
+    for name in ("policy", "arrival", "dynamics"):
+        layer_button(learned, name).click()
+        learned.until_text("layer-title", layers[name]["title"])
+        assert learned.text("layer-note") == layers[name]["note"]
+        assert violations(browser) == []
 
 
 def test_tab_reaches_every_control_that_is_enabled_and_comes_out_again(shown):
@@ -207,20 +214,15 @@ def test_tab_reaches_every_control_that_is_enabled_and_comes_out_again(shown):
     assert [name for name in order if name != "body"] == controls
 
 
-def test_enter_on_a_control_is_for_that_control_only(shown):
+def test_enter_is_for_the_control_in_focus_and_space_stops_wherever_the_focus_is(shown):
     shown.server.take()
-    shown.browser.execute_script("document.getElementById('discard').focus()")
+    shown.focus("discard")
     shown.press(Keys.ENTER)
     found = shown.until_requested(DISCARD)
     assert [each for each in found if isinstance(each, Episode)] == [DISCARD]
     assert shown.focused() == "discard"
-
-
-def test_space_stops_the_robot_wherever_the_focus_is_and_the_stop_is_announced(shown):
-    shown.browser.execute_script("document.getElementById('discard').focus()")
     shown.press(Keys.SPACE)
-    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
-    assert not [each for each in found if isinstance(each, Episode)]
+    assert not [each for each in shown.until_requested(STOP) if isinstance(each, Episode)]
     shown.show(mux={"e_stop": "True"})
     wait_until(lambda: shown.text("alarm") == "Emergency stop. R releases it.")
     shown.show(mux={"e_stop": "False"})
@@ -231,25 +233,23 @@ def test_a_second_click_right_after_the_one_that_stopped_does_not_release(shown)
     def click():
         shown.browser.execute_script("document.getElementById('stop').click()")
 
-    released = EmergencyStop(type="e_stop", engaged=False)
     click()
-    shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    shown.until_requested(STOP)
     shown.show(mux={"e_stop": "True"})
-    wait_until(lambda: shown.text("stop").startswith("RELEASE"))
+    shown.until_text("stop", "RELEASE")
     # As if it had been pressed just now, however slow this machine is.
     shown.browser.execute_script("const now = performance.now(); performance.now = () => now")
     shown.press(Keys.SPACE)
     click()
     click()
     shown.browser.execute_script("delete performance.now")
-    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
-    assert released not in found
+    assert RELEASE not in shown.until_requested(STOP)
     requested = []
-    wait_until(lambda: click() or requested.extend(shown.server.take()) or released in requested)
+    wait_until(lambda: click() or requested.extend(shown.server.take()) or RELEASE in requested)
 
 
 def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
-    shown.browser.execute_script("document.querySelector('[data-direction=east]').focus()")
+    shown.focus("east")
     ActionChains(shown.browser).key_down(Keys.ENTER).perform()
     shown.until_requested(hold("east"))
     ActionChains(shown.browser).key_up(Keys.ENTER).perform()
@@ -257,25 +257,6 @@ def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
     shown.browser.execute_script("document.querySelector('[data-direction=west]').click()")
     shown.until_requested(hold("west"))
     shown.until_requested(hold(None))
-
-
-@pytest.fixture
-def layers(save_model_of):
-    """The layers of a model that is against the flow in two of three lanes."""
-    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
-    return overlay_message(overlay_of(strategy))
-
-
-@pytest.fixture
-def learned(shown, layers):
-    assert not shown.browser.find_element(By.ID, "overlays").is_displayed()
-    shown.server.show_overlay(layers)
-    wait_until(shown.browser.find_element(By.ID, "overlays").is_displayed)
-    return shown
-
-
-def layer_button(shown, name):
-    return shown.browser.find_element(By.CSS_SELECTOR, f"[data-layer={name!r}]")
 
 
 def colours_of_the_map(shown):
@@ -292,26 +273,9 @@ def colours_of_the_map(shown):
     )
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize(("width", "height"), DEVICES)
-def test_axe_finds_no_violation_with_the_layers_of_a_learned_model(
-    learned, layers, scheme, width, height
-):
-    browser = learned.browser
-    view(browser, width=width, height=height, scheme=scheme)
-    for name in ("policy", "arrival", "dynamics"):
-        button = layer_button(learned, name)
-        assert min(button.size["width"], button.size["height"]) >= 44
-        button.click()
-        wait_until(lambda: learned.text("layer-title") == layers[name]["title"])  # noqa: B023
-        assert learned.text("layer-note") == layers[name]["note"]
-        keep_picture(browser, f"layer_{name}_{scheme}_{width}")
-        assert violations(browser) == []
-
-
 def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
     plain = colours_of_the_map(learned)
-    learned.browser.execute_script("document.querySelector('[data-layer=arrival]').focus()")
+    learned.focus("arrival")
     learned.press(Keys.ENTER)
     assert layer_button(learned, "arrival").get_attribute("aria-pressed") == "true"
     assert learned.text("layer-low") == "0 s"
@@ -319,6 +283,6 @@ def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
     learned.press(Keys.ARROW_UP)
     learned.until_requested(hold("north"))  # the arrows drive, with the focus there too
     layer_button(learned, "").click()
-    assert not learned.browser.find_element(By.ID, "layer").is_displayed()
+    assert not learned.part("layer").is_displayed()
     wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
     assert not [each for each in learned.server.take() if isinstance(each, Episode)]

@@ -1,9 +1,11 @@
-"""The page's server over HTTP and WebSocket: token, origin, host, bad messages, one driver."""
+"""The page's server over HTTP and WebSocket: who is admitted, bad messages, one driver, layers."""
 
 import asyncio
 import json
 import socket
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
@@ -11,8 +13,10 @@ from aiohttp.test_utils import TestClient, TestServer
 from serd_app.errors import TeleopError
 from serd_app.teleop.page.access import PageAccess, admits_origin, read_token
 from serd_app.teleop.page.hub import Hub
-from serd_app.teleop.page.requests import Away, Hold, Joystick, parse_request
+from serd_app.teleop.page.requests import LARGEST_REQUEST_BYTES, Away, Hold, Joystick, parse_request
 from serd_app.teleop.page.server import PageServer, make_app
+from serd_app.teleop.page.view import ModelOverlay, overlay_message
+from support.waiting import PATIENCE_S
 
 TOKEN = "a-long-random-token"
 LOCAL = PageAccess("127.0.0.1")
@@ -28,7 +32,7 @@ def with_client(access, use):
         async with TestClient(TestServer(make_app(hub, access))) as client:
             await use(client, hub)
 
-    asyncio.run(run())
+    asyncio.run(asyncio.wait_for(run(), PATIENCE_S))
 
 
 async def connect(client, **headers):
@@ -37,10 +41,8 @@ async def connect(client, **headers):
 
 
 async def next_of(page, kind):
-    while True:
-        message = await page.receive_json()
-        if message["type"] == kind:
-            return message
+    message = await page.receive_json()
+    return message if message["type"] == kind else await next_of(page, kind)
 
 
 def requests_of(hub):
@@ -65,19 +67,12 @@ def test_the_page_and_its_files_come_with_headers_that_keep_others_out():
     with_client(LOCAL, use)
 
 
-def test_a_foreign_host_name_is_refused_on_loopback():
-    async def use(client, _):
-        answer = await client.get("/", headers={"Host": "robot.example"})
-        assert answer.status == 403
-
-    with_client(LOCAL, use)
-
-
 @pytest.mark.parametrize(
     "headers", [{"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": ""}, {}]
 )
-def test_a_foreign_origin_cannot_connect(headers):
+def test_a_foreign_host_or_origin_cannot_connect_on_loopback(headers):
     async def use(client, _):
+        assert (await client.get("/", headers={"Host": "robot.example"})).status == 403
         with pytest.raises(WSServerHandshakeError) as refused:
             await client.ws_connect("/socket", headers=headers)
         assert refused.value.status == 403
@@ -102,7 +97,7 @@ def test_with_a_token_everything_is_closed_until_it_is_given_and_it_leaves_the_a
     with_client(GUARDED, use)
 
 
-def test_a_bad_message_is_answered_by_a_sentence_and_the_connection_lives():
+def test_a_bad_message_is_answered_by_a_sentence_and_a_large_or_binary_one_ends_the_connection():
     async def use(client, hub):
         page = await connect(client)
         await page.send_str("{not json")
@@ -110,17 +105,12 @@ def test_a_bad_message_is_answered_by_a_sentence_and_the_connection_lives():
         await page.send_json(NORTH)
         await until(lambda: hub.requests.qsize())
         assert requests_of(hub) == [Hold(type="hold", direction="north")]
-
-    with_client(LOCAL, use)
-
-
-def test_a_message_that_is_too_large_ends_the_connection():
-    async def use(client, hub):
-        page = await connect(client)
-        await next_of(page, "scene")
-        await page.send_str(" " * 10_000)
-        assert (await page.receive()).data == 1009  # message too big
-        assert requests_of(hub) == []
+        await page.send_bytes(b"{}")
+        assert (await page.receive()).data == 1003  # unsupported data
+        other = await connect(client)
+        await next_of(other, "scene")
+        await other.send_str(" " * (LARGEST_REQUEST_BYTES + 1))
+        assert (await other.receive()).data == 1009  # message too big
 
     with_client(LOCAL, use)
 
@@ -139,22 +129,14 @@ def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
     with_client(LOCAL, use)
 
 
-def test_a_port_in_use_is_named_with_the_fix():
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(TeleopError, match=rf"port {port} of 127\.0\.0\.1 is in use; choose"):
-            PageServer({}, LOCAL, port)
-
-
-def test_the_server_takes_a_free_port_and_ends_with_its_connections():
+def test_the_server_takes_a_free_port_refuses_a_used_one_and_ends_with_its_connections():
     server = PageServer({"type": "scene"}, LOCAL, 0)
     assert server.url == f"http://127.0.0.1:{server.port}/"
+    with pytest.raises(TeleopError, match=rf"port {server.port} of 127\.0\.0\.1 is in use; choose"):
+        PageServer({}, LOCAL, server.port)
     server.show({"type": "state"})
     server.notify("hello")
-    assert server.take() == []
-    assert server.driving_page == 0
+    assert (server.take(), server.driving_page) == ([], 0)
     server.close()
     server.close()
     with socket.socket() as again:
@@ -175,32 +157,24 @@ def test_a_request_that_cannot_be_read_is_refused_and_logged_in_one_line(lines, 
     assert "Traceback" not in caplog.text
 
 
-def test_any_address_but_loopback_needs_a_token():
+def test_any_address_but_loopback_needs_a_token_of_16_characters():
     with pytest.raises(TeleopError, match=r"unless a token is given, got 0\.0\.0\.0"):
         PageAccess("0.0.0.0")
-    assert PageAccess("0.0.0.0", TOKEN).admits_token(TOKEN)
+    with pytest.raises(TeleopError, match="at least 16 characters, got 15"):
+        PageAccess("127.0.0.1", 15 * "a")
+    assert GUARDED.admits_token(TOKEN)
+    assert PageAccess("0.0.0.0", 16 * "a").admits_host("robot.example")
     for address in ("127.0.0.1", "::1", "localhost"):
         assert PageAccess(address).admits_token("")
+    for token in ("", "a-long-random-toke", TOKEN + "x", "ü" * 20, "\udcff"):
+        assert not GUARDED.admits_token(token)
 
 
-def test_a_short_token_is_refused():
-    with pytest.raises(TeleopError, match="at least 16 characters, got 3"):
-        PageAccess("127.0.0.1", "abc")
-
-
-@pytest.mark.parametrize("token", ["", "a-long-random-toke", TOKEN + "x", "ü" * 20, "\udcff"])
-def test_a_wrong_token_is_not_admitted(token):
-    assert not PageAccess("0.0.0.0", TOKEN).admits_token(token)
-
-
-def test_on_loopback_the_host_must_be_a_name_of_loopback():
-    access = PageAccess("127.0.0.1")
-    assert all(access.admits_host(host) for host in ("127.0.0.1:8765", "localhost", "[::1]:80"))
-    assert not any(access.admits_host(host) for host in ("robot.example:8765", "", "10.0.0.1"))
-    assert not any(access.admits_host(host) for host in ("[::1", "]", "127.0.0.1\u2100"))
-
-
-def test_only_the_servers_own_origin_may_connect():
+def test_hosts_of_loopback_and_the_origin_of_the_server_are_admitted_and_no_others():
+    for host in ("127.0.0.1:8765", "localhost", "[::1]:80"):
+        assert LOCAL.admits_host(host)
+    for host in ("robot.example:8765", "", "10.0.0.1", "[::1", "]", "127.0.0.1\u2100"):
+        assert not LOCAL.admits_host(host)
     assert admits_origin("http://127.0.0.1:8765", "127.0.0.1:8765")
     for origin in (None, "null", "http://127.0.0.1:9999", "https://127.0.0.1:8765", "http://evil"):
         assert not admits_origin(origin, "127.0.0.1:8765")
@@ -217,9 +191,6 @@ def test_a_token_file_gives_its_first_line(tmp_path):
 
 
 def test_requests_are_read():
-    assert parse_request('{"type": "hold", "direction": "north"}') == Hold(
-        type="hold", direction="north"
-    )
     joy = parse_request('{"type": "joy", "axes": [0.5, -1], "buttons": [0, 1]}')
     assert joy == Joystick(type="joy", axes=(0.5, -1.0), buttons=(0, 1))
 
@@ -246,3 +217,40 @@ def test_requests_are_read():
 def test_anything_else_is_one_sentence(text):
     with pytest.raises(TeleopError, match=r"of a page's request: .*; load the page again"):
         parse_request(text)
+
+
+NAN = float("nan")
+
+
+def overlay(median_s, forward):
+    return ModelOverlay(
+        directions=np.array([[0, 1], [-1, 0], [0, 0]]),
+        median_s=np.array(median_s),
+        forward=np.array(forward),
+        forward_by_model={"with_flow": 0.934, "against_flow": 0.5},
+    )
+
+
+def test_layers_have_a_number_and_a_shade_per_cell_and_none_where_there_is_no_value():
+    layers = overlay_message(overlay([40.0, NAN, 0.0], [0.934, 0.5, NAN]))
+    assert json.loads(json.dumps(layers, allow_nan=False)) == layers
+    arrival, dynamics = layers["arrival"], layers["dynamics"]
+    assert layers["policy"]["directions"] == [[0, 1], [-1, 0], [0, 0]]
+    assert (arrival["labels"], arrival["shades"]) == (["40", "×", "0"], [1.0, None, 0.0])
+    assert (arrival["low"], arrival["high"]) == ("0 s", "40 s")
+    assert (dynamics["labels"], dynamics["shades"]) == (["93", "50", ""], [0.93, 0.5, None])
+    assert dynamics["note"] == "all moves: with flow 93 %, against flow 50 %"
+    nobody = overlay_message(overlay([NAN] * 3, [0.1, 0.1, NAN]))["arrival"]
+    assert (nobody["labels"], nobody["shades"], nobody["high"]) == (["×"] * 3, [None] * 3, "0 s")
+
+
+def test_the_layers_state_what_is_driven_and_predicted_only_as_far_as_it_is_supported():
+    trusted = overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN])
+    layers = overlay_message(trusted)
+    assert layers["arrival"]["title"].startswith("Predicted seconds")
+    assert layers["policy"]["note"] == "dot: waits"
+    doubted = replace(trusted, n_least_time=2, no_prediction_because=("one is few", "it is late"))
+    layers = overlay_message(doubted)
+    assert layers["arrival"]["title"].startswith("Computed seconds")
+    assert layers["arrival"]["note"] == "no prediction, because one is few, and because it is late"
+    assert layers["policy"]["note"].startswith("dot: waits; in 2 cells the way of least expected")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from serd_app.teleop.page.hub import SILENCE_S, Hub, Lease
+from serd_app.teleop.page.hub import SILENCE_S, Hub
 from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold
 
 NORTH = Hold(type="hold", direction="north")
@@ -34,6 +34,16 @@ def hub(clock):
     return Hub('{"type": "scene"}', clock=clock)
 
 
+@pytest.fixture
+def pages(hub):
+    """Two pages that have read their greeting, of which the first drives."""
+    pages = hub.open(), hub.open()
+    request(hub, pages[0], NORTH)
+    for page in pages:
+        page.pending()
+    return pages
+
+
 def requests_of(hub):
     return [hub.requests.get_nowait() for _ in range(hub.requests.qsize())]
 
@@ -47,61 +57,41 @@ def request(hub, page, *requests):
         hub.receive(page, each.model_dump_json())
 
 
-def test_one_page_drives_until_it_goes_or_is_silent():
-    lease = Lease()
-    assert lease.claim(1, 0.0)
-    assert not lease.claim(2, 0.1)
-    assert lease.claim(1, SILENCE_S)
-    assert not lease.claim(2, 2 * SILENCE_S)
-    assert lease.claim(2, 2 * SILENCE_S + 0.01)
-    lease.release(1)
-    assert lease.holder(2 * SILENCE_S + 0.02) == 2
-    lease.release(2)
-    assert lease.holder(2 * SILENCE_S + 0.02) is None
+def test_a_page_renews_its_right_to_drive_with_each_request_until_it_is_silent(hub, pages, clock):
+    driver, other = pages
+    for now_s, page, driving in (
+        (SILENCE_S, driver, driver),
+        (2 * SILENCE_S, other, driver),
+        (2 * SILENCE_S + 0.01, other, other),
+    ):
+        clock.now_s = now_s
+        request(hub, page, NORTH)
+        assert hub.driving == driving.number
 
 
-def test_pages_are_numbered_from_one_and_greeted_with_their_number_and_the_scene(hub):
-    for number in (1, 2, 3):
+def test_pages_are_greeted_with_their_number_the_scene_and_the_newest_layers(hub):
+    for number in (1, 2):
         page = hub.open()
-        assert page.number == number
-        assert page.changed.is_set()
+        assert (page.number, page.changed.is_set()) == (number, True)
         assert sent_to(page) == [{"type": "hello", "page": number}, {"type": "scene"}]
-
-
-def test_layers_wait_for_the_open_pages_and_the_newest_ones_for_later_pages(hub):
-    early = hub.open()
-    early.pending()
     hub.send_overlay('{"number": 1}')
     hub.send_overlay('{"number": 2}')
-    assert sent_to(early) == [{"number": 2}]
+    assert sent_to(page) == [{"number": 2}]
     assert sent_to(hub.open())[2:] == [{"number": 2}]
 
 
-def test_a_slow_page_gets_its_notices_but_only_the_newest_state(hub):
-    page = hub.open()
-    page.pending()
-    hub.send_notice("one")
-    hub.send_state("old")
-    hub.send_notice("two")
-    hub.send_state("new")
-    assert page.pending() == [
-        '{"type": "notice", "text": "one"}',
-        '{"type": "notice", "text": "two"}',
-        "new",
-    ]
-    assert page.pending() == []
-
-
-def test_a_page_that_never_reads_keeps_its_greeting_and_few_other_messages(hub):
+def test_a_slow_page_gets_its_greeting_its_last_notices_and_only_the_newest_state(hub):
     page = hub.open()
     for number in range(1000):
         hub.send_notice(str(number))
         hub.send_overlay("overlay")
-        hub.send_state("state")
+        hub.send_state(f"state {number}")
     messages = page.pending()
     assert '"hello"' in messages[0]
-    assert messages[-3:] == ['{"type": "notice", "text": "999"}', "overlay", "state"]
+    assert json.loads(messages[2]) == {"type": "notice", "text": "950"}
+    assert messages[-3:] == ['{"type": "notice", "text": "999"}', "overlay", "state 999"]
     assert len(messages) == 2 + 50 + 2
+    assert page.pending() == []
 
 
 def test_each_message_wakes_the_sender_once(hub):
@@ -129,7 +119,6 @@ def test_a_bad_message_is_answered_to_its_page_alone_and_makes_it_no_driver(hub)
     bad.pending(), other.pending()
     hub.receive(bad, '{"type": "hold"}')
     (notice,) = sent_to(bad)
-    assert notice["type"] == "notice"
     assert notice["text"].startswith("hold.direction of a page's request: ")
     assert notice["text"].endswith("; load the page again")
     assert sent_to(other) == requests_of(hub) == []
@@ -146,10 +135,10 @@ def test_a_bad_message_is_answered_to_its_page_alone_and_makes_it_no_driver(hub)
         ({"type": "move", "linear": 1.0, "angular": 0.0}, []),
     ],
 )
-def test_what_another_page_requests_is_refused_and_only_presses_are_answered(hub, refused, answer):
-    driver, other = hub.open(), hub.open()
-    request(hub, driver, NORTH)
-    driver.pending(), other.pending()
+def test_what_another_page_requests_is_refused_and_only_presses_are_answered(
+    hub, pages, refused, answer
+):
+    driver, other = pages
     hub.receive(other, json.dumps(refused))
     assert (hub.driving, requests_of(hub)) == (driver.number, [NORTH])
     assert sent_to(other) == answer
@@ -166,9 +155,8 @@ def test_any_page_may_stop_the_robot_and_does_not_drive_by_it(hub):
     assert requests_of(hub) == [STOP_ALL, NORTH, STOP_ALL]
 
 
-def test_a_driver_that_is_away_is_away_once_and_the_next_page_drives(hub):
-    driver, other = hub.open(), hub.open()
-    request(hub, driver, NORTH)
+def test_a_driver_that_is_away_is_away_once_and_the_next_page_drives(hub, pages):
+    driver, other = pages
     request(hub, other, AWAY)
     assert hub.driving == driver.number
     request(hub, driver, AWAY, AWAY)
@@ -178,10 +166,8 @@ def test_a_driver_that_is_away_is_away_once_and_the_next_page_drives(hub):
     assert hub.driving == other.number
 
 
-def test_a_page_that_closes_is_away_once_if_it_drove_and_gets_nothing_more(hub):
-    driver, other = hub.open(), hub.open()
-    request(hub, driver, NORTH)
-    driver.pending(), other.pending()
+def test_a_page_that_closes_is_away_once_if_it_drove_and_gets_nothing_more(hub, pages):
+    driver, other = pages
     hub.close(other)
     assert (hub.driving, requests_of(hub)) == (driver.number, [NORTH])
     hub.send_notice("going")
@@ -193,14 +179,12 @@ def test_a_page_that_closes_is_away_once_if_it_drove_and_gets_nothing_more(hub):
     assert sent_to(other) == []
 
 
-def test_a_silent_driver_is_away_once_it_has_been_silent_for_longer_than_the_limit(hub, clock):
-    page = hub.open()
-    request(hub, page, NORTH)
-    clock.now_s = SILENCE_S
-    hub.send_state("{}")
-    assert hub.driving == page.number
-    clock.now_s = SILENCE_S + 0.01
-    hub.send_state("{}")
-    hub.send_state("{}")
-    assert hub.driving is None
+def test_a_silent_driver_is_away_once_it_has_been_silent_for_longer_than_the_limit(
+    hub, pages, clock
+):
+    for now_s, driving in ((SILENCE_S, pages[0].number), (SILENCE_S + 0.01, None)):
+        clock.now_s = now_s
+        hub.send_state("{}")
+        hub.send_state("{}")
+        assert hub.driving == driving
     assert requests_of(hub) == [NORTH, AWAY]

@@ -4,14 +4,13 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from serd_app.navigation.overlay import overlay_of
+from serd_app.teleop.page.view import overlay_of
 from serd_core.grid.grid import Action
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
 from tests.conftest import MEAN_S, model_row
 
 HALLWAY = load_scenario("hallway")
-GOAL_ALONE = {"goal": 5.0, "social_norm": 0.0, "inverse_wall_distance": 0.0}
 
 
 def overlay_and_strategy(path):
@@ -31,22 +30,24 @@ def n_cells_to_the_goal(problem):
     states = np.repeat(np.arange(len(successors)), successors.shape[1])
     # SciPy 1.11's csgraph takes indices of 32 bits only.
     arrows = np.stack([successors.ravel(), states]).astype(np.int32)
-    backward = (np.ones(successors.size), tuple(arrows))
     shape = (len(successors), len(successors))
-    graph = coo_array(backward, shape=shape).tocsr()
+    graph = coo_array((np.ones(successors.size), tuple(arrows)), shape=shape).tocsr()
     return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
 
 
 def test_where_every_move_succeeds_at_once_the_median_is_a_second_for_each_cell(save_model_of):
     sure = with_moves((0.0, 1.0, 0.0, 0.0, 0.0), mean_s=1.0, believed_mean_s=1.0, shape=1e6)
-    path = save_model_of(reward_weights=GOAL_ALONE, outcome_models=sure)
+    path = save_model_of(reward_weights={"goal": 5.0}, outcome_models=sure)
     overlay, strategy = overlay_and_strategy(path)
     n_cells = n_cells_to_the_goal(strategy.problem)
     assert n_cells.max() > 10
     np.testing.assert_allclose(overlay.median_s, n_cells)
+    stuck = with_moves((1.0, 0.0, 0.0, 0.0, 0.0))
+    nobody, _ = overlay_and_strategy(save_model_of(outcome_models=stuck))
+    np.testing.assert_array_equal(nobody.median_s, np.where(n_cells == 0, 0.0, np.nan))
 
 
-def test_a_direction_leads_to_the_neighbour_of_the_greedy_action(save_model_of):
+def test_directions_and_chances_are_those_of_the_greedy_moves(save_model_of):
     overlay, strategy = overlay_and_strategy(save_model_of())
     grid, greedy = strategy.problem.grid, strategy.policy.greedy
     following = grid.neighbours[np.arange(grid.n_states), greedy]
@@ -54,21 +55,8 @@ def test_a_direction_leads_to_the_neighbour_of_the_greedy_action(save_model_of):
     step_m = (grid.centers_m[following] - grid.centers_m)[moved]
     np.testing.assert_allclose(step_m, grid.cell_size_m * overlay.directions[moved])
     assert moved.sum() > 50
-    assert not overlay.directions[greedy == Action.WAIT].any()
-
-
-def test_forward_is_the_models_probability_of_each_move_and_none_where_the_policy_waits(
-    save_model_of,
-):
-    overlay, strategy = overlay_and_strategy(save_model_of())
+    waits = greedy == Action.WAIT
+    assert not overlay.directions[waits].any()
     assert overlay.forward_by_model == {"with_flow": 0.9, "against_flow": 0.3, "across_flow": 0.75}
-    greedy, flow = strategy.policy.greedy, strategy.problem.flow
-    np.testing.assert_array_equal(np.isnan(overlay.forward), greedy == Action.WAIT)
-    assert set(overlay.forward[(greedy == flow) & (greedy != Action.WAIT)]) == {0.9}
-
-
-def test_cells_from_which_fewer_than_half_arrive_have_no_median(save_model_of):
-    stuck = with_moves((1.0, 0.0, 0.0, 0.0, 0.0))
-    overlay, strategy = overlay_and_strategy(save_model_of(outcome_models=stuck))
-    in_goal = np.isin(np.arange(len(overlay.median_s)), strategy.problem.goal_states)
-    np.testing.assert_array_equal(overlay.median_s, np.where(in_goal, 0.0, np.nan))
+    np.testing.assert_array_equal(np.isnan(overlay.forward), waits)
+    assert set(overlay.forward[(greedy == strategy.problem.flow) & ~waits]) == {0.9}
