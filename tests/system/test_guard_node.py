@@ -11,7 +11,6 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import Bool
 
-from serd_cli.processes.node_commands import stack_processes
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import from_odometry
 from serd_ros.convert.stamp import stamp_s
@@ -111,19 +110,22 @@ class FaultyInputs:
         self.late.clear()
 
 
-@pytest.fixture
-def inputs(nodes, probe, ros_env):
+@pytest.fixture(scope="module")
+def stack(running):
     faulty = {topic: f"{topic}_faulty" for topic in INPUTS}
     stack = find_stack("live").model_copy(
         update={"nodes": ("hallway_sim", "guard"), "remappings": {"guard": faulty}}
     )
-    started = {
-        process.name: nodes.start(list(process.command), process.name)
-        for process in stack_processes(stack, {"seed": 2, "people": 0}, ros_env)
-    }
-    faulty_inputs = FaultyInputs(probe)
+    started = running.nodes.start_stack(stack, seed=2, hallway_sim__people=0)
+    faulty_inputs = FaultyInputs(running.probe)
     faulty_inputs.guard = started["guard"]
     return faulty_inputs
+
+
+@pytest.fixture
+def inputs(stack):
+    stack.heal()
+    return stack
 
 
 FAULTS = {
@@ -177,16 +179,3 @@ def test_commands_that_waited_while_the_guard_was_stopped_do_not_drive(inputs):
     # A command that the guard sent before may be sent again; the robot takes it for what it is.
     assert max(map(abs, speeds)) < STOPPED_MPS
     inputs.until_it_moves()
-
-
-def test_a_guard_without_a_command_publishes_nothing(inputs):
-    since_s = [math.nan]
-
-    def has_run():
-        if math.isnan(since_s[0]) and inputs.values:
-            since_s[0] = inputs.time_s
-        return inputs.time_s > since_s[0] + 1.0
-
-    inputs.probe.spin_until(has_run)
-    assert math.isnan(inputs.linear_mps)
-    assert inputs.values["reasons"] == "cmd_vel_raw: no message yet"

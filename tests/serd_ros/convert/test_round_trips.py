@@ -92,29 +92,22 @@ def test_a_pose_keeps_its_position_exactly_and_its_yaw_to_rounding(x, y, yaw):
 
 
 @given(x=metres, y=metres)
-def test_a_waypoint_survives_exactly(x, y):
+def test_waypoints_commands_and_intents_survive_exactly(x, y):
+    at_ns = 1_500_000_000
     assert from_waypoint_message(to_waypoint_message(Waypoint(x, y), 1.5)) == (
-        1_500_000_000,
+        at_ns,
         Waypoint(x, y),
     )
-
-
-@given(v=metres, w=metres)
-def test_a_command_survives_exactly_plain_and_stamped(v, w):
-    assert from_twist(to_twist(Command(v, w))) == Command(v, w)
-    stamped = to_twist_stamped(Command(v, w), 0.15)
-    assert from_twist_stamped(stamped) == (150_000_000, Command(v, w))
+    assert from_twist(to_twist(Command(x, y))) == Command(x, y)
+    assert from_twist_stamped(to_twist_stamped(Command(x, y), 1.5)) == (at_ns, Command(x, y))
+    for action in Action:
+        assert from_intent(to_intent(action, 1.5)) == (at_ns, action)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, -math.inf, 1.1e6, -1e300])
 def test_a_command_that_is_not_finite_or_beyond_1e6_arrives_not_finite(wrong):
     assert not from_twist(to_twist(Command(wrong, 0.0))).is_finite
     assert not from_twist(to_twist(Command(0.0, wrong))).is_finite
-
-
-@pytest.mark.parametrize("action", list(Action))
-def test_an_intent_survives(action):
-    assert from_intent(to_intent(action, 2.0)) == (2_000_000_000, action)
 
 
 @given(st.lists(st.tuples(metres, metres, metres, metres), max_size=30))
@@ -127,14 +120,10 @@ def test_people_survive_in_single_precision(rows):
     assert np.array_equal(back.identity, people.identity)
 
 
+POSE = to_pose_stamped((1.0, 2.0, 0.3), 0.5)
 BROKEN = [
-    (from_pose_stamped, to_pose_stamped((1.0, 2.0, 0.3), 0.5), "pose.position.x", "position must"),
-    (
-        from_pose_stamped,
-        to_pose_stamped((1.0, 2.0, 0.3), 0.5),
-        "pose.orientation.z",
-        "unit quatern",
-    ),
+    (from_pose_stamped, POSE, "pose.position.x", "position must"),
+    (from_pose_stamped, POSE, "pose.orientation.z", "unit quatern"),
     (from_odometry, ODOMETRY, "pose.pose.position.y", "position must"),
     (from_odometry, ODOMETRY, "pose.pose.orientation.w", "unit quaternion"),
     (from_odometry, ODOMETRY, "twist.twist.linear.x", "twist must be finite and at most 1e.06"),
@@ -175,42 +164,19 @@ def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits
 @given(x=metres, y=metres, yaw=angles, v=metres, w=metres, tick=st.integers(0, 10**7))
 def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, tick):
     sent = observation_at(
-        x,
-        y,
-        yaw,
-        tick=tick,
-        speed_mps=v,
-        yaw_rate_radps=w,
-        people=[[x, y], [1.1, 2.2]],
+        x, y, yaw, tick=tick, speed_mps=v, yaw_rate_radps=w, people=[[x, y], [1.1, 2.2]],
         velocity=[[0.1, 0.2], [v, w]],
-    )
+    )  # fmt: skip
     inbox = ObservationInbox(0.05)
-    people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
-    message = to_people_message(people, sent.time_s)
-    assert inbox.take_people(*from_people_message(message)) is None
+    inbox.take_people(*from_people_message(to_people_message(sent.people, sent.time_s)))
     time_ns, _, speeds = from_odometry(to_odometry(sent, sent.pose))
-    assert speeds == (v, w)
     assert inbox.take_speeds(time_ns, speeds) is None
-    pose_message = to_waypoint_message(Waypoint(x, y), sent.time_s)
-    got = inbox.take_pose(*from_pose_stamped(pose_message))
-    assert got is not None
-    pose_message.pose = to_pose(sent.pose)
-    got = inbox.take_pose(*from_pose_stamped(pose_message))
+    message = to_waypoint_message(Waypoint(x, y), sent.time_s)
+    message.pose = to_pose(sent.pose)
+    got = inbox.take_pose(*from_pose_stamped(message))
     assert (got.tick, got.pose, got.speed_mps, got.yaw_rate_radps) == (tick, sent.pose, v, w)
     assert np.array_equal(got.people_position_m, sent.people_position_m)
     assert np.array_equal(got.people_velocity_mps, sent.people_velocity_mps)
-
-
-def test_parts_of_different_ticks_make_no_observation():
-    inbox = ObservationInbox(0.05)
-    no_people = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    inbox.take_people(*from_people_message(to_people_message(no_people, 1.0)))
-    pose_message = to_waypoint_message(Waypoint(0, 0), 1.0)
-    assert inbox.take_pose(*from_pose_stamped(pose_message)) is None
-    observation = observation_at(0.0, 0.0, time_s=1.05)
-    time_ns, _, speeds = from_odometry(to_odometry(observation, observation.pose))
-    assert inbox.take_speeds(time_ns, speeds) is None
-    assert inbox.missing() == {"odom": pytest.approx(-0.05)}
 
 
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
@@ -229,9 +195,8 @@ def test_a_scan_keeps_its_ranges_and_its_geometry():
     time_ns, received = from_scan(message, settings)
     assert time_ns == 100_000_000
     assert np.array_equal(received, ranges)
-    assert message.angle_min + (settings.n_rays - 1) * message.angle_increment == pytest.approx(
-        message.angle_max, abs=1e-5
-    )
+    last_rad = message.angle_min + (settings.n_rays - 1) * message.angle_increment
+    assert last_rad == pytest.approx(message.angle_max, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -270,16 +235,12 @@ def test_a_map_keeps_its_cells_row_by_row_from_the_south():
     assert (message.info.origin.position.x, message.info.origin.position.y) == (1.0, -2.0)
 
 
-def test_an_episode_mark_survives():
+def test_an_episode_mark_and_values_of_diagnostics_survive():
     mark = EpisodeMark("end", 12.35, 4, "strategy", 3, "train", "aborted", "no progress")
     assert from_episode_message(to_episode_message(mark)) == mark
-
-
-def test_diagnostics_carry_floats_exactly():
     message = to_diagnostics("hallway_sim", 1.0, {"gap_m": 0.1 + 0.2, "count": 3})
     values = values_of(message, "hallway_sim")
-    assert float(values["gap_m"]) == 0.1 + 0.2
-    assert int(values["count"]) == 3
+    assert (float(values["gap_m"]), int(values["count"])) == (0.1 + 0.2, 3)
     assert values_of(message, "other") is None
 
 
@@ -290,32 +251,30 @@ def test_a_path_looks_along_its_legs():
     assert len(to_path(np.zeros((0, 2)), 0.0).poses) == 0
 
 
-def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
+def places(points):
+    return [(each.x, each.y) for each in points]
+
+
+def test_markers_show_arrows_values_traps_a_text_and_people_with_where_they_will_be():
     centers = np.array([[0.5, 0.5], [1.5, 0.5]])
     arrows = to_policy_markers(centers, [Action.WAIT, Action.NORTH], 1.0, 0.0).markers
     assert [arrow.id for arrow in arrows] == [0, 1]
     assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
     (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
-    assert values.colors[1].r < values.colors[0].r
+    assert values.colors[1].r < values.colors[0].r  # darker for higher values
     (traps,) = to_trap_markers(centers, 1.0, 3.0).markers
-    assert [(point.x, point.y) for point in traps.points] == [(0.5, 0.5), (1.5, 0.5)]
+    assert places(traps.points) == [(0.5, 0.5), (1.5, 0.5)]
     (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
     assert gone.action == Marker.DELETEALL
     (words,) = to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
-    assert (words.pose.position.x, words.pose.position.y) == (2.5, 4.0)
-    assert words.text == "arrives in 31 s"
-
-
-def test_people_are_shown_with_where_they_will_be_in_a_second():
+    assert (*places([words.pose.position]), words.text) == ((2.5, 4.0), "arrives in 31 s")
     people = People(
         np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[1.3, 0.0], [0.0, -1.2]]), np.array([0, 1])
     )
     bodies, lines = to_people_markers(people, 0.25, 7.5).markers
-    assert stamp_s(bodies.header.stamp) == 7.5
-    assert bodies.scale.x == 0.5
-    assert [(point.x, point.y) for point in bodies.points] == [(1.0, 2.0), (3.0, 4.0)]
-    ends = [(point.x, point.y) for point in lines.points]
-    assert ends == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
+    assert (stamp_s(bodies.header.stamp), bodies.scale.x) == (7.5, 0.5)
+    assert places(bodies.points) == [(1.0, 2.0), (3.0, 4.0)]
+    assert places(lines.points) == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
 
 
 @given(

@@ -1,7 +1,7 @@
 """Episodes by request, steps by command in lock-step, and the URDF of the robot."""
 
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from xml.etree import ElementTree
 
 import pytest
@@ -87,10 +87,13 @@ def links_of(text):
 
 
 def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
-    with node_in_process("hallway_sim", people=0), viewer() as received:
+    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
         text, frames = description_and_frames(received)
     assert text == BUILTIN_URDF.read_text(encoding="utf-8")
-    placed = {link: frames.place(link, "base_link") for link in links_of(text)}
+    links = {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
+    assert {f"robot1/{link}" for link in links} == set(frames.names)
+    base = "robot1/base_link"
+    placed = {link: frames.place(f"robot1/{link}", base) for link in links}
     assert len(placed) == 5
     assert {each.stamp_ns for each in placed.values()} == {None}
     assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
@@ -106,12 +109,6 @@ def test_the_urdf_is_that_which_the_scenario_names_with_either_drive(drive, tmp_
     assert text == urdf.read_text(encoding="utf-8")
     turned = frames.place("front_caster", "base_link", level=False).matrix
     assert turned[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([math.sin(0.5), 0.0, math.cos(0.5)])
-
-
-def test_frames_of_links_have_the_prefix_of_their_robot_and_the_text_has_none():
-    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
-        text, frames = description_and_frames(received)
-        assert {f"robot1/{link}" for link in links_of(text)} == set(frames.names)
 
 
 def ask(robot):
@@ -157,43 +154,35 @@ def test_a_request_of_a_driver_that_received_no_response_gets_the_same_episode()
         assert EpisodeStart.model_validate_json(message).episode == 1
 
 
-def episodes_of_two_requests(running, between=lambda: None):
-    """The episodes of the responses; between: done before the second request."""
-    found = []
-    for do in (lambda: None, between):
-        do()
-        success, message = ask(running)
-        assert success
-        found.append(EpisodeStart.model_validate_json(message).episode)
-    return found
-
-
-def test_each_request_by_hand_begins_an_episode_where_no_node_marks_them():
-    with node_in_process("hallway_sim", people=0) as running:
-        assert episodes_of_two_requests(running) == [0, 1]
-
-
-def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved():
-    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
-
-        def drive():
+@pytest.mark.parametrize(
+    ("has_driver", "between", "episodes"),
+    [
+        (False, "", [0, 1]),  # where no node marks episodes, each request begins one
+        (True, "", [0, 0]),
+        (True, "drive", [0, 1]),
+        (True, "turn", [0, 0]),  # a heading on the other side of 180 degrees is no motion
+    ],
+)
+def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
+    has_driver, between, episodes
+):
+    with (
+        node_in_process("hallway_sim", people=0) as running,
+        driver_of(running) if has_driver else nullcontext(),
+    ):
+        found = [ask(running)]
+        if between == "drive":
             running.receive("cmd_vel", Twist(linear=Vector3(x=0.5)))
             for _ in range(5):
                 running.call_timers()
-
-        assert episodes_of_two_requests(running) == [0, 0]
-        assert episodes_of_two_requests(running, drive) == [0, 1]
-
-
-def test_a_heading_on_the_other_side_of_180_degrees_is_no_motion():
-    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
-
-        def turn():
+        elif between == "turn":
             requests = running.node._requests
             x_m, y_m, yaw_rad = requests._start_pose
             requests._start_pose = x_m, y_m, yaw_rad + math.tau
-
-        assert episodes_of_two_requests(running, turn) == [0, 0]
+        found.append(ask(running))
+        assert all(success for success, _ in found)
+        starts = [EpisodeStart.model_validate_json(message) for _, message in found]
+        assert [each.episode for each in starts] == episodes
 
 
 def time_after_command(running):
@@ -258,3 +247,20 @@ def test_a_start_area_that_the_scenario_lacks_ends_the_node(lockstep, capsys):
             running.call_timers()
         assert running.node.finished.result() == BAD_INPUT
         assert "did you mean 'train'" in capsys.readouterr().err
+
+
+def test_a_live_world_stops_its_robot_after_silence_and_at_a_command_that_is_not_finite():
+    with node_in_process("hallway_sim", people=0) as running:
+        ask(running)
+
+        def speed_after(n_periods, *commands_mps):
+            for speed_mps in commands_mps:
+                running.receive("cmd_vel", Twist(linear=Vector3(x=speed_mps)))
+            for _ in range(n_periods):
+                running.call_timers()
+            return running.sent["odom"].twist.twist.linear.x
+
+        for stop in ((8,), (4, math.nan)):
+            assert speed_after(3, 0.3) > 0.1
+            assert abs(speed_after(*stop)) < 0.02
+        running.assert_alive()

@@ -4,6 +4,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
+from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -76,3 +77,20 @@ def test_commands_have_stamps_where_the_file_sets_it(tmp_path):
         (nav,) = [each for each in running.node.subscriptions if "nav_vel" in each.topic_name]
         assert (nav.msg_type, type(running.sent["cmd_vel_raw"])) == (TwistStamped, TwistStamped)
         assert Twist not in {each.msg_type for each in running.node.subscriptions}
+
+
+def test_after_the_release_of_the_e_stop_the_stick_must_return_to_neutral():
+    with node_in_process("teleop_joy") as joy:
+
+        def pushed(deflection):
+            joy.receive("joy", Joy(axes=[0.0, deflection, 0.0], buttons=[0, 0, 0, 0, 1, 0]))
+            return joy.sent["cmd_vel_joy"].linear.x
+
+        assert pushed(0.0) == 0.0
+        assert pushed(1.0) == pytest.approx(0.6)
+        for engaged in (True, False):
+            joy.receive("e_stop_engaged", Bool(data=engaged))
+            assert pushed(1.0) == 0.0
+        assert pushed(0.0) == 0.0
+        assert pushed(1.0) == pytest.approx(0.6)
+        joy.assert_alive()

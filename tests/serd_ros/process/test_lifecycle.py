@@ -1,5 +1,7 @@
 """The states of a managed node, its parameters in them, and what is left of it afterwards."""
 
+from unittest.mock import Mock
+
 import pytest
 from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
@@ -30,28 +32,7 @@ def endpoints(node):
 
 @pytest.mark.usefixtures("nav2_server")
 @pytest.mark.parametrize("kind", MANAGED)
-def test_cleanup_leaves_what_there_was_before_the_node_was_configured(kind, given):
-    with node_in_process(kind, managed=True, **given.get(kind, {})) as running:
-        node = running.node
-        for _ in range(2):
-            before, attributes = endpoints(node), set(vars(node))
-            node.lifecycle.trigger_configure()
-            node.lifecycle.trigger_activate()
-            assert endpoints(node)["subscriptions"] > before["subscriptions"]
-            running.call_timers()
-            node.lifecycle.trigger_deactivate()
-            node.lifecycle.trigger_cleanup()
-            assert node.lifecycle.state == "unconfigured"
-            assert endpoints(node) == before
-            assert set(vars(node)) == attributes
-        running.assert_alive()
-
-
-@pytest.mark.usefixtures("nav2_server")
-@pytest.mark.parametrize("kind", MANAGED)
-def test_all_parameters_can_be_set_before_configuration_and_those_alone_afterwards_that_change(
-    kind, given
-):
+def test_parameters_can_be_set_as_the_state_allows_and_cleanup_leaves_what_there_was(kind, given):
     config = config_of(kind)
     with node_in_process(kind, managed=True, **given.get(kind, {})) as running:
         node = running.node
@@ -63,16 +44,25 @@ def test_all_parameters_can_be_set_before_configuration_and_those_alone_afterwar
         def set_again(name):
             return running.set(**{name: node.get_parameter(name).value})
 
-        assert fixed() == {"managed"}
-        for name in config.model_fields:
-            assert set_again(name).successful == (name != "managed"), name
-        node.lifecycle.trigger_configure()
-        assert fixed() == set(config.model_fields) - set(config.changeable)
-        for name in config.model_fields:
-            assert "cannot be set while the node is inactive" in set_again(name).reason
-        node.lifecycle.trigger_activate()
-        for name in fixed():
-            assert f"{name} is fixed while the node runs" in set_again(name).reason
+        for _ in range(2):
+            before, attributes = endpoints(node), set(vars(node))
+            assert fixed() == {"managed"}
+            for name in config.model_fields:
+                assert set_again(name).successful == (name != "managed"), name
+            node.lifecycle.trigger_configure()
+            assert fixed() == set(config.model_fields) - set(config.changeable)
+            for name in config.model_fields:
+                assert "cannot be set while the node is inactive" in set_again(name).reason
+            node.lifecycle.trigger_activate()
+            for name in fixed():
+                assert f"{name} is fixed while the node runs" in set_again(name).reason
+            assert endpoints(node)["subscriptions"] > before["subscriptions"]
+            running.call_timers()
+            node.lifecycle.trigger_deactivate()
+            node.lifecycle.trigger_cleanup()
+            assert node.lifecycle.state == "unconfigured"
+            assert endpoints(node) == before
+            assert set(vars(node)) == attributes
         running.assert_alive()
 
 
@@ -96,8 +86,7 @@ def test_parameters_follow_the_one_on_which_their_defaults_depend():
 
 def test_a_whole_number_for_a_float_and_another_prefix_are_taken_before_configuration():
     with node_in_process("people_tracker", managed=True) as running:
-        assert running.set(wall_margin=1).successful
-        assert running.set(frame_prefix="robot1/").successful
+        assert running.set(wall_margin=1, frame_prefix="robot1/").successful
         assert running.node.get_parameter("wall_margin").value == 1.0
         running.node.lifecycle.trigger_configure()
         assert running.node.config.wall_margin == 1.0
@@ -155,13 +144,10 @@ def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(given, monk
         node.lifecycle.trigger_configure()
         node.lifecycle.trigger_activate()
         recorder = running.work._recorder
-
-        def fail():
-            raise BagError("the disk is full; make room")
-
-        monkeypatch.setattr(recorder, "close", fail)
-        node.lifecycle.trigger_deactivate()
-        monkeypatch.undo()
+        with monkeypatch.context() as patch:
+            error = BagError("the disk is full; make room")
+            patch.setattr(recorder, "close", Mock(side_effect=error))
+            node.lifecycle.trigger_deactivate()
         recorder.close()
         assert node.lifecycle.state == "unconfigured"
         assert endpoints(node) == before
