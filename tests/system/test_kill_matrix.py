@@ -99,43 +99,33 @@ class Driven:
         subscribe(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
         subscribe(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
         self._intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
+        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
         self._processes = nodes.start_stack(stack, people=0, **given)
 
     def drive(self):
-        """Drive faster than 0.4 m/s; a held key is pressed anew, as a late page stops the robot."""
+        """Drive faster than 0.4 m/s.
+
+        A held key is pressed anew, as a late page stops the robot, and a goal is sent again, as a
+        reader of a killed node is known for a while.
+        """
         self._publishes = True
         self._spin(lambda: self.time_s > 0.0)
-        if self._stack == "goto":
-            self._send_goal()
-        elif self._stack == "teleop":
+        if self._stack == "teleop":
             self._spin(lambda: len(self._pages()) == self._n_pages)
             self.let_go()
             self.page = HeldKey(self._pages()[-1])
-        pressed_s = time.monotonic()
+        pressed_s = -math.inf
 
         def drives():
             nonlocal pressed_s
-            if self.page and time.monotonic() > pressed_s + 15.0:
-                self.page.press_anew()
+            if time.monotonic() > pressed_s + (15.0 if self.page else 4.0):
+                if self.page:
+                    self.page.press_anew()
+                self._goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
                 pressed_s = time.monotonic()
             return self.speed_mps > 0.4 and (not self.page or self.page.is_held)
 
         self._spin(drives)
-
-    def _send_goal(self):
-        """Again and again: a reader of a killed node is known for a while."""
-        goals = self._probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-        sent_s = -math.inf
-
-        def drives():
-            nonlocal sent_s
-            if time.monotonic() - sent_s > 5.0:
-                goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
-                sent_s = time.monotonic()
-            return self.speed_mps > 0.0
-
-        self._spin(drives)
-        self._probe.node.destroy_publisher(goals)
 
     def _pages(self):
         """The addresses of the page, one for each start of its node."""

@@ -41,18 +41,18 @@ def receive_command(running, age_s, linear_mps=0.3):
     return running.sent["cmd_vel"].linear.x if "cmd_vel" in running.sent else 0.0
 
 
-@pytest.mark.parametrize(
-    "remappings", [("cmd_vel_raw:=cmd_vel",), ("cmd_vel:=cmd_vel_raw",), ("cmd_vel_raw:=/cmd_vel",)]
-)
-def test_a_guard_that_would_take_its_own_output_as_command_is_refused(remappings):
+def test_a_guard_that_would_take_its_own_output_as_command_is_refused():
     sentence = "cmd_vel_raw and cmd_vel must be two topics, got .* for both; remap one of them only"
-    with pytest.raises(NodeError, match=sentence), node_in_process("guard", remappings=remappings):
-        pass
-
-
-def test_the_remapping_that_the_refusal_names_is_accepted():
-    remappings = ("cmd_vel_raw:=nav_vel", "cmd_vel:=base/cmd_vel")
-    with node_in_process("guard", remappings=remappings) as running:
+    for remappings in (["cmd_vel_raw:=cmd_vel"], ["cmd_vel_raw:=/cmd_vel"]):
+        with (
+            pytest.raises(NodeError, match=sentence),
+            node_in_process("guard", remappings=remappings),
+        ):
+            pass
+    with node_in_process("guard", remappings=["cmd_vel_raw:=nav_vel"]) as running:
+        for _ in range(3):
+            running.call_timers()
+        assert not running.published["cmd_vel"]  # without a command
         running.assert_alive()
 
 
@@ -78,17 +78,13 @@ def test_a_command_is_as_old_as_its_publisher_says(running, age_s, speed_mps):
     assert receive_command(running, age_s) == pytest.approx(speed_mps)
 
 
-def test_a_command_that_was_sent_in_the_future_is_dropped_and_named(running):
+def test_a_command_that_was_sent_in_the_future_or_waited_behind_newer_ones_does_not_count(running):
     assert receive_command(running, -10.0) == 0.0
-    assert "at most 0.2 s in the future, got 10.0 s" in str(
-        running.rejected["rejected.cmd_vel_raw"]
-    )
-    running.assert_alive()
-
-
-def test_a_command_that_waited_behind_newer_ones_does_not_count(running):
+    sentence = "at most 0.2 s in the future, got 10.0 s"
+    assert sentence in str(running.rejected["rejected.cmd_vel_raw"])
     (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
     assert found.qos_profile.depth == 1
+    running.assert_alive()
 
 
 def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
