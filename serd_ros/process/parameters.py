@@ -87,19 +87,15 @@ class Parameters(Generic[Config]):
     def _before_set(self, parameters: Sequence[Parameter]) -> Sequence[Parameter]:
         """What is set, with the parameters whose defaults depend on it."""
         own, self._chosen = self._own(parameters), None
-        if not own:
-            return parameters
-        if self._state in ("inactive", "finalized"):
-            names = ", ".join(own)
+        if own and self._state in ("inactive", "finalized"):
             raise FixedParameterError(
-                f"{names} cannot be set while the node is {self._state}; clean it up"
+                f"{', '.join(own)} cannot be set while the node is {self._state}; clean it up"
             )
-        if self._state != "unconfigured" or _MANAGED in own:
-            for name in own:
-                if name not in self._class.changeable:
-                    raise FixedParameterError(
-                        f"{name} is fixed while the node runs; start it again with -p {name}:=VALUE"
-                    )
+        if not own or self._state != "unconfigured" or _MANAGED in own:
+            for name in [each for each in own if each not in self._class.changeable]:
+                raise FixedParameterError(
+                    f"{name} is fixed while the node runs; start it again with -p {name}:=VALUE"
+                )
             return parameters
         given = {**self._given, **own}
         try:
@@ -143,10 +139,8 @@ def validated(kind: str, given: Mapping[str, Any], config_class: type[Config]) -
 
 def descriptor_of(setting: Setting) -> ParameterDescriptor:
     """Description and range of a parameter, as `ros2 param describe` shows them."""
-    descriptor = ParameterDescriptor(
-        description=setting.description, additional_constraints=setting.range
-    )
-    limits = setting.limits
+    text, limits = setting.description, setting.limits
+    descriptor = ParameterDescriptor(description=text, additional_constraints=setting.range)
     low = limits.get("minimum", limits.get("exclusiveMinimum"))
     high = limits.get("maximum", limits.get("exclusiveMaximum"))
     if low is None or high is None:
@@ -154,8 +148,8 @@ def descriptor_of(setting: Setting) -> ParameterDescriptor:
     if setting.schema["type"] == "integer":
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
     else:
-        floating = FloatingPointRange(from_value=float(low), to_value=float(high))
-        descriptor.floating_point_range = [floating]
+        span = FloatingPointRange(from_value=float(low), to_value=float(high))
+        descriptor.floating_point_range = [span]
     return descriptor
 
 
@@ -183,12 +177,8 @@ def accept_changes(changes: Mapping[str, Callable[[Any], None]]) -> OnSet:
 
 def given_parameters(node: Node) -> dict[str, Any]:
     """What was given to a node with automatically_declare_parameters_from_overrides."""
-    given: list[Parameter] = [
-        each
-        for each in node.get_parameters_by_prefix("").values()
-        if not each.name.startswith(ROS_OWN)
-    ]
-    return {each.name: plain(each.value) for each in given}
+    given = node.get_parameters_by_prefix("").values()
+    return {each.name: plain(each.value) for each in given if not each.name.startswith(ROS_OWN)}
 
 
 def plain(value: Any) -> Any:

@@ -2,27 +2,23 @@
 
 import contextlib
 import math
-import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from domain_coordinator import domain_id
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
 from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.workspace import ros_environment
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
-from serd_ros.graph.graph import Stack, find_stack
+from serd_ros.graph.graph import find_stack
 from support import standin_robot
 from support.changed_scenario import changed_scenario
 from support.node_processes import NodeProcess, is_node
@@ -62,12 +58,12 @@ class Nodes:
         """Start a node that has ended again, with the same command."""
         return self.start(self._commands[name], name)
 
-    def start_stack(self, stack: str | Stack, **given: object) -> dict[str, Process]:
+    def start_stack(self, stack: str, **given: object) -> dict[str, Process]:
         """Start every node of a stack; a parameter of one node is written node__parameter.
 
         A world in lock-step waits as long as a test for commands that a busy machine delays.
         """
-        found = find_stack(stack) if isinstance(stack, str) else stack
+        found = find_stack(stack)
         assignments = {name.replace("__", "."): value for name, value in given.items()}
         if "hallway_sim" in found.nodes:
             assignments.setdefault("lockstep_timeout_s", LOCKSTEP_TIMEOUT_S)
@@ -126,27 +122,6 @@ class Probe:
 def probing(environment: dict[str, str]) -> Iterator[Probe]:
     with other_participant("probe", environment["ROS_DOMAIN_ID"]) as node:
         yield Probe(node)
-
-
-class Running(NamedTuple):
-    """What lives through the tests of a module."""
-
-    nodes: Nodes
-    probe: Probe
-    environment: dict[str, str]
-    folder: Path
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder = tmp_path_factory.mktemp("stack")
-    with domain_id() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_LOG_DIR", str(folder / "ros_log"))
-        environment = ros_environment(os.environ) | {"ROS_DOMAIN_ID": str(domain)}
-        nodes = Nodes(environment, folder)
-        with probing(environment) as probe:
-            yield Running(nodes, probe, environment, folder)
-        nodes.end_all()
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""`serd demo` as a user runs it: interrupted, resumed, finished, killed."""
+"""`serd demo` as a user runs it: interrupted, resumed, finished."""
 
 import json
 import os
@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_bag.reader import BagReader
 from serd_files.episode_table import load_episodes
 from support.changed_scenario import changed_scenario
 from support.waiting import PATIENCE_S, wait_until
@@ -24,8 +23,6 @@ NEAR = {
     "count: 24": "count: 6",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
 }
-#: Where many episodes follow, each may take less.
-QUICK = {"control_period_s: 0.05": "control_period_s: 0.1", "drive: physical": "drive: kinematic"}
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
@@ -51,11 +48,6 @@ class Demo:
         wait_until(running_and_condition, seen=self._log.read_text)
 
 
-def near(folder, further=()):
-    """File of the hallway with the changes of NEAR and further ones."""
-    return str(changed_scenario(folder, "hallway", NEAR | dict(further)))
-
-
 def processes_of(folder):
     """Ids and command lines of all processes that work in this folder."""
     found = {}
@@ -77,7 +69,7 @@ def shared_memory_of(pids):
 
 def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(tmp_path):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, *SMALL, "--scenario", near(tmp_path))
+    demo = Demo(tmp_path, *SMALL, "--scenario", str(changed_scenario(tmp_path, "hallway", NEAR)))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     nodes = processes_of(tmp_path)
     assert len(nodes) >= 2
@@ -104,14 +96,3 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
         assert (run / name).is_file(), name
     assert json.loads((run / "foxglove.json").read_text())["configById"]
     assert 'href="foxglove.json"' in page
-
-
-def test_a_killed_demo_leaves_no_node_behind(tmp_path):
-    run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
-    demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    demo.process.kill()
-    demo.process.wait()
-    wait_until(lambda: not processes_of(tmp_path), seen=lambda: processes_of(tmp_path))
-    # Where the machine was too busy for the recorder to close it, it is whole up to its last chunk.
-    assert BagReader(run / "bag", tolerant=True).topics

@@ -7,15 +7,11 @@ each limit.
 
 import asyncio
 import math
-import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 from aiohttp import ClientError, ClientSession
@@ -28,8 +24,7 @@ from serd_ros.convert.command import to_intent
 from serd_ros.convert.diagnostics import OK
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos
-from serd_ros.graph.graph import find_stack
-from support.waiting import PATIENCE_S, ProcessorWait, wait_until
+from support.waiting import ProcessorWait
 from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -267,60 +262,3 @@ def test_a_silent_source_ends_the_motion_in_its_cell_and_a_lost_world_stops_the_
     robot.drive()
     robot.inject("hallway_sim", STOP)
     assert any(each.startswith("local_planner: stale") for each in robot.reports)
-
-
-class Launched:
-    """`serd launch live` in a separate process."""
-
-    def __init__(self, environment, folder):
-        self._log, self._domain = folder / "launch.log", environment["ROS_DOMAIN_ID"]
-        command = [str(Path(sys.executable).with_name("serd")), "launch", "live"]
-        with self._log.open("wb") as log:
-            self.process = subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=log, stderr=log
-            )
-
-    def output(self):
-        return self._log.read_text(errors="replace")
-
-    def nodes(self):
-        """Names and process ids of the running nodes in its domain."""
-        found = {}
-        for entry in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (entry / "cmdline").read_text().split("\0")
-                environment = (entry / "environ").read_text().split("\0")
-            except OSError:
-                continue
-            if "--ros-args" in words and f"ROS_DOMAIN_ID={self._domain}" in environment:
-                found[Path(words[words.index("--ros-args") - 1]).name] = int(entry.name)
-        return found
-
-
-@pytest.fixture
-def launched(ros_env, tmp_path):
-    found, names = Launched(ros_env, tmp_path), set(find_stack("live").nodes)
-
-    def works():
-        assert found.process.poll() is None, found.output()
-        return names <= set(found.nodes()) and "commands come from" in found.output()
-
-    try:
-        wait_until(works, seen=found.output)
-        yield found
-    finally:
-        if found.process.poll() is None:
-            found.process.send_signal(signal.SIGINT)
-            found.process.wait(PATIENCE_S)
-
-
-def test_serd_launch_names_a_node_that_is_stopped_and_ends_all_when_one_is_killed(launched):
-    stopped = launched.nodes()["hallway_sim"]
-    os.kill(stopped, STOP)
-    wait_until(lambda: "hallway_sim was stopped by a signal" in launched.output())
-    os.kill(stopped, signal.SIGCONT)
-    assert set(launched.nodes()) == set(find_stack("live").nodes)
-    os.kill(launched.nodes()["local_planner"], KILL)
-    launched.process.wait(PATIENCE_S)
-    assert "local_planner was killed by signal 9" in launched.output()
-    assert launched.nodes() == {}

@@ -121,8 +121,9 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
 
     def full():
         nonlocal time_s
-        time_s += 0.1
-        publish_pose(poses, time_s)
+        for _ in range(10):
+            time_s += 0.1
+            publish_pose(poses, time_s)
         return recording.process.poll() is not None
 
     probe.spin_until(full)

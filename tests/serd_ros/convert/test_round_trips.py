@@ -277,10 +277,7 @@ def test_markers_show_arrows_values_traps_a_text_and_people_with_where_they_will
     assert places(lines.points) == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
 
 
-@given(
-    now_s=st.floats(0.0, 1e6),
-    shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30),
-)
+@given(now_s=st.floats(0.0, 1e6), shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30))
 def test_an_arrival_law_survives_with_its_time(now_s, shares):
     cdf = np.cumsum(shares) / max(1.0, float(np.sum(shares)))
     kept = np.diff(cdf, prepend=0.0) >= 1.1e-3

@@ -1,7 +1,7 @@
 """The graph description: known names only, parameters to the nodes that have them."""
 
-import ast
 from pathlib import Path
+from typing import Generic
 
 import pytest
 from rclpy.node import Node
@@ -20,6 +20,7 @@ from serd_ros.graph.graph import (
     stack_parameters,
 )
 from serd_ros.nodes.bags.demo_recorder import DemoRecorderConfig
+from serd_ros.process.lifecycle import ManagedNode
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NodeConfig
 
@@ -46,23 +47,13 @@ def test_every_executable_makes_the_node_of_its_name():
         assert issubclass(config_of(node), NodeConfig)
 
 
-def test_a_node_has_one_class_above_rclpys_and_overrides_nothing_of_it():
+def test_the_classes_of_a_node_above_rclpys_override_nothing_of_it():
     public = {name for name in dir(Node) if not name.startswith("_")}
     for kind in load_graph().nodes:
         ours = class_of(kind).mro()
-        ours = ours[: ours.index(Node)]
-        assert ours[1:] == [SerdNode]
+        ours = [each for each in ours[: ours.index(Node)] if each is not Generic]
+        assert set(ours[1:]) <= {ManagedNode, SerdNode}
         assert not public & {name for each in ours for name in vars(each)}
-
-
-def test_the_ros_package_installs_every_executable(root):
-    tree = ast.parse((root / "ros_ws/src/serd_ros/setup.py").read_text(encoding="utf-8"))
-    [installed] = (
-        ast.literal_eval(statement.value)
-        for statement in tree.body
-        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "NODES"
-    )
-    assert list(installed) == sorted(load_graph().nodes)
 
 
 def test_every_subscribed_topic_is_published_by_some_node():
@@ -137,14 +128,10 @@ def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_d
         own = {"/clock": "/robot1/clock"} if SIMULATORS & set(stack.nodes) else {}
         assert graph.namespace_remappings(stack, "/robot1") == own, name
         assert graph.namespace_remappings(stack, "") == {}
-
-
-def test_the_nodes_of_a_stack_in_a_namespace_have_its_clock():
-    nodes = {
-        each.node: each for each in placed_nodes(find_stack("demonstrate"), {"seed": 4}, "/robot1")
-    }
+    placed = placed_nodes(find_stack("demonstrate"), {"seed": 4}, "/robot1")
+    nodes = {each.node: each for each in placed}
     assert list(nodes) == list(find_stack("demonstrate").nodes)
-    assert {each.namespace for each in nodes.values()} == {"/robot1"}
+    assert {each.namespace for each in placed} == {"/robot1"}
     assert nodes["guard"].remappings == {"/clock": "/robot1/clock"}
     assert nodes["hallway_sim"].parameters["seed"] == 4
 

@@ -68,10 +68,7 @@ def test_every_number_has_its_unit_and_its_range():
 
 def test_an_empty_list_is_refused_by_its_name():
     sentence = "parameter of guard: observation_sources must have a value, got none; leave it out"
-    with (
-        pytest.raises(NodeError, match=sentence),
-        node_in_process("guard", observation_sources=[]),
-    ):
+    with pytest.raises(NodeError, match=sentence), node_in_process("guard", observation_sources=[]):
         pass
 
 

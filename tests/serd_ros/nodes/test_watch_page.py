@@ -14,7 +14,7 @@ def test_the_page_has_the_layers_of_the_newest_model_and_a_bad_one_changes_nothi
         monkeypatch.setattr(running.node._server, "show_overlay", shown.append)
         running.receive("model", String(data=text))
         wait_until(lambda: shown, turn=running.call_timers)
-        (layers,) = [each["overlay"] for each in shown]
+        (layers,) = shown
         assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
         assert "with flow 90 %" in layers["dynamics"]["note"]
         for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):

@@ -173,6 +173,8 @@ def received_by_a_node(receive, n_first):
         def count_and_receive(_):
             nonlocal n_received
             n_received += 1
+            if n_received == 1:
+                os.kill(os.getpid(), signal.SIGTERM)
             receive(n_received, publish)
 
         node.create_subscription(Bool, "own", count_and_receive, 1000)
@@ -187,13 +189,7 @@ def received_by_a_node(receive, n_first):
 @pytest.mark.usefixtures("own_domain")
 def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
     """Its executor finds the next event before it looks at the time."""
-
-    def receive(number, publish):
-        if number == 10:
-            os.kill(os.getpid(), signal.SIGTERM)
-        if number < MANY:
-            publish(1)
-
+    receive = lambda number, publish: publish(int(number < MANY))  # noqa: E731
     assert received_by_a_node(receive, n_first=5) < MANY
 
 
@@ -201,10 +197,5 @@ def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
 @pytest.mark.usefixtures("own_domain")
 def test_after_a_signal_a_node_takes_what_it_has_received_before(monkeypatch):
     monkeypatch.setattr("serd_ros.process.run_node._BACKLOG_S", PATIENCE_S)
-
-    def receive(number, publish):
-        if number == 1:
-            publish(300)
-            os.kill(os.getpid(), signal.SIGTERM)
-
+    receive = lambda number, publish: publish(300 if number == 1 else 0)  # noqa: E731
     assert received_by_a_node(receive, n_first=1) == 301
