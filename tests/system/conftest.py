@@ -36,10 +36,10 @@ class Nodes:
         self._started: dict[str, Process] = {}
         self._commands: dict[str, list[str]] = {}
 
-    def start(self, command: list[str], name: str, *, forked: bool = True) -> Process:
-        """Run a command of a node; not forked: by its executable, in an interpreter of its own."""
+    def start(self, command: list[str], name: str) -> Process:
+        """Run a command; a node is forked from a process that has its modules."""
         path = self._logs / f"{name}.log"
-        if forked and is_node(command):
+        if is_node(command):
             process: Process = NodeProcess(command, self._environment, path)
         else:
             with path.open("ab") as log:

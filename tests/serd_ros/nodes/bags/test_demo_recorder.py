@@ -1,5 +1,7 @@
 """What the recorder reports of a recording."""
 
+import time
+
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Twist
@@ -118,3 +120,18 @@ def test_a_topic_of_the_stack_is_followed_also_from_a_publisher_that_offers_less
 
         wait_until(follows)
         running.assert_alive()
+
+
+def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_path):
+    """Stamps of a faulty sensor: an hour ahead, backwards, and before all time."""
+    began_ns, now_s = time.time_ns(), int(time.time())
+    with record("odom") as running:
+        for sec in (now_s + 3600, now_s, now_s - 100, 0, -1):
+            message = Odometry()
+            message.header.stamp.sec = sec
+            running.receive("odom", serialize_message(message))
+    times_ns = [each.log_time_ns for each in BagReader(tmp_path / "bag").messages()]
+    assert len(times_ns) == 5
+    assert times_ns == sorted(times_ns)
+    assert began_ns <= times_ns[0]
+    assert times_ns[-1] <= time.time_ns()
