@@ -11,17 +11,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.client import Client
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from serd_files.errors import USER_ERRORS
 from serd_ros.endpoints.qos import common_qos, is_latched, less_demanding
-from serd_ros.process.parameters import accept_changes
 
 if TYPE_CHECKING:
     from serd_ros.process.serd_node import SerdNode
@@ -130,10 +132,25 @@ class Endpoints:
         return self._keep(self.node.create_client(kind, name), self.node.destroy_client)
 
     def on_set(self, changes: Mapping[str, Callable[[Any], None]]) -> None:
-        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value."""
-        callback = accept_changes(changes)
-        self.node.add_on_set_parameters_callback(callback)
-        self._keep(callback, self.node.remove_on_set_parameters_callback)
+        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value.
+
+        Of two at once, the first would have changed when the second is refused, so both are.
+        """
+
+        def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
+            changed = [each for each in parameters if each.name in changes]
+            if len(changed) > 1:
+                reason = f"set {' and '.join(each.name for each in changed)} one after the other"
+                return SetParametersResult(successful=False, reason=reason)
+            try:
+                for parameter in changed:
+                    changes[parameter.name](parameter.value)
+            except USER_ERRORS as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.node.add_on_set_parameters_callback(on_set)
+        self._keep(on_set, self.node.remove_on_set_parameters_callback)
 
     def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """A callback of messages that raises nothing, and does nothing after `close`."""

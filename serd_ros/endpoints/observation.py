@@ -1,16 +1,15 @@
-"""Observations: pose, speeds and people, published together and put together again by stamp."""
+"""Observations: pose, speeds and people, put together by stamp; and the scans of a lidar."""
 
 import math
 from collections.abc import Callable
 
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry, to_odometry, to_pose_stamped
-from serd_ros.convert.sensors import from_scan, scan_geometry_of, to_people_message
+from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
@@ -28,23 +27,6 @@ _LOG_PERIOD_S = 5.0
 #: Observations of a robot that come sooner than this share of a control period are left out.
 _SOONEST = 0.8
 _USUAL = ObservationConfig()
-
-
-class ObservationPublisher:
-    """Publishes an observation as people, odometry and robot pose, all with its stamp."""
-
-    def __init__(self, endpoints: Endpoints) -> None:
-        self._frames = endpoints.node.frames
-        self._people = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
-        self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
-        self._pose = endpoints.publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
-
-    def publish(self, observation: Observation, odometry_pose: PlanarPose) -> None:
-        """Send the three messages; the pose last, since it is what people wait for."""
-        self._people.publish(to_people_message(observation.people, observation.time_s))
-        odometry = to_odometry(observation, odometry_pose)
-        self._odometry.publish(self._frames.prefixed(odometry))
-        self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
 
 class ObservationSource:

@@ -14,10 +14,16 @@ STATE_DEPTH = 2000
 COMMAND_DEPTH = 10
 
 
-def _last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+def _last(
+    depth: int,
+    *,
+    reliable: bool = True,
+    latched: bool = False,
+    history: HistoryPolicy = HistoryPolicy.KEEP_LAST,
+) -> QoSProfile:
     """Keeps the last messages; latched: for readers that come later too."""
     return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
+        history=history,
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
@@ -35,11 +41,7 @@ TF = _last(100)
 LATCHED = _last(1, latched=True)
 #: For readers that must not miss a message: a full one accepts no more, and a publisher that waits
 #: for acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it drops the oldest.)
-LOSSLESS = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+LOSSLESS = _last(0, history=HistoryPolicy.KEEP_ALL)
 
 
 def is_reliable(profile: QoSProfile) -> bool:
@@ -90,6 +92,5 @@ def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
     latched = is_latched(requested) and is_latched(offered)
     if (reliable, latched) == (is_reliable(requested), is_latched(requested)):
         return requested
-    less = _last(requested.depth, reliable=reliable, latched=latched)
-    less.history = requested.history
-    return less
+    depth, history = requested.depth, requested.history
+    return _last(depth, reliable=reliable, latched=latched, history=history)

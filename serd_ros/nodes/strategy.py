@@ -72,9 +72,9 @@ class StrategyNode(ManagedNode[StrategyConfig]):
         config, scenario = self.config, load_scenario(self.config.scenario)
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
+        navigator, file = Navigator(scenario, config), FileWatch(config.model)
         records = ArrivalRecords(Path(config.output) if config.output else None)
-        file, goal_waits = FileWatch(config.model), bool(config.goal)
-        plan = Plan(Navigator(scenario, config), config.model, file, records, goal_waits)
+        plan = Plan(navigator, config.model, file, records, goal_waits=bool(config.goal))
         return partial(Navigating, plan)
 
 

@@ -48,7 +48,12 @@ class Parameters(Generic[Config]):
     def __init__(self, node: Node, kind: str, config_class: type[Config]) -> None:
         self._node, self._kind, self._class = node, kind, config_class
         self._state = ""
-        self._given = given_parameters(node)
+        #: With automatically_declare_parameters_from_overrides.
+        self._given = {
+            each.name: plain(each.value)
+            for each in node.get_parameters_by_prefix("").values()
+            if not each.name.startswith(ROS_OWN)
+        }
         #: What will be given, and the config, once the callback that sets parameters has returned.
         self._chosen: tuple[dict[str, Any], Config] | None = None
         for name in self._given:
@@ -151,34 +156,6 @@ def descriptor_of(setting: Setting) -> ParameterDescriptor:
         span = FloatingPointRange(from_value=float(low), to_value=float(high))
         descriptor.floating_point_range = [span]
     return descriptor
-
-
-def accept_changes(changes: Mapping[str, Callable[[Any], None]]) -> OnSet:
-    """A callback that calls `changes[name](value)` when that parameter is set.
-
-    A SerdError refuses the value. Of two at once, the first would have changed when the second is
-    refused, so both are.
-    """
-
-    def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
-        changed = [each for each in parameters if each.name in changes]
-        if len(changed) > 1:
-            names = " and ".join(each.name for each in changed)
-            return SetParametersResult(successful=False, reason=f"set {names} one after the other")
-        try:
-            for parameter in changed:
-                changes[parameter.name](parameter.value)
-        except USER_ERRORS as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    return on_set
-
-
-def given_parameters(node: Node) -> dict[str, Any]:
-    """What was given to a node with automatically_declare_parameters_from_overrides."""
-    given = node.get_parameters_by_prefix("").values()
-    return {each.name: plain(each.value) for each in given if not each.name.startswith(ROS_OWN)}
 
 
 def plain(value: Any) -> Any:

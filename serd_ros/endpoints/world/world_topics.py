@@ -8,22 +8,22 @@ with the same message. A robot in its goal stands and is not waited for.
 
 from collections.abc import Callable
 
-from geometry_msgs.msg import Twist, TwistStamped
-from nav_msgs.msg import OccupancyGrid
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from serd_bag.files import read_text
 from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.markers import to_people_markers
-from serd_ros.convert.sensors import to_occupancy_grid, to_scan
+from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.sensors import to_occupancy_grid, to_people_message, to_scan
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.commands import follow_commands
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationPublisher
 from serd_ros.endpoints.transforms import TransformPublisher, publish_links
 from serd_sim.crowd.social_force import model_named
 from serd_sim.robot.urdf import link_transforms
@@ -51,7 +51,9 @@ class WorldPublisher:
         self._node, self._world = endpoints.node, world
         self.n_ticks = 0
         self._clock = endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
-        self._observation = ObservationPublisher(endpoints)
+        self._pedestrians = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
+        self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
+        self._pose = endpoints.publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
         period_s = world.scenario.control_period_s
         self._ticks_per_report = max(1, round(_REPORT_PERIOD_S / period_s))
         self._reported: dict[str, float] | None = None
@@ -80,7 +82,11 @@ class WorldPublisher:
             self._node.report(world.time_s, counts)
         if self._transforms is not None:
             self._transforms.publish(observation.pose, world.odometry_pose, observation.time_s)
-        self._observation.publish(observation, world.odometry_pose)
+        self._pedestrians.publish(to_people_message(observation.people, observation.time_s))
+        odometry = to_odometry(observation, world.odometry_pose)
+        self._odometry.publish(self._node.frames.prefixed(odometry))
+        # The last one, since it is what people wait for.
+        self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
     def _publish_rarely(self, observation: Observation) -> None:
         people, time_s = observation.people, observation.time_s
