@@ -7,9 +7,8 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action, action_of_direction, direction_of_action
-from serd_ros.convert.checks import LARGEST, require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.stamp import stamp_ns, to_header
+from serd_ros.convert.stamp import LARGEST, require_finite, require_frame, stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_sim.world.command import Command
 

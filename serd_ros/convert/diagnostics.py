@@ -7,17 +7,12 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from serd_app.drives.episode_spans import END, EPISODE, OUTCOMES, START, EpisodeMark
-from serd_ros.convert.checks import require_one_of
-from serd_ros.convert.stamp import stamp_ns, stamp_s, to_header
+from serd_ros.convert.stamp import require_one_of, stamp_ns, stamp_s, to_header
 from serd_ros.errors import MessageError
 
 #: The world's report where no simulated world counts contacts.
-UNCOUNTED = {
-    "robot_on_person": "0",
-    "person_on_robot": "0",
-    "robot_on_wall": "0",
-    "minimum_person_distance_m": "nan",
-}
+UNCOUNTED = dict.fromkeys(("robot_on_person", "person_on_robot", "robot_on_wall"), "0")
+UNCOUNTED["minimum_person_distance_m"] = "nan"
 Number = TypeVar("Number", int, float)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _LARGEST_COUNT = 2**63 - 1
@@ -33,12 +28,9 @@ def to_diagnostics(
     hardware: str = "serd",
 ) -> DiagnosticArray:
     """One status of one node; numbers are written so that they read back exactly."""
+    pairs = [KeyValue(key=key, value=repr_of(value)) for key, value in values.items()]
     status = DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        hardware_id=hardware,
-        values=[KeyValue(key=key, value=repr_of(value)) for key, value in values.items()],
+        level=level, name=name, message=message, hardware_id=hardware, values=pairs
     )
     return DiagnosticArray(header=to_header("", time_s), status=[status])
 
@@ -46,15 +38,11 @@ def to_diagnostics(
 def values_of(message: DiagnosticArray, name: str) -> dict[str, str] | None:
     """The values of the status of that name, None when the array has none."""
     status = _status_named(message, name)
-    return None if status is None else _values(status)
+    return None if status is None else {item.key: item.value for item in status.values}
 
 
 def _status_named(message: DiagnosticArray, name: str) -> DiagnosticStatus | None:
     return next((status for status in message.status if status.name == name), None)
-
-
-def _values(status: DiagnosticStatus) -> dict[str, str]:
-    return {item.key: item.value for item in status.values}
 
 
 def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | None:
@@ -121,7 +109,7 @@ def from_episode_message(message: DiagnosticArray) -> EpisodeMark:
     if status is None:
         names = ", ".join(status.name for status in message.status) or "none"
         raise MessageError("status must have one named 'episode'", names, "publish marks there")
-    values = _values(status)
+    values = {item.key: item.value for item in status.values}
     return EpisodeMark(
         event=require_one_of("message", status.message, (START, END)),
         time_s=stamp_s(message.header.stamp),

@@ -41,10 +41,17 @@ def to_policy_markers(
     centers_m: NDArray[np.float64], actions: Sequence[Action], cell_size_m: float, time_s: float
 ) -> MarkerArray:
     """One arrow per cell, a flat disc where the policy waits. centers_m: (S, 2)."""
-    markers = [
-        _arrow(number, center, action, cell_size_m, time_s)
-        for number, (center, action) in enumerate(zip(centers_m, actions, strict=True))
-    ]
+    markers, length = [], 0.6 * cell_size_m
+    for number, (center, action) in enumerate(zip(centers_m, actions, strict=True)):
+        east, north = DIRECTION_VECTORS[action]
+        waits = action == Action.WAIT
+        marker = _marker(number, "policy", Marker.CYLINDER if waits else Marker.ARROW, time_s)
+        tail = center - 0.5 * length * np.array([east, north])
+        marker.color = _ARROW
+        marker.pose = to_pose((tail[0], tail[1], math.atan2(north, east)))
+        size = (0.2, 0.2, 0.02) if waits else (length, 0.08, 0.08)
+        marker.scale = Vector3(x=size[0], y=size[1], z=size[2])
+        markers.append(marker)
     return MarkerArray(markers=markers)
 
 
@@ -88,20 +95,6 @@ def to_text_marker(words: str, at_m: tuple[float, float], time_s: float) -> Mark
     marker.color = _TEXT
     marker.text = words
     return MarkerArray(markers=[marker])
-
-
-def _arrow(
-    number: int, center: NDArray[np.float64], action: Action, cell_size_m: float, time_s: float
-) -> Marker:
-    east, north = DIRECTION_VECTORS[action]
-    waits = action == Action.WAIT
-    marker = _marker(number, "policy", Marker.CYLINDER if waits else Marker.ARROW, time_s)
-    marker.color = _ARROW
-    length = 0.6 * cell_size_m
-    tail = center - 0.5 * length * np.array([east, north])
-    marker.pose = to_pose((tail[0], tail[1], math.atan2(north, east)))
-    marker.scale = Vector3(x=0.2, y=0.2, z=0.02) if waits else Vector3(x=length, y=0.08, z=0.08)
-    return marker
 
 
 def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:

@@ -18,9 +18,8 @@ from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 
 from serd_bag.messages.plain import yaw_of_quaternion
-from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.stamp import stamp_ns, to_header
+from serd_ros.convert.stamp import require_finite, require_frame, stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from serd_sim.safety.motion import STANDING, compose, motion_between
@@ -39,10 +38,8 @@ def to_quaternion(yaw_rad: float) -> Quaternion:
 
 def to_pose(pose: PlanarPose) -> Pose:
     """(x_m, y_m, yaw_rad) as a geometry_msgs/Pose."""
-    x_m, y_m, yaw_rad = pose
-    return Pose(
-        position=Point(x=float(x_m), y=float(y_m), z=0.0), orientation=to_quaternion(yaw_rad)
-    )
+    place = Point(x=float(pose[0]), y=float(pose[1]), z=0.0)
+    return Pose(position=place, orientation=to_quaternion(pose[2]))
 
 
 def from_pose(message: Pose) -> PlanarPose:
@@ -51,11 +48,8 @@ def from_pose(message: Pose) -> PlanarPose:
     turn = message.orientation
     yaw_rad = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
     if not math.isclose(math.hypot(turn.x, turn.y, turn.z, turn.w), 1.0, abs_tol=_UNIT_TOLERANCE):
-        raise MessageError(
-            "orientation must be a unit quaternion",
-            f"({turn.x}, {turn.y}, {turn.z}, {turn.w})",
-            "normalise it",
-        )
+        received = f"({turn.x}, {turn.y}, {turn.z}, {turn.w})"
+        raise MessageError("orientation must be a unit quaternion", received, "normalise it")
     return x_m, y_m, yaw_rad
 
 
@@ -151,11 +145,8 @@ def from_goal_area_message(message: PolygonStamped, own_area_m: Area) -> Area:
         return own_area_m
     require_finite("points", area_m)
     if len(area_m) < 3 or not shapely.Polygon(area_m).is_valid:
-        raise MessageError(
-            "points must be at least three corners of a polygon without crossing edges",
-            f"{len(area_m)} points",
-            "publish the corners in order",
-        )
+        rule = "points must be at least three corners of a polygon without crossing edges"
+        raise MessageError(rule, f"{len(area_m)} points", "publish the corners in order")
     return area_m
 
 

@@ -8,10 +8,9 @@ from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
-from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.pose import to_pose
-from serd_ros.convert.stamp import stamp_ns, to_header, to_stamp
+from serd_ros.convert.stamp import require_finite, require_frame, stamp_ns, to_header, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from serd_sim.safety.scan import ScanGeometry
@@ -23,14 +22,10 @@ _NAMES = ("x", "y", "z", "vx", "vy")
 #: Four times as many as the finest lidar of a robot, which has 0.02 degrees between rays.
 _MOST_RAYS = 72_000
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
-
-
+_KINDS = [*((name, PointField.FLOAT32) for name in _NAMES), ("id", PointField.INT32)]
 _FIELDS = [
-    *(
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(_NAMES)
-    ),
-    PointField(name="id", offset=20, datatype=PointField.INT32, count=1),
+    PointField(name=name, offset=4 * index, datatype=kind, count=1)
+    for index, (name, kind) in enumerate(_KINDS)
 ]
 
 
@@ -58,19 +53,17 @@ def from_people_message(message: PointCloud2, frames: Frames = NO_FRAMES) -> tup
     layout = _layout(message.fields), message.point_step, bool(message.is_bigendian)
     if layout != (_layout(_FIELDS), _ROW.itemsize, False):
         names = ", ".join(field.name for field in message.fields)
-        raise MessageError(
-            f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes",
-            f"{names} in {message.point_step}",
-            "publish them as hallway_sim does",
-        )
+        rule = f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes"
+        fix = "publish them as hallway_sim does"
+        raise MessageError(rule, f"{names} in {message.point_step}", fix)
     size = message.width * _ROW.itemsize
     if (message.height, message.row_step, len(message.data)) != (1, size, size):
-        raise MessageError(
-            "data must be one row of width * point_step bytes",
+        received = (
             f"{len(message.data)} bytes, height {message.height}, width {message.width},"
-            f" row_step {message.row_step}",
-            "publish as many points as width states",
+            f" row_step {message.row_step}"
         )
+        rule = "data must be one row of width * point_step bytes"
+        raise MessageError(rule, received, "publish as many points as width states")
     rows = np.frombuffer(bytes(message.data), dtype=_ROW)
     for name in _NAMES:
         require_finite(name, rows[name])
@@ -122,18 +115,15 @@ def from_scan(
     require_finite("range_min and range_max", (message.range_min, message.range_max))
     n_rays = len(message.ranges)
     if n_rays > _MOST_RAYS:
-        raise MessageError(
-            f"ranges must have at most {_MOST_RAYS} rays", str(n_rays), "publish fewer rays"
-        )
+        rule = f"ranges must have at most {_MOST_RAYS} rays"
+        raise MessageError(rule, str(n_rays), "publish fewer rays")
     last_rad = message.angle_min + (n_rays - 1) * message.angle_increment
     step_rad = abs(message.angle_increment)
     # Many lidars name the end of a full turn, a step after their last ray, in single precision.
     if not n_rays or not step_rad or abs(last_rad - message.angle_max) > 1.5 * step_rad:
-        raise MessageError(
-            "ranges must have one ray per angle_increment from angle_min to angle_max",
-            f"{n_rays} rays, angles {angles}",
-            "correct the angles or the ranges",
-        )
+        rule = "ranges must have one ray per angle_increment from angle_min to angle_max"
+        received = f"{n_rays} rays, angles {angles}"
+        raise MessageError(rule, received, "correct the angles or the ranges")
     if lidar is not None:
         _require_lidar(message, lidar)
     return stamp_ns(message.header.stamp), np.array(message.ranges, dtype=np.float32)
@@ -142,11 +132,9 @@ def from_scan(
 def scan_geometry_of(message: LaserScan) -> ScanGeometry:
     """Angles and valid ranges of a scan; MessageError where no range can be valid."""
     if not 0.0 <= message.range_min < message.range_max:
-        raise MessageError(
-            "range_max must be above range_min, and both at least 0",
-            f"{message.range_max:g} and {message.range_min:g} m",
-            "set both in the driver of the lidar",
-        )
+        received = f"{message.range_max:g} and {message.range_min:g} m"
+        rule = "range_max must be above range_min, and both at least 0"
+        raise MessageError(rule, received, "set both in the driver of the lidar")
     return ScanGeometry(
         message.angle_min, message.angle_increment, message.range_min, message.range_max
     )
@@ -158,12 +146,12 @@ def _require_lidar(message: LaserScan, lidar: LidarSettings) -> None:
     if received[0] != expected[0] or not np.allclose(
         received[1:], expected[1:], rtol=0.0, atol=0.5 * lidar.angle_increment_rad / lidar.n_rays
     ):
-        raise MessageError(
+        rule = (
             f"scan must have the {lidar.n_rays} rays of the scenario's lidar, angle_min"
-            f" {expected[1]:g} and angle_increment {expected[2]:g}",
-            f"{received[0]} rays, {received[1]:g} and {received[2]:g}",
-            "set lidar in the scenario to those of the sensor",
+            f" {expected[1]:g} and angle_increment {expected[2]:g}"
         )
+        got = f"{received[0]} rays, {received[1]:g} and {received[2]:g}"
+        raise MessageError(rule, got, "set lidar in the scenario to those of the sensor")
 
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:

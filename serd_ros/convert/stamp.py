@@ -1,16 +1,22 @@
-"""Simulated time in seconds to and from builtin_interfaces/Time, and jumps of its clock.
+"""Simulated time to and from builtin_interfaces/Time, jumps of its clock, rules for all messages.
 
-Exact to the nanosecond for a month of simulated time; beyond, seconds as a double are not.
+Exact to the nanosecond for a month of simulated time; beyond, seconds as a double are not. Where a
+received message breaks a rule, a MessageError names the rule, the received value and the fix.
 """
 
+from collections.abc import Sequence
 from enum import Enum
 
+import numpy as np
 from builtin_interfaces.msg import Time
+from numpy.typing import ArrayLike
 from std_msgs.msg import Header
 
 from serd_bag.messages.times import RESTART_NS
 from serd_ros.errors import MessageError
 
+#: Lengths in metres, speeds in m/s: beyond is no measurement, and arithmetic would overflow.
+LARGEST = 1e6
 _NS = 1_000_000_000
 #: The end of 2037; the next second does not fit into a stamp.
 _LATEST_S = 2**31 - 2
@@ -30,20 +36,16 @@ def to_header(frame: str, time_s: float) -> Header:
 def stamp_ns(stamp: Time) -> int:
     """The stamp in nanoseconds; MessageError for one that is no time."""
     if stamp.nanosec >= _NS:
-        raise MessageError(
-            f"stamp must have nanosec below {_NS}", stamp.nanosec, "publish the time in ns"
-        )
+        rule = f"stamp must have nanosec below {_NS}"
+        raise MessageError(rule, stamp.nanosec, "publish the time in ns")
     return require_time(int(stamp.sec) * _NS + int(stamp.nanosec))
 
 
 def require_time(time_ns: int) -> int:
     """The time, which must be one that a stamp can have."""
     if not 0 <= time_ns < _LATEST_S * _NS:
-        raise MessageError(
-            f"stamp must be from 0 to {_LATEST_S} s",
-            f"{time_ns / _NS:g} s",
-            "publish the time of the measurement",
-        )
+        rule, fix = f"stamp must be from 0 to {_LATEST_S} s", "publish the time of the measurement"
+        raise MessageError(rule, f"{time_ns / _NS:g} s", fix)
     return time_ns
 
 
@@ -52,14 +54,37 @@ def stamp_s(stamp: Time) -> float:
     return stamp_ns(stamp) / _NS
 
 
+def require_finite(name: str, values: ArrayLike) -> None:
+    """Require numbers between -LARGEST and LARGEST."""
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        numbers = np.asarray(values, dtype=np.float64)
+    sound = np.abs(numbers) <= LARGEST
+    if not sound.all():
+        rule, wrong = f"{name} must be finite and at most {LARGEST:g}", float(numbers[~sound][0])
+        raise MessageError(rule, repr(wrong), "correct what publishes it")
+
+
+def require_frame(header: Header, *frames: str) -> None:
+    """Require one of these frames."""
+    if header.frame_id not in frames:
+        rule = f"frame_id must be {' or '.join(map(repr, frames))}"
+        fix = f"transform it to {frames[0]!r} before it is published"
+        raise MessageError(rule, repr(header.frame_id), fix)
+
+
+def require_one_of(name: str, value: str, choices: Sequence[str]) -> str:
+    """The value, which must be one of the choices."""
+    if value not in choices:
+        known = ", ".join(map(repr, choices))
+        raise MessageError(f"{name} must be one of {known}", repr(value), "publish one of them")
+    return value
+
+
 class Jump(Enum):
     """FORWARD: by more than a second, what was received before is stale; BACKWARD: by more than a
     second, a new session begins; LATE: an older message of the same session."""
 
-    NONE = "none"
-    FORWARD = "forward"
-    BACKWARD = "backward"
-    LATE = "late"
+    NONE, FORWARD, BACKWARD, LATE = "none", "forward", "backward", "late"
 
 
 class StampClock:

@@ -37,11 +37,7 @@ class CommandPublisher:
 
 
 def follow_commands(
-    endpoints: Endpoints,
-    topic: str,
-    take: Callable[[Any, float], None],
-    *,
-    stamped: bool,
+    endpoints: Endpoints, topic: str, take: Callable[[Any, float], None], *, stamped: bool
 ) -> None:
     """Call back with each command and its age (s) by the clocks of its publisher and this machine.
 

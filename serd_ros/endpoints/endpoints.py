@@ -11,18 +11,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.client import Client
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from serd_ros.endpoints.qos import common_qos, less_demanding, requests_too_much
-from serd_ros.process.callback_guard import Lifetime
-from serd_ros.process.parameters import accept_changes
+from serd_files.errors import USER_ERRORS
+from serd_ros.endpoints.qos import common_qos, is_latched, less_demanding
 
 if TYPE_CHECKING:
     from serd_ros.process.serd_node import SerdNode
@@ -39,11 +40,18 @@ class Endpoints:
 
     def __init__(self, node: "SerdNode[Any]") -> None:
         self.node = node
-        self._lifetime = Lifetime()
+        self._ended = False
         #: Each with what destroys it.
         self._made: dict[Any, Callable[[Any], object]] = {}
         #: What subscribes again with another quality of service.
         self._follows: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
+
+    def _has_ended(self) -> bool:
+        return self._ended
+
+    def _keep(self, endpoint: Made, destroy: Callable[[Any], object]) -> Made:
+        self._made[endpoint] = destroy
+        return endpoint
 
     def scope(self) -> "Endpoints":
         """Endpoints that `destroy` ends before these, and that end with these."""
@@ -74,12 +82,28 @@ class Endpoints:
         """A subscription that calls back with bytes; it requests `profile` whatever is offered."""
         return self._subscription(kind, topic, self.guarded(topic, callback), profile, raw=True)
 
+    def _subscription(
+        self, kind: Any, topic: str, guarded: Callable[..., None], profile: QoSProfile, **raw: bool
+    ) -> Subscription:
+        made = self.node.create_subscription(
+            kind, topic, guarded, profile, event_callbacks=_NO_EVENTS, **raw
+        )
+        return self._keep(made, self.node.destroy_subscription)
+
+    def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
+        @wraps(callback)
+        def renamed(message: Any, *info: object) -> None:
+            self.node.frames.remove_prefix(message)
+            callback(message, *info)
+
+        return renamed
+
     def every(
         self, period_s: float, callback: Callable[[], None], *, autostart: bool = True
     ) -> Timer:
         """A timer of steady wall time."""
         node = self.node
-        guarded = node.callbacks.of_timer(callback, self._lifetime)
+        guarded = node.callbacks.of_timer(callback, self._has_ended)
         made = node.create_timer(period_s, guarded, clock=node.wall_clock, autostart=autostart)
         return self._keep(made, node.destroy_timer)
 
@@ -94,33 +118,43 @@ class Endpoints:
             response.success, response.message = True, answer(request)
             return response
 
-        node, lifetime = self.node, self._lifetime
-        guarded = node.callbacks.of_requests(name, respond, lifetime)
+        node = self.node
+        guarded = node.callbacks.of_requests(name, respond, self._has_ended)
         service: Service = self._keep(
             node.create_service(kind, name, guarded), node.destroy_service
         )
         send = service.send_response
-
-        def send_unless_ended(response: Any, header: Any) -> None:
-            if not lifetime.ended:
-                send(response, header)
-
         # A request that waits while its service is destroyed gets no response.
-        service.send_response = send_unless_ended
+        service.send_response = lambda *response: None if self._ended else send(*response)
 
     def client(self, kind: Any, name: str) -> Client:
         """The client of a service."""
         return self._keep(self.node.create_client(kind, name), self.node.destroy_client)
 
     def on_set(self, changes: Mapping[str, Callable[[Any], None]]) -> None:
-        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value."""
-        callback = accept_changes(changes)
-        self.node.add_on_set_parameters_callback(callback)
-        self._keep(callback, self.node.remove_on_set_parameters_callback)
+        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value.
+
+        Of two at once, the first would have changed when the second is refused, so both are.
+        """
+
+        def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
+            changed = [each for each in parameters if each.name in changes]
+            if len(changed) > 1:
+                reason = f"set {' and '.join(each.name for each in changed)} one after the other"
+                return SetParametersResult(successful=False, reason=reason)
+            try:
+                for parameter in changed:
+                    changes[parameter.name](parameter.value)
+            except USER_ERRORS as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.node.add_on_set_parameters_callback(on_set)
+        self._keep(on_set, self.node.remove_on_set_parameters_callback)
 
     def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """A callback of messages that raises nothing, and does nothing after `close`."""
-        return self.node.callbacks.of_messages(topic, callback, self._lifetime)
+        return self.node.callbacks.of_messages(topic, callback, self._has_ended)
 
     def destroy(self, endpoint: Any) -> None:
         """Destroy an endpoint or a scope before the others."""
@@ -129,7 +163,7 @@ class Endpoints:
 
     def close(self) -> None:
         """Destroy all, once what was published has arrived."""
-        self._lifetime.ended = True
+        self._ended = True
         confirm(each for each in self._made if isinstance(each, Publisher))
         while self._made:
             self.destroy(next(reversed(self._made)))
@@ -146,11 +180,11 @@ class Endpoints:
         A latched one stays where some publishers are volatile, with a volatile one beside it; any
         other is replaced. take: called with each message that waits in it then, and its info.
         """
-        common = common_qos(offered)
-        if not offered or not requests_too_much(subscription.qos_profile, common):
+        requested = subscription.qos_profile
+        profile = less_demanding(requested, common_qos(offered))
+        if not offered or profile is requested:
             return [subscription]
-        profile = less_demanding(subscription.qos_profile, common)
-        stays = is_latched(subscription.qos_profile) and any(map(is_latched, offered))
+        stays = is_latched(requested) and any(map(is_latched, offered))
         if stays and not is_latched(profile):
             return [subscription, make(profile)]
         for message, info in waiting_messages(subscription):
@@ -158,41 +192,15 @@ class Endpoints:
         self.destroy(subscription)
         return [make(profile)]
 
-    def _keep(self, endpoint: Made, destroy: Callable[[Any], object]) -> Made:
-        self._made[endpoint] = destroy
-        return endpoint
-
-    def _subscription(
-        self,
-        kind: Any,
-        topic: str,
-        guarded: Callable[..., None],
-        profile: QoSProfile,
-        *,
-        raw: bool = False,
-    ) -> Subscription:
-        made = self.node.create_subscription(
-            kind, topic, guarded, profile, raw=raw, event_callbacks=_NO_EVENTS
-        )
-        return self._keep(made, self.node.destroy_subscription)
-
-    def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
-        @wraps(callback)
-        def renamed(message: Any, *info: object) -> None:
-            self.node.frames.remove_prefix(message)
-            callback(message, *info)
-
-        return renamed
-
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""
         for scope in [each for each in self._made if isinstance(each, Endpoints)]:
             scope.follow_publishers()
         for subscription, make in list(self._follows.items()):
-            topic = subscription.topic_name
-            found = self.node.get_publishers_info_by_topic(topic)
-            offered = [each.qos_profile for each in found]
-            take = _called_with_info(subscription.callback)
+            topic, callback = subscription.topic_name, subscription.callback
+            offered = [each.qos_profile for each in self.node.get_publishers_info_by_topic(topic)]
+            takes_info = len(inspect.signature(callback).parameters) == 2
+            take = callback if takes_info else lambda message, _, call=callback: call(message)
             *_, newest = self.matching(subscription, offered, make, take)
             if newest is not subscription:
                 self._follows.pop(subscription, None)
@@ -211,24 +219,11 @@ def confirm(publishers: Iterable[Publisher]) -> None:
     """
     end_s = time.monotonic() + _CONFIRMED_WITHIN_S
     for each in publishers:
-        left_s = max(0.0, end_s - time.monotonic())
-        each.wait_for_all_acked(Duration(seconds=left_s))
+        each.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic())))
 
 
 def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[str, int]]]:
-    """The messages that wait, with their info; works until the node is destroyed, also after a
-    signal."""
+    """The messages that wait, with their info; works until the node is destroyed."""
     raw = bool(subscription.raw)
     while (found := subscription.handle.take_message(subscription.msg_type, raw)) is not None:
         yield bytes(found[0]) if raw else found[0], found[1]
-
-
-def is_latched(profile: QoSProfile) -> bool:
-    """Whether subscribers that come later receive earlier messages."""
-    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def _called_with_info(callback: Callable[..., None]) -> Callable[..., None]:
-    """The callback of a subscription, to be called with a message and its info."""
-    takes_info = len(inspect.signature(callback).parameters) == 2
-    return callback if takes_info else lambda message, _: callback(message)

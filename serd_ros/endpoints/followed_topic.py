@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from serd_ros.endpoints.endpoints import Endpoints, is_latched, waiting_messages
-from serd_ros.endpoints.qos import common_qos, recording_qos
+from serd_ros.endpoints.endpoints import Endpoints, waiting_messages
+from serd_ros.endpoints.qos import common_qos, is_latched, recording_qos
 from serd_ros.endpoints.topic_types import TopicType
 
 #: Messages of a latched publisher that are compared, which two subscriptions receive.
@@ -23,9 +23,10 @@ _COMPARED = 100
 
 @dataclass(frozen=True)
 class Received:
-    """A raw message; received_ns, sent_ns: by the clocks of this machine and the publisher's,
-    sent_ns 0 where the middleware does not state it. number: from 1 on, of the publisher's
-    messages, likewise."""
+    """A raw message; received_ns, sent_ns: by the clocks of this machine and the publisher's.
+
+    number: from 1 on, of the publisher's messages; it and sent_ns are 0 where not stated.
+    """
 
     topic: str
     data: bytes
@@ -78,17 +79,14 @@ class FollowedTopic:
             latched = [each for each in offered if is_latched(each)]
             self._subscriptions = [self._subscribe(common_qos(latched or offered))]
         self._subscriptions[-1:] = self._endpoints.matching(
-            self._subscriptions[-1],
-            offered,
-            self._subscribe,
-            self._take_received,
+            self._subscriptions[-1], offered, self._subscribe, self._take_received
         )
         return is_new
 
     def take(self, message: Received) -> None:
         """Take a message, once where two subscriptions received it."""
+        key = message.sent_ns, message.data
         if len(self._subscriptions) > 1 and message.sent_ns:
-            key = message.sent_ns, message.data
             if key in self._taken:
                 return
             self._taken.append(key)
@@ -118,9 +116,7 @@ class FollowedTopic:
         self.take(self._received(data, info))
 
     def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
-        received_ns = info["received_timestamp"]
-        if received_ns <= 0:
-            received_ns = time.time_ns()
+        received_ns = max(info["received_timestamp"], 0) or time.time_ns()
         number = info.get("publication_sequence_number") or 0
         return Received(self.name, data, received_ns, info["source_timestamp"], number)
 

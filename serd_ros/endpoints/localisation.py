@@ -70,13 +70,9 @@ class AmclPose(Localisation):
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         self._found, self._is_lost = from_pose_stamped(message, self._frames), False
-        self._match()
-
-    def _match(self) -> None:
-        if self._found is None or not self._odometry:
-            return
-        time_ns = self._found[0]
-        self._matched = min(self._odometry, key=lambda each: abs(each[0] - time_ns))
+        if self._odometry:
+            found_ns = self._found[0]
+            self._matched = min(self._odometry, key=lambda each: abs(each[0] - found_ns))
 
     def take_odometry(self, time_ns: int, pose: PlanarPose) -> None:
         """Carry the last `amcl_pose` on; after a clock that fell back, wait for the next one."""

@@ -1,21 +1,22 @@
-"""Observations: pose, speeds and people, published together and put together again by stamp."""
+"""Observations: pose, speeds and people, put together by stamp; and the scans of a lidar."""
 
 import math
 from collections.abc import Callable
 
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import PointCloud2
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import LaserScan, PointCloud2
 
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry, to_odometry, to_pose_stamped
-from serd_ros.convert.sensors import to_people_message
+from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.settings import LocalisationConfig, ObservationConfig
+from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
+from serd_sim.safety.scan import Scan
 from serd_sim.world.observation import Observation, People
 from serd_sim.world.observation_inbox import ObservationInbox
 
@@ -26,23 +27,6 @@ _LOG_PERIOD_S = 5.0
 #: Observations of a robot that come sooner than this share of a control period are left out.
 _SOONEST = 0.8
 _USUAL = ObservationConfig()
-
-
-class ObservationPublisher:
-    """Publishes an observation as people, odometry and robot pose, all with its stamp."""
-
-    def __init__(self, endpoints: Endpoints) -> None:
-        self._frames = endpoints.node.frames
-        self._people = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
-        self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
-        self._pose = endpoints.publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
-
-    def publish(self, observation: Observation, odometry_pose: PlanarPose) -> None:
-        """Send the three messages; the pose last, since it is what people wait for."""
-        self._people.publish(to_people_message(observation.people, observation.time_s))
-        odometry = to_odometry(observation, odometry_pose)
-        self._odometry.publish(self._frames.prefixed(odometry))
-        self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
 
 class ObservationSource:
@@ -101,7 +85,10 @@ class ObservationSource:
         self._pass_on(self._inbox.take_people(time_ns, people))
 
     def _pass_on(self, observation: Observation | None) -> None:
-        if observation is None or self._is_too_soon(observation):
+        if observation is None:
+            return
+        since_s = observation.time_s - (-math.inf if self._last_s is None else self._last_s)
+        if self._tolerance_s and 0.0 <= since_s < self._soonest_s:
             return
         jump = self._clock.advance(round(observation.time_s * 1e9))
         if jump is Jump.LATE:
@@ -111,32 +98,22 @@ class ObservationSource:
             self._on_jump(jump)
         self._callback(observation)
 
-    def _is_too_soon(self, observation: Observation) -> bool:
-        if not self._tolerance_s or self._last_s is None:
-            return False
-        return 0.0 <= observation.time_s - self._last_s < self._soonest_s
-
     def _look(self) -> None:
         """Report what is missing in the log and on `diagnostics`, there once more at its end."""
         silent_s = self._node.wall_s() - self._received_wall_s
-        due = silent_s > _SILENCE_S and not self._may_wait()
-        was_silent, self._is_silent = self._is_silent, due
-        if self._is_silent:
-            missing = "; ".join(self._missing()) or "nothing has come since"
-            text = f"no observation for {silent_s:.0f} s: {missing}"
-            self._node.get_logger().warning(text, throttle_duration_sec=_LOG_PERIOD_S)
-            self._report(missing, silent_s)
-        elif was_silent:
-            self._report("", silent_s)
-
-    def _may_wait(self) -> bool:
-        """Whether nothing at all comes of a simulator, which may not have begun or be paused."""
         missing = self._inbox.missing()
-        return not self._tolerance_s and (not missing or set(missing.values()) == {None})
-
-    def _report(self, missing: str, silent_s: float) -> None:
-        level, values = WARN if missing else OK, {"silent_s": silent_s}
-        self._node.report(0.0, values, level=level, message=missing, part="observation")
+        # Nothing at all comes of a simulator that has not begun or is paused.
+        may_wait = not self._tolerance_s and set(missing.values()) <= {None}
+        was_silent, self._is_silent = self._is_silent, silent_s > _SILENCE_S and not may_wait
+        if not (was_silent or self._is_silent):
+            return
+        text, level = "", OK
+        if self._is_silent:
+            text, level = "; ".join(self._missing()) or "nothing has come since", WARN
+            warning = f"no observation for {silent_s:.0f} s: {text}"
+            self._node.get_logger().warning(warning, throttle_duration_sec=_LOG_PERIOD_S)
+        values = {"silent_s": silent_s}
+        self._node.report(0.0, values, level=level, message=text, part="observation")
 
     def _missing(self) -> list[str]:
         """What keeps an observation from being made, one phrase each."""
@@ -169,3 +146,22 @@ class ObservationSource:
             else:
                 found.append(f"{topic} has a publisher, but no usable message has come")
         return list(dict.fromkeys(found))  # one pose may be missing for two others
+
+
+def follow_scans(
+    endpoints: Endpoints,
+    config: LidarConfig,
+    take: Callable[[int, Scan], None],
+    profile: QoSProfile = qos.SENSOR,
+) -> None:
+    """Call back with (stamp_ns, scan) of each message of `scan`, whatever its frame is."""
+    frames, own = endpoints.node.frames, (config.sensor_x, config.sensor_y, config.sensor_yaw)
+
+    def on_scan(message: LaserScan) -> None:
+        time_ns, ranges_m = from_scan(message, frame="")
+        frame = message.header.frame_id
+        is_own = frames.own(frame) == frames.own(config.scan_frame)
+        mount = own if is_own else frames.place(frame, topics.BASE_FRAME).pose
+        take(time_ns, Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message), mount))
+
+    endpoints.subscribe(LaserScan, topics.SCAN, on_scan, profile)

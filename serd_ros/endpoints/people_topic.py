@@ -17,10 +17,9 @@ from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type
 from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.topic import Topic
-from serd_ros.convert.checks import require_finite
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.sensors import from_people_message
-from serd_ros.convert.stamp import require_time
+from serd_ros.convert.stamp import require_finite, require_time
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
@@ -44,8 +43,7 @@ class PeopleInMap:
         self._ids, self._tracker, self._last_ns = SightedIds(), PeopleTracker(), 0
 
     def convert(self, seen: SeenPeople, frames: Frames) -> tuple[int, People]:
-        """(stamp_ns, people in the map); MessageError for stamps, frames and numbers that are
-        none."""
+        """(stamp_ns, people in the map); MessageError for a stamp, frame or number that is none."""
         time_ns = require_time(seen.header.stamp_ns)
         require_finite("positions", seen.position_m)
         # The types that have no velocities give NaN in all three coordinates.
@@ -58,17 +56,14 @@ class PeopleInMap:
         # An empty message has no type of people by which to choose: tracks go on until they end.
         goes_on = not len(placed.position_m) and len(self._tracker.identity)
         if not any(placed.ids) and (without_velocities or goes_on):
-            return time_ns, self._tracked(placed, time_ns * 1e-9)
+            tracker = self._tracker
+            tracker.update(placed.position_m[:, :2], time_ns * 1e-9)
+            return time_ns, People(tracker.position_m, tracker.velocity_mps, tracker.identity)
         placed = self._ids.with_velocities(placed, time_ns * 1e-9)
         numbers = [crc32(name.encode()) if name else row for row, name in enumerate(placed.ids)]
         velocity_mps = np.nan_to_num(placed.velocity_mps[:, :2], nan=0.0)
         identity = np.array(numbers, dtype=np.int64)
         return time_ns, People(placed.position_m[:, :2], velocity_mps, identity)
-
-    def _tracked(self, placed: SeenPeople, time_s: float) -> People:
-        tracker = self._tracker
-        tracker.update(placed.position_m[:, :2], time_s)
-        return People(tracker.position_m, tracker.velocity_mps, tracker.identity)
 
 
 def _in_map(seen: SeenPeople, frames: Frames) -> SeenPeople:
@@ -77,11 +72,8 @@ def _in_map(seen: SeenPeople, frames: Frames) -> SeenPeople:
     # A camera's frame is not level; its people are placed in space.
     matrix = frames.place(seen.header.frame, topics.MAP_FRAME, level=False).matrix
     turn = matrix[:3, :3].T
-    return replace(
-        seen,
-        position_m=seen.position_m @ turn + matrix[:3, 3],
-        velocity_mps=seen.velocity_mps @ turn,
-    )
+    position_m, velocity_mps = seen.position_m @ turn + matrix[:3, 3], seen.velocity_mps @ turn
+    return replace(seen, position_m=position_m, velocity_mps=velocity_mps)
 
 
 class PeopleTopic:
@@ -143,11 +135,17 @@ class PeopleTopic:
         self._subscribed = self._followed = None
 
     def _readable(self, type_name: str, type_hash: str) -> Topic | BagError:
-        """The topic of the type, or why it cannot be read."""
+        """The topic of the type, or why it cannot be read: its publishers may have another one."""
         try:
             topic = Topic(self.name, message_type(type_name))
             require_people(topic, self._node.get_name())
-            _require_hash(topic, type_hash)
+            known = topic.message_type.type_hash
+            if type_hash.startswith(_HASH) and known and type_hash != known:
+                package = type_name.partition("/")[0]
+                raise BagError(
+                    f"{topic.name}: {type_name} must be as installed here, {known}, its publishers"
+                    f" have {type_hash}; install their version of {package} here"
+                )
         except BagError as error:
             return error
         return topic
@@ -161,14 +159,3 @@ class PeopleTopic:
             take = self._on_message
             self._followed = FollowedTopic(scope, name, TopicType(kind), take, self.name)
             self._node.get_logger().info(f"{name}: people are received as {kind}")
-
-
-def _require_hash(topic: Topic, published: str) -> None:
-    """BagError where the publishers have another definition; a hash may be unknown."""
-    known = topic.message_type.type_hash
-    if published.startswith(_HASH) and known and published != known:
-        package = topic.type_name.partition("/")[0]
-        raise BagError(
-            f"{topic.name}: {topic.type_name} must be as installed here, {known}, its"
-            f" publishers have {published}; install their version of {package} here"
-        )

@@ -14,10 +14,16 @@ STATE_DEPTH = 2000
 COMMAND_DEPTH = 10
 
 
-def _last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+def _last(
+    depth: int,
+    *,
+    reliable: bool = True,
+    latched: bool = False,
+    history: HistoryPolicy = HistoryPolicy.KEEP_LAST,
+) -> QoSProfile:
     """Keeps the last messages; latched: for readers that come later too."""
     return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
+        history=history,
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
@@ -35,22 +41,26 @@ TF = _last(100)
 LATCHED = _last(1, latched=True)
 #: For readers that must not miss a message: a full one accepts no more, and a publisher that waits
 #: for acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it drops the oldest.)
-LOSSLESS = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+LOSSLESS = _last(0, history=HistoryPolicy.KEEP_ALL)
+
+
+def is_reliable(profile: QoSProfile) -> bool:
+    """Whether lost messages are sent again."""
+    return bool(profile.reliability == ReliabilityPolicy.RELIABLE)
+
+
+def is_latched(profile: QoSProfile) -> bool:
+    """Whether subscribers that come later receive earlier messages."""
+    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def bag_qos(profile: QoSProfile) -> QosProfile:
     """The profile as bags store it."""
-    reliable = profile.reliability == ReliabilityPolicy.RELIABLE
-    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     # DDS does not transmit the history of other processes.
     is_known = profile.history == HistoryPolicy.KEEP_LAST
     return QosProfile(
-        reliability="reliable" if reliable else "best_effort",
-        durability="transient_local" if latched else "volatile",
+        reliability="reliable" if is_reliable(profile) else "best_effort",
+        durability="transient_local" if is_latched(profile) else "volatile",
         history="keep_last" if is_known else "unknown",
         depth=int(profile.depth),
     )
@@ -58,12 +68,8 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
 
 def recording_qos(profile: QoSProfile) -> QoSProfile:
     """Profile of a recorder: as offered, and deep enough to lag behind for a while."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=max(profile.depth, STATE_DEPTH),
-        reliability=profile.reliability,
-        durability=profile.durability,
-    )
+    depth = max(profile.depth, STATE_DEPTH)
+    return _last(depth, reliable=is_reliable(profile), latched=is_latched(profile))
 
 
 def replay_qos(recorded: QosProfile) -> QoSProfile:
@@ -76,24 +82,15 @@ def replay_qos(recorded: QosProfile) -> QoSProfile:
 def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
     """The strictest profile that matches every one of the publishers."""
     profiles = tuple(offered)
-    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
-    latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    reliable, latched = all(map(is_reliable, profiles)), all(map(is_latched, profiles))
     return _last(STATE_DEPTH, reliable=reliable, latched=latched)
 
 
 def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
-    """The requested profile with no more than what is offered."""
-    reliable = offered.reliability == ReliabilityPolicy.RELIABLE
-    latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return QoSProfile(
-        history=requested.history,
-        depth=requested.depth,
-        reliability=requested.reliability if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=requested.durability if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
-    """Whether a reader with the first profile does not match a publisher with the second."""
-    less = less_demanding(requested, offered)
-    return (less.reliability, less.durability) != (requested.reliability, requested.durability)
+    """The requested profile with no more than what is offered; itself where that is enough."""
+    reliable = is_reliable(requested) and is_reliable(offered)
+    latched = is_latched(requested) and is_latched(offered)
+    if (reliable, latched) == (is_reliable(requested), is_latched(requested)):
+        return requested
+    depth, history = requested.depth, requested.history
+    return _last(depth, reliable=reliable, latched=latched, history=history)

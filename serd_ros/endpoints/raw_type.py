@@ -28,64 +28,32 @@ _OfSupport = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
 _MaximumSize = ctypes.CFUNCTYPE(ctypes.c_size_t, ctypes.POINTER(ctypes.c_char))
 
 
-class _Callbacks(ctypes.Structure):
-    """message_type_support_callbacks_t; what converts messages stays empty."""
-
-    _fields_ = (
-        ("namespace", ctypes.c_char_p),
-        ("name", ctypes.c_char_p),
-        ("serialize", ctypes.c_void_p),
-        ("deserialize", ctypes.c_void_p),
-        ("size", ctypes.c_void_p),
-        ("maximum_size", _MaximumSize),
-        ("key", ctypes.c_void_p),
-    )
+def _struct(**fields: Any) -> type[ctypes.Structure]:
+    return type("_Struct", (ctypes.Structure,), {"_fields_": list(fields.items())})
 
 
-class _Members(ctypes.Structure):
-    """rosidl_typesupport_introspection_c__MessageMembers; none."""
-
-    _fields_ = (
-        ("namespace", ctypes.c_char_p),
-        ("name", ctypes.c_char_p),
-        ("count", ctypes.c_uint32),
-        ("size", ctypes.c_size_t),
-        ("has_key", ctypes.c_bool),
-        ("members", ctypes.c_void_p),
-        ("initialize", ctypes.c_void_p),
-        ("finalize", ctypes.c_void_p),
-    )
-
-
-class _Support(ctypes.Structure):
-    """rosidl_message_type_support_t."""
-
-    _fields_ = (
-        ("identifier", ctypes.c_char_p),
-        ("data", ctypes.c_void_p),
-        ("handle", _Handle),
-        ("hash", _OfSupport),
-        ("description", _OfSupport),
-        ("sources", _OfSupport),
-    )
-
-
-class _Sequence(ctypes.Structure):
-    """A rosidl sequence, or a string."""
-
-    _fields_ = (("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("room", ctypes.c_size_t))
-
-
-class _Description(ctypes.Structure):
-    """rosidl_runtime_c__type_description__TypeDescription."""
-
-    _fields_ = (("type_name", _Sequence), ("fields", _Sequence), ("others", _Sequence))
-
-
-class _Hash(ctypes.Structure):
-    """rosidl_type_hash_t; version 0 where the hash is not known."""
-
-    _fields_ = (("version", ctypes.c_uint8), ("value", ctypes.c_uint8 * _HASH_BYTES))
+_VOID, _TEXT, _SIZE = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t
+#: message_type_support_callbacks_t; what converts messages stays empty.
+_Callbacks = _struct(
+    namespace=_TEXT, name=_TEXT, serialize=_VOID, deserialize=_VOID, size=_VOID,
+    maximum_size=_MaximumSize, key=_VOID,
+)  # fmt: skip
+#: rosidl_typesupport_introspection_c__MessageMembers; none.
+_Members = _struct(
+    namespace=_TEXT, name=_TEXT, count=ctypes.c_uint32, size=_SIZE, has_key=ctypes.c_bool,
+    members=_VOID, initialize=_VOID, finalize=_VOID,
+)  # fmt: skip
+#: rosidl_message_type_support_t.
+_Support = _struct(
+    identifier=_TEXT, data=_VOID, handle=_Handle, hash=_OfSupport, description=_OfSupport,
+    sources=_OfSupport,
+)  # fmt: skip
+#: A rosidl sequence, or a string.
+_Sequence = _struct(data=_TEXT, size=_SIZE, room=_SIZE)
+#: rosidl_runtime_c__type_description__TypeDescription.
+_Description = _struct(type_name=_Sequence, fields=_Sequence, others=_Sequence)
+#: rosidl_type_hash_t; version 0 where the hash is not known.
+_Hash = _struct(version=ctypes.c_uint8, value=ctypes.c_uint8 * _HASH_BYTES)
 
 
 @cache
@@ -103,7 +71,7 @@ def raw_message_class(kind: MessageType) -> Any | None:
     return metaclass(kind.name.rpartition("/")[2], (), {"type_name": kind.name})
 
 
-def _support(kind: MessageType) -> tuple[_Support, tuple[Any, ...]]:
+def _support(kind: MessageType) -> tuple[Any, tuple[Any, ...]]:
     """The support, and what it points to."""
     text = kind.name.encode()
     *namespace, name = text.split(b"/")
@@ -112,8 +80,7 @@ def _support(kind: MessageType) -> tuple[_Support, tuple[Any, ...]]:
     members = _Members(b"__".join(namespace), name)
     described = _Description(type_name=_Sequence(text, len(text), len(text) + 1))
     values = (_hash(kind.type_hash), described, _Sequence())
-    supports: dict[bytes, _Support] = {}
-    addresses: dict[bytes, int] = {}
+    supports, addresses = dict[bytes, Any](), dict[bytes, int]()
     handle = _Handle(lambda _, identifier: addresses.get(identifier))
     for identifier, data in ((_SUPPORT, callbacks), (_INTROSPECTION, members)):
         functions = (_returns(each) for each in values)
@@ -122,15 +89,13 @@ def _support(kind: MessageType) -> tuple[_Support, tuple[Any, ...]]:
     return supports[_SUPPORT], (supports, callbacks, members, values)
 
 
-def _hash(text: str) -> _Hash:
-    value = text.removeprefix(_HASH_START)
+def _hash(text: str) -> Any:
     try:
-        digest = bytes.fromhex(value)
+        digest = bytes.fromhex(text.removeprefix(_HASH_START))
     except ValueError:
         return _Hash()
-    if len(digest) != _HASH_BYTES or value == text:
-        return _Hash()
-    return _Hash(1, (ctypes.c_uint8 * _HASH_BYTES)(*digest))
+    is_known = text.startswith(_HASH_START) and len(digest) == _HASH_BYTES
+    return _Hash(1, (ctypes.c_uint8 * _HASH_BYTES)(*digest)) if is_known else _Hash()
 
 
 def _returns(value: ctypes.Structure) -> Any:

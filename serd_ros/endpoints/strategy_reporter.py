@@ -104,22 +104,13 @@ def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
     less than a thousandth are left out. Nothing with a header and named columns is among the
     messages that tools plot.
     """
-    kept = _distinct_steps(law)
-    size = len(kept)
-    layout = MultiArrayLayout(
-        dim=[
-            MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size),
-            MultiArrayDimension(label="step", size=size, stride=size),
-        ],
-        data_offset=0,
-    )
-    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
-    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))
-
-
-def _distinct_steps(law: ArrivalLaw) -> list[int]:
     kept = [0]
     for step in range(1, len(law.cdf)):
         if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
             kept.append(step)
-    return kept
+    size = len(kept)
+    columns = MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size)
+    steps = MultiArrayDimension(label="step", size=size, stride=size)
+    layout = MultiArrayLayout(dim=[columns, steps], data_offset=0)
+    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
+    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))

@@ -35,10 +35,9 @@ class TopicType:
         """The message class, for raw messages alone where the package is not installed."""
         found = message_class(message_type(self.name))
         if found is None:
-            package = self.name.partition("/")[0]
             raise NodeError(
                 f"message type {self.name} must be one Python can import, got none; install"
-                f" {package}, source a ROS installation that has it, or set"
+                f" {self.name.partition('/')[0]}, source a ROS installation that has it, or set"
                 " RMW_IMPLEMENTATION=rmw_fastrtps_cpp"
             )
         return found
@@ -50,46 +49,37 @@ class TopicType:
         return bool(fields) and fields[0][1] in [(Nodetype.NAME, kind) for kind in _TIMES]
 
 
-_TWIST, _TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-_POSE, _BOOL = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Bool"
-_DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-_TF = "tf2_msgs/msg/TFMessage"
-_MARKERS = "visualization_msgs/msg/MarkerArray"
+_TWIST_STAMPED, _TF = "geometry_msgs/msg/TwistStamped", "tf2_msgs/msg/TFMessage"
 #: Of the topics of this stack.
 TYPES = {
-    topics.CLOCK: TopicType("rosgraph_msgs/msg/Clock", qos.CLOCK),
-    topics.ODOM: TopicType("nav_msgs/msg/Odometry", qos.STATE),
-    topics.ROBOT_POSE: TopicType(_POSE, qos.STATE),
-    topics.SCAN: TopicType("sensor_msgs/msg/LaserScan", qos.STATE),
-    topics.PEDESTRIANS: TopicType("sensor_msgs/msg/PointCloud2", qos.STATE),
-    topics.JOY: TopicType("sensor_msgs/msg/Joy", qos.COMMAND),
-    topics.CMD_VEL: TopicType(_TWIST, qos.STATE),
-    topics.CMD_VEL_RAW: TopicType(_TWIST, qos.STATE),
-    topics.CMD_VEL_TELEOP: TopicType(_TWIST, qos.COMMAND),
-    topics.CMD_VEL_JOY: TopicType(_TWIST, qos.COMMAND),
-    topics.DRIVER_GONE: TopicType(_BOOL, qos.COMMAND),
-    topics.GUARD_OVERRIDE: TopicType(_BOOL, qos.COMMAND),
-    topics.E_STOP: TopicType(_BOOL, qos.COMMAND),
-    topics.E_STOP_ENGAGED: TopicType(_BOOL, qos.LATCHED),
-    topics.MAP: TopicType("nav_msgs/msg/OccupancyGrid", qos.LATCHED),
-    topics.INTENT: TopicType("geometry_msgs/msg/Vector3Stamped", qos.STATE),
-    topics.WAYPOINT: TopicType(_POSE, qos.STATE),
-    topics.EPISODE: TopicType(_DIAGNOSTICS, qos.STATE),
-    topics.DIAGNOSTICS: TopicType(_DIAGNOSTICS, qos.STATE),
-    topics.PLAN: TopicType("nav_msgs/msg/Path", qos.STATE),
-    topics.GOAL_POSE: TopicType(_POSE, qos.COMMAND),
-    topics.GOAL_AREA: TopicType("geometry_msgs/msg/PolygonStamped", qos.LATCHED),
-    topics.ARRIVAL: TopicType("std_msgs/msg/Float64MultiArray", qos.LATCHED),
-    topics.MODEL: TopicType("std_msgs/msg/String", qos.LATCHED),
-    topics.MARKERS_PEOPLE: TopicType(_MARKERS, qos.STATE),
-    topics.MARKERS_POLICY: TopicType(_MARKERS, qos.LATCHED),
-    topics.MARKERS_VALUE: TopicType(_MARKERS, qos.LATCHED),
-    topics.MARKERS_TRAPS: TopicType(_MARKERS, qos.LATCHED),
-    topics.MARKERS_ARRIVAL: TopicType(_MARKERS, qos.LATCHED),
-    topics.TF: TopicType(_TF),
-    topics.TF_STATIC: TopicType(_TF),
-    topics.ROBOT_DESCRIPTION: TopicType("std_msgs/msg/String", qos.LATCHED),
-}
+    topic: TopicType(name, profile)
+    for name, profile, *names in (
+        ("rosgraph_msgs/msg/Clock", qos.CLOCK, topics.CLOCK),
+        ("nav_msgs/msg/Odometry", qos.STATE, topics.ODOM),
+        ("geometry_msgs/msg/PoseStamped", qos.STATE, topics.ROBOT_POSE, topics.WAYPOINT),
+        ("geometry_msgs/msg/PoseStamped", qos.COMMAND, topics.GOAL_POSE),
+        ("sensor_msgs/msg/LaserScan", qos.STATE, topics.SCAN),
+        ("sensor_msgs/msg/PointCloud2", qos.STATE, topics.PEDESTRIANS),
+        ("sensor_msgs/msg/Joy", qos.COMMAND, topics.JOY),
+        ("geometry_msgs/msg/Twist", qos.STATE, topics.CMD_VEL, topics.CMD_VEL_RAW),
+        ("geometry_msgs/msg/Twist", qos.COMMAND, topics.CMD_VEL_TELEOP, topics.CMD_VEL_JOY),
+        ("std_msgs/msg/Bool", qos.COMMAND, topics.DRIVER_GONE, topics.GUARD_OVERRIDE),
+        ("std_msgs/msg/Bool", qos.COMMAND, topics.E_STOP),
+        ("std_msgs/msg/Bool", qos.LATCHED, topics.E_STOP_ENGAGED),
+        ("nav_msgs/msg/OccupancyGrid", qos.LATCHED, topics.MAP),
+        ("geometry_msgs/msg/Vector3Stamped", qos.STATE, topics.INTENT),
+        ("diagnostic_msgs/msg/DiagnosticArray", qos.STATE, topics.EPISODE, topics.DIAGNOSTICS),
+        ("nav_msgs/msg/Path", qos.STATE, topics.PLAN),
+        ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
+        ("std_msgs/msg/Float64MultiArray", qos.LATCHED, topics.ARRIVAL),
+        ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
+        ("visualization_msgs/msg/MarkerArray", qos.STATE, topics.MARKERS_PEOPLE),
+        ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,
+         topics.MARKERS_VALUE, topics.MARKERS_TRAPS, topics.MARKERS_ARRIVAL),
+        (_TF, None, topics.TF, topics.TF_STATIC),
+    )
+    for topic in names
+}  # fmt: skip
 
 
 def topic_type(topic: str, *, stamped_cmd_vel: bool) -> TopicType:

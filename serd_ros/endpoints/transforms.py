@@ -4,13 +4,14 @@ They travel as bytes, since tf2_msgs has no wheel; the topics are relative, so t
 namespace has its own.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import rosbags_types
-from serd_bag.messages.plain import Transform, transforms
+from serd_bag.messages.plain import transforms
 from serd_ros.convert.pose import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
@@ -29,33 +30,39 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
 
     Of a message with a bad transform the others are taken.
     """
-
     node = endpoints.node
 
-    def rejection(transform: Transform, *, static: bool) -> MessageError | None:
+    @contextmanager
+    def collected(errors: list[MessageError]) -> Iterator[None]:
         try:
-            node.frames.take(transform, static=static)
+            yield
         except MessageError as error:
-            return error
-        return None
+            errors.append(error)
 
     def take(message: Received, *, static: bool) -> None:
         try:
             found = transforms(message.data, TF_TYPE, rosbags_types())
         except BagError as error:
             raise MessageError(f"message must be a {TF_TYPE}", error, "correct it") from None
-        rejected = [each for each in (rejection(one, static=static) for one in found) if each]
+        errors: list[MessageError] = []
+        for each in found:
+            with collected(errors):
+                node.frames.take(each, static=static)
         if not static:
             on_change()
-        if rejected:
-            raise rejected[0]
+        if errors:
+            raise errors[0]
 
-    def followed_topic(name: str) -> FollowedTopic:
-        taken = partial(take, static=name == topics.TF_STATIC)
-        full_name = node.resolve_topic_name(name)
-        return FollowedTopic(endpoints, full_name, TopicType(TF_TYPE), taken, name)
-
-    followed = [followed_topic(name) for name in (topics.TF, topics.TF_STATIC)]
+    followed = [
+        FollowedTopic(
+            endpoints,
+            node.resolve_topic_name(name),
+            TopicType(TF_TYPE),
+            partial(take, static=name == topics.TF_STATIC),
+            name,
+        )
+        for name in (topics.TF, topics.TF_STATIC)
+    ]
 
     def look() -> None:
         for each in followed:
@@ -106,26 +113,14 @@ def _level(pose: PlanarPose) -> Placed:
 def _message(time_s: float, *links: LinkTransform) -> Any:
     """A TFMessage of rosbags, which encodes it without the package."""
     types, stamp = rosbags_types().types, to_stamp(time_s)
+    at = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
 
     def made(name: str, *fields: Any) -> Any:
-        return types[name](*fields)
+        return types[f"geometry_msgs/msg/{name}"](*fields)
 
-    return types[TF_TYPE](
-        [
-            made(
-                "geometry_msgs/msg/TransformStamped",
-                made(
-                    "std_msgs/msg/Header",
-                    made("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec),
-                    parent,
-                ),
-                child,
-                made(
-                    "geometry_msgs/msg/Transform",
-                    made("geometry_msgs/msg/Vector3", *map(float, moved)),
-                    made("geometry_msgs/msg/Quaternion", *map(float, turned)),
-                ),
-            )
-            for parent, child, (moved, turned) in links
-        ]
-    )
+    stamped = []
+    for parent, child, (moved, turned) in links:
+        place, turn = made("Vector3", *map(float, moved)), made("Quaternion", *map(float, turned))
+        header = types["std_msgs/msg/Header"](at, parent)
+        stamped.append(made("TransformStamped", header, child, made("Transform", place, turn)))
+    return types[TF_TYPE](stamped)

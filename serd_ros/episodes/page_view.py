@@ -7,12 +7,11 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from serd_app.drives.episode_spans import START, EpisodeMark
+from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import ModelOverlay, overlay_message, overlay_of, point, world_state
 from serd_app.teleop.session import EpisodeTally
@@ -28,6 +27,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
+from serd_ros.process.progress import report_address
+from serd_ros.process.serd_node import SerdNode
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
@@ -44,11 +45,8 @@ class PageView:
 
     #: The topics that are shown.
     topics: ClassVar[tuple[str, ...]] = (
-        topics.SCAN,
-        topics.INTENT,
-        topics.WAYPOINT,
-        topics.DIAGNOSTICS,
-    )
+        topics.SCAN, topics.INTENT, topics.WAYPOINT, topics.DIAGNOSTICS,
+    )  # fmt: skip
 
     def __init__(self, scenario: Scenario) -> None:
         self.grid: Grid = grid_of(scenario)
@@ -72,11 +70,17 @@ class PageView:
         if topic == topics.SCAN:
             _, self._ranges = from_scan(message, self._scenario.lidar)
         elif topic == topics.INTENT:
-            self._take_intent(message)
+            _, action = from_intent(message)
+            if self._observation is not None:
+                self._waypoint = waypoint_of_intent(self.grid, self._observation, action)
         elif topic == topics.WAYPOINT:
             _, self._waypoint = from_waypoint_message(message)
         elif topic == topics.DIAGNOSTICS:
-            self._take_diagnostics(message)
+            for name in _SHOWN:
+                if (values := values_of(message, name)) is not None:
+                    self._health[name] = values
+            if "converged" in (values_of(message, "learner") or {}):  # a fit has ended
+                self._next_start = from_learner_report(message)
 
     def state(
         self, observation: Observation | None, episode: Mapping[str, Any], wall_s: float
@@ -103,19 +107,6 @@ class PageView:
         """Discard what was received before a jump of the clock."""
         self._ranges, self._waypoint = None, None
 
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        for name in _SHOWN:
-            values = values_of(message, name)
-            if values is not None:
-                self._health[name] = values
-        if "converged" in (values_of(message, "learner") or {}):  # a fit has ended
-            self._next_start = from_learner_report(message)
-
-    def _take_intent(self, message: Vector3Stamped) -> None:
-        _, action = from_intent(message)
-        if self._observation is not None:
-            self._waypoint = waypoint_of_intent(self.grid, self._observation, action)
-
 
 class WatchView(PageView):
     """The state of a world that others drive: robot, people and episodes as their topics have them.
@@ -124,12 +115,8 @@ class WatchView(PageView):
     """
 
     topics: ClassVar[tuple[str, ...]] = (
-        *PageView.topics,
-        topics.ROBOT_POSE,
-        topics.ODOM,
-        topics.PEDESTRIANS,
-        topics.EPISODE,
-    )
+        *PageView.topics, topics.ROBOT_POSE, topics.ODOM, topics.PEDESTRIANS, topics.EPISODE,
+    )  # fmt: skip
 
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
@@ -149,7 +136,12 @@ class WatchView(PageView):
         elif topic == topics.PEDESTRIANS:
             _, self._people = from_people_message(message)
         elif topic == topics.EPISODE:
-            self._take_mark(from_episode_message(message))
+            mark = self._mark = from_episode_message(message)
+            self._tally.add(mark)
+            if mark.event == START:
+                self._began_s, self._n_decisions = mark.time_s, 0
+            else:
+                self._ended_s = mark.time_s
         elif topic == topics.INTENT:
             self._n_decisions += 1
 
@@ -170,14 +162,6 @@ class WatchView(PageView):
             people_velocity_mps=self._people.velocity_mps,
             people_id=self._people.identity,
         )
-
-    def _take_mark(self, mark: EpisodeMark) -> None:
-        self._mark = mark
-        self._tally.add(mark)
-        if mark.event == START:
-            self._began_s, self._n_decisions = mark.time_s, 0
-        else:
-            self._ended_s = mark.time_s
 
     def _episode_values(self) -> dict[str, Any]:
         mark, is_running = self._mark, self._tally.running is not None
@@ -248,3 +232,17 @@ class LearnedOverlay:
 def _solve(text: str, scenario: Scenario) -> ModelOverlay:
     file = yaml_model(text, ModelFile, name=_NAME)
     return overlay_of(load_strategy(_NAME, scenario, "optimal", file=file))
+
+
+def serve_page(
+    node: SerdNode[Any], scene: Mapping[str, Any], scenario: Scenario
+) -> tuple[PageServer, LearnedOverlay]:
+    """The server of a node's page and the layers that it shows, both closed with the node."""
+    config = node.config
+    access = PageAccess(config.address, read_token(config.token_file))
+    server = PageServer(scene, access, config.port)
+    overlay = LearnedOverlay(node.endpoints, scenario, server)
+    node.at_end.callback(server.close)
+    node.at_end.callback(overlay.close)
+    report_address(server.url, node.get_logger().info)
+    return server, overlay

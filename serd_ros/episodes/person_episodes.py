@@ -1,6 +1,7 @@
 """Episodes of a person: resets the world, publishes marks, counts the episodes of all drivers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -17,8 +18,9 @@ from serd_sim.world.observation import Observation
 
 
 class PersonEpisodes:
-    """notify: called with one sentence for the person about everything that happens.
+    """Starts, ends and counts them. config: of teleop_page.
 
+    notify: called with one sentence for the person about everything that happens.
     on_end: called when an episode of this driver ends or is discarded.
     """
 
@@ -26,23 +28,19 @@ class PersonEpisodes:
         self,
         endpoints: Endpoints,
         scenario: Scenario,
+        config: Any,
         *,
-        driver: str,
-        timeout_s: float,
-        required_nodes: Sequence[str],
         notify: Callable[[str], None],
         on_end: Callable[[], None],
     ) -> None:
-        self._scenario, self._timeout_s = scenario, timeout_s
+        self._scenario, self._timeout_s, self._driver = scenario, config.timeout_s, config.driver
+        self._notify, self._on_end = notify, on_end
         self.begin_session()
-        self._driver, self._notify, self._on_end = driver, notify, on_end
         self._starter = EpisodeStarter(
-            endpoints,
-            required_nodes,
+            endpoints, config.required_nodes, on_start=self._on_start,
             on_ready=lambda: self._starter.reset_world(),
-            on_start=self._on_start,
             on_wait=lambda missing: notify(f"the episode waits for {missing}"),
-        )
+        )  # fmt: skip
         endpoints.subscribe(DiagnosticArray, topics.EPISODE, self._on_mark, qos.STATE)
 
     @property

@@ -81,6 +81,7 @@ class EpisodeRunner:
         self._node, self._config, self._results = endpoints.node, config, results
         self._steer, self._start_of, self._give_up = steer, start, give_up
         self._on_end, self._on_new_session = on_end, on_new_session
+        self._resets_world = start is None
         self._epochs = epochs_in(scenario, grid_of(scenario))
         self._drive: _Drive | None = None
         #: With the wall time at which it came.
@@ -91,22 +92,18 @@ class EpisodeRunner:
             self._node.get_logger().warning(scenario.patience_remark)
         endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE)
         ObservationSource(
-            endpoints,
-            scenario.control_period_s,
-            self._on_observation,
-            config,
-            on_jump=self._on_jump,
-            needs_people=needs_people,
-        )
+            endpoints, scenario.control_period_s, self._on_observation, config,
+            on_jump=self._on_jump, needs_people=needs_people,
+        )  # fmt: skip
+        #: The topics of a world that this node depends on.
+        follows_clock = self._resets_world or self._node.get_parameter("use_sim_time").value
+        clock, takes_pose = bool(follows_clock), config.pose_from == topics.ROBOT_POSE
+        self._world_topics = [topics.CLOCK] * clock + [topics.ROBOT_POSE] * takes_pose
         self._starter = EpisodeStarter(
-            endpoints,
-            config.required_nodes,
-            on_ready=self.next_episode,
-            on_start=self._begin_episode,
-            on_wait=self._log_waiting,
-            needs_reset=self._resets_world,
-            world_topics=self._world_topics(),
-        )
+            endpoints, config.required_nodes,
+            on_ready=self.next_episode, on_start=self._begin_episode, on_wait=self._log_waiting,
+            needs_reset=self._resets_world, world_topics=self._world_topics,
+        )  # fmt: skip
         self._starter.wait()
         endpoints.every(_LOOK_PERIOD_S, self._look_for_other_worlds)
 
@@ -145,10 +142,6 @@ class EpisodeRunner:
         if self.observation is not None and drive is not None and drive.progress is not None:
             self._mark(END, self.observation, "discarded", drive.reason)
 
-    @property
-    def _resets_world(self) -> bool:
-        return self._start_of is None
-
     def _on_jump(self, jump: Jump) -> None:
         """After a gap it decides anew; a new session ends the drive and begins another episode."""
         if jump is Jump.FORWARD:
@@ -160,15 +153,9 @@ class EpisodeRunner:
             self._world_reports.clear()
             self._starter.wait()
 
-    def _world_topics(self) -> list[str]:
-        """The topics of a world that this node depends on."""
-        follows_clock = self._resets_world or self._node.get_parameter("use_sim_time").value
-        takes_pose = self._config.pose_from == topics.ROBOT_POSE
-        return [topics.CLOCK] * bool(follows_clock) + [topics.ROBOT_POSE] * takes_pose
-
     def _look_for_other_worlds(self) -> None:
         """Discard the episode while several nodes publish the world; another one begins after."""
-        several = several_worlds(self._node, self._world_topics()) if self.driving else ""
+        several = several_worlds(self._node, self._world_topics) if self.driving else ""
         if not several:
             return
         self._node.get_logger().error(f"there must be {several}; the episode is discarded")
@@ -239,8 +226,7 @@ class EpisodeRunner:
         return Action.WAIT
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        report = from_world_report(message)
-        if report is not None:
+        if (report := from_world_report(message)) is not None:
             self._world_reports.append(report)
             self._finish_when_reported()
 
@@ -254,17 +240,14 @@ class EpisodeRunner:
         if report is None:
             return
         self._mark(END, observation, ending, drive.reason)
+        wall_s = self._node.wall_s() - drive.started_wall_s
         result = observed_result(
-            drive.episode,
-            drive.progress,
-            report,
-            driver=self.driver.name,
-            outcome=ending,
-            reason=drive.reason,
-            wall_s=self._node.wall_s() - drive.started_wall_s,
-        )
+            drive.episode, drive.progress, report,
+            driver=self.driver.name, outcome=ending, reason=drive.reason, wall_s=wall_s,
+        )  # fmt: skip
         self._results.append(result)
-        self._save_results()
+        if self._config.output and self._resets_world:  # contacts are counted
+            write_rows(Path(self._config.output) / "episodes.csv", EpisodeResult, self._results)
         self._log_result(result)
         self._on_end(result)
         if len(self._results) < self._config.episodes:
@@ -286,11 +269,6 @@ class EpisodeRunner:
             return None
         until_then = [report for at_ns, report in self._world_reports if at_ns <= time_ns]
         return until_then[-1] if until_then else self._world_reports[0][1]
-
-    def _save_results(self) -> None:
-        """Write the table of all episodes so far, in which contacts are counted."""
-        if self._config.output and self._resets_world:
-            write_rows(Path(self._config.output) / "episodes.csv", EpisodeResult, self._results)
 
     def _log_result(self, result: EpisodeResult) -> None:
         ending = f"{result.outcome} ({result.reason})" if result.reason else result.outcome

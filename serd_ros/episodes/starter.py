@@ -84,16 +84,8 @@ class EpisodeStarter:
     ) -> None:
         """Publish the start or the end of the episode that began last."""
         assert self.episode is not None
-        mark = EpisodeMark(
-            event=event,
-            time_s=time_s,
-            episode=self.episode.episode,
-            driver=driver,
-            seed=self.episode.seed,
-            start_area=self.episode.start_area,
-            outcome=outcome,
-            reason=reason,
-        )
+        number, seed, area = self.episode.episode, self.episode.seed, self.episode.start_area
+        mark = EpisodeMark(event, time_s, number, driver, seed, area, outcome, reason)
         self._marks.publish(to_episode_message(mark))
 
     def _continue_when_ready(self) -> None:

@@ -138,10 +138,11 @@ def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parame
     for name in stack.required:
         if not any(key.rpartition(".")[2] == name for key in given):
             raise NodeError(f"parameter {name} must be given, for {stack.about}; add {name}:=VALUE")
-    layers: dict[str, Parameters] = {
-        node: {**_known(node, stack.shared), **stack.parameters.get(node, {})}
-        for node in stack.nodes
-    }
+    layers: dict[str, Parameters] = {}
+    for node in stack.nodes:
+        fields = config_of(node).model_fields
+        shared = {name: value for name, value in stack.shared.items() if name in fields}
+        layers[node] = shared | stack.parameters.get(node, {})
     for key, value in given.items():
         for node, name in addressees(stack, key):
             layers[node][name] = value
@@ -165,10 +166,6 @@ def placed_nodes(stack: Stack, given: Mapping[str, Any], namespace: str = "") ->
         PlacedNode(node, parameters, namespace, shared | stack.remappings.get(node, {}))
         for node, parameters in stack_parameters(stack, given).items()
     ]
-
-
-def _known(node: str, values: Mapping[str, Any]) -> Parameters:
-    return {name: value for name, value in values.items() if name in config_of(node).model_fields}
 
 
 def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:

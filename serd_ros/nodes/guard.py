@@ -7,6 +7,7 @@ a command the node publishes nothing.
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Literal
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -14,14 +15,15 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import from_twist, from_twist_stamped
+from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.commands import CommandPublisher, follow_commands
 from serd_ros.endpoints.localisation import LOCALISATIONS
+from serd_ros.endpoints.observation import follow_scans
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.endpoints.world.worlds import publishers_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import Readiness
@@ -112,7 +114,8 @@ class GuardNode(SerdNode[GuardConfig]):
         self._localisation = LOCALISATIONS[config.pose_from](endpoints, self._take_pose)
         endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
         PeopleTopic(endpoints, config.people_topic, self._on_people)
-        ScanTopic(endpoints, config, self._on_scan, qos.STATE if config.lockstep else qos.SENSOR)
+        profile = qos.STATE if config.lockstep else qos.SENSOR
+        follow_scans(endpoints, config, self._on_scan, profile)
         if config.lockstep:
             endpoints.subscribe(TwistStamped, topics.CMD_VEL_RAW, self._on_stamped, qos.COMMAND)
         else:
@@ -137,38 +140,34 @@ class GuardNode(SerdNode[GuardConfig]):
             topic = self.resolve_topic_name(source.value)
             if self.count_publishers(topic) > 1:
                 several.append(Reason(source, Fault.SEVERAL))
-                names = publishers_of(self, topic)
                 self.get_logger().warning(
-                    f"{topic} has several publishers: {', '.join(names)}; end all but one, or let"
-                    " teleop_mux choose between them",
+                    f"{topic} has several publishers: {', '.join(publishers_of(self, topic))}; end"
+                    " all but one, or let teleop_mux choose between them",
                     throttle_duration_sec=_LOG_PERIOD_S,
                 )
         self._several = tuple(several)
 
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self.frames)
-        receive = self._guard.receive_odometry
-        self._take(Source.ODOMETRY, time_ns, lambda: receive(time_ns * 1e-9, pose, speeds))
+        self._take(Source.ODOMETRY, time_ns, self._guard.receive_odometry, pose, speeds)
         self._localisation.take_odometry(time_ns, pose)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
-        self._take(Source.POSE, time_ns, lambda: self._guard.receive_pose(time_ns * 1e-9, pose))
+        self._take(Source.POSE, time_ns, self._guard.receive_pose, pose)
 
     def _on_people(self, time_ns: int, people: People) -> None:
-        values = people.position_m, people.velocity_mps
         receive = self._guard.receive_people
-        self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
+        self._take(Source.PEOPLE, time_ns, receive, people.position_m, people.velocity_mps)
 
     def _on_scan(self, time_ns: int, scan: Scan) -> None:
         self._n_scans += 1
         if self._n_scans % _SCANS_PER_LOOK == 0:
             self._zeros.take(scan)
-        self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
+        self._take(Source.SCAN, time_ns, lambda _: self._guard.receive_scan(scan))
 
     def _on_stamped(self, message: TwistStamped) -> None:
         time_ns, command = from_twist_stamped(message)
-        receive = self._guard.receive_command
-        self._take(Source.COMMAND, time_ns, lambda: receive(time_ns * 1e-9, command))
+        self._take(Source.COMMAND, time_ns, self._guard.receive_command, command)
 
     def _notice_pause(self) -> None:
         """End the command of before a pause of this process, whose /clock may be behind."""
@@ -178,11 +177,9 @@ class GuardNode(SerdNode[GuardConfig]):
     def _on_command(self, message: Twist | TwistStamped, age_s: float) -> None:
         self._notice_pause()
         now_s = self.now_s()
+        command, time_s = from_any_twist(message), now_s
         if isinstance(message, TwistStamped):
-            time_ns, command = from_twist_stamped(message)
-            time_s = time_ns * 1e-9
-        else:
-            time_s, command = now_s, from_twist(message)
+            time_s = stamp_s(message.header.stamp)
         self._guard.advance(now_s)
         self._guard.receive_command(min(time_s, now_s - age_s), command)
         self._step()
@@ -190,13 +187,16 @@ class GuardNode(SerdNode[GuardConfig]):
     def _on_override(self, message: Bool) -> None:
         self._guard.receive_override(self.now_s(), bool(message.data))
 
-    def _take(self, source: Source, time_ns: int, receive: Callable[[], None]) -> None:
+    def _take(
+        self, source: Source, time_ns: int, receive: Callable[..., None], *values: Any
+    ) -> None:
         """Live, pass an input on; in lock-step, keep it until all of its stamp are here."""
+        take = partial(receive, time_ns * 1e-9, *values)
         if not self.config.lockstep:
             self._guard.advance(self.now_s())
-            receive()
+            take()
             return
-        self._waiting[source] = time_ns, receive
+        self._waiting[source] = time_ns, take
         self._answer_tick()
 
     def _answer_tick(self) -> None:

@@ -15,8 +15,7 @@ from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.world.world_loop import LiveLoop, LockstepLoop
-from serd_ros.endpoints.world.world_publisher import WorldPublisher
+from serd_ros.endpoints.world.world_topics import LiveLoop, LockstepLoop, WorldPublisher
 from serd_ros.endpoints.world.worlds import OtherClocks
 from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import Readiness
@@ -126,16 +125,13 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         OtherClocks(endpoints, lambda: publisher.n_ticks, self._begin_live)
 
     def _make_loop(self, publish: Callable[[], None]) -> LockstepLoop | LiveLoop:
-        config = self.config
+        config, endpoints, world = self.config, self.endpoints, self._world
         if config.lockstep:
-            return LockstepLoop(self.endpoints, self._world, publish, config.lockstep_timeout_s)
+            return LockstepLoop(endpoints, world, publish, config.lockstep_timeout_s)
+        stamped, factor = config.stamped_cmd_vel, config.real_time_factor
+        limit_s = config.command_timeout_s
         return LiveLoop(
-            self.endpoints,
-            self._world,
-            publish,
-            config.command_timeout_s,
-            stamped=config.stamped_cmd_vel,
-            real_time_factor=config.real_time_factor,
+            endpoints, world, publish, limit_s, stamped=stamped, real_time_factor=factor
         )
 
     def _begin_live(self) -> None:
@@ -159,19 +155,14 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             self.fail(str(error))
             raise
         self._next_episode += 1
-        start = EpisodeStart(
-            episode=episode,
-            seed=self.config.seed,
-            start_area=self.config.start_area,
-            start_s=self._world.time_s,
-        )
+        seed, area, start_s = self.config.seed, self.config.start_area, self._world.time_s
         self._loop.begin()
-        return start
+        return EpisodeStart(episode=episode, seed=seed, start_area=area, start_s=start_s)
 
     def _on_goal(self, message: PolygonStamped) -> None:
         """Set the goal of the driver: where its episode ends and it is no longer waited for."""
-        goal_area_m = from_goal_area_message(message, self._world.scenario.goal_area_m)
-        self._world.goal_area_m = goal_area_m
+        own = self._world.scenario.goal_area_m
+        self._world.goal_area_m = from_goal_area_message(message, own)
         self._loop.look()
 
     def _on_pause(self, request: SetBool.Request) -> str:

@@ -32,9 +32,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.process.progress import Progress, write_progress
-from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
@@ -85,16 +84,12 @@ class LearnerConfig(LearningSettings, ManagedConfig):
         return self.actions == "hidden"
 
 
-class LearnerNode(SerdNode[LearnerConfig]):
+class LearnerNode(ManagedNode[LearnerConfig]):
     """Learns while it is active."""
 
     config_class = LearnerConfig
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind)
-        self.lifecycle = Lifecycle(self, self._configure)
-
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Read the scenario and what an earlier learner kept."""
         config = self.config
         require_learnable(config.method, hidden=config.is_hidden)
@@ -106,7 +101,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
             _require_place_of_decisions(config, task)
         require_replaceable(Path(config.output), task.scenario_yaml)
         memory = None if config.bag else self._memory_of(scenario, task)
-        return partial(Learning, config, task, place, memory)
+        return partial(Learning, task, place, memory)
 
     def _memory_of(self, scenario: Scenario, task: LearningTask) -> LearnerMemory:
         config, output = self.config, Path(self.config.output)
@@ -141,14 +136,9 @@ class Learning(Activity):
     """
 
     def __init__(
-        self,
-        config: LearnerConfig,
-        task: LearningTask,
-        place: Place,
-        memory: LearnerMemory | None,
-        endpoints: Endpoints,
+        self, task: LearningTask, place: Place, memory: LearnerMemory | None, endpoints: Endpoints
     ) -> None:
-        self._node, self._config = endpoints.node, config
+        self._node, self._config = endpoints.node, endpoints.node.config
         self._task, self._place, self._memory = task, place, memory
         self._again = self._begin_anew = False
         self._begun_s = 0.0
@@ -160,22 +150,19 @@ class Learning(Activity):
         self._is_played = self._is_learned = False
         self._refusal = "no episode has ended"
         self._checkpoint_due_s = 0.0
+        self._ends = bool(self._config.bag) and self._config.exit_when_done
         self._worker = FitWorker()
-        if self._memory is not None:
-            self._listen(endpoints, self._memory)
+        if memory is not None:
+            self._listen(endpoints, memory)
         self._models = endpoints.publisher(String, topics.MODEL, qos.LATCHED)
         endpoints.serve(Trigger, topics.LEARN, self._on_learn)
         endpoints.every(_LOOK_PERIOD_S, self._look)
-        if self._memory is None or (self._memory.unlearned and config.learn_on == "episode"):
+        if memory is None or (memory.unlearned and self._config.learn_on == "episode"):
             self._begin(anew=False)
 
     def close(self) -> None:
         """End a fit that is under way; its last checkpoint is kept."""
         self._worker.stop()
-
-    @property
-    def _ends(self) -> bool:
-        return bool(self._config.bag) and self._config.exit_when_done
 
     def _listen(self, endpoints: Endpoints, memory: LearnerMemory) -> None:
         actions = () if self._config.is_hidden else (topics.INTENT,)
@@ -214,9 +201,10 @@ class Learning(Activity):
                 self._conclude(event)
             else:
                 self._refuse(str(event))
-        if self._memory is not None and self._settled(self._memory):
+        memory = self._memory
+        if memory is not None and self._settled(memory):
             self._ended_s = None
-            self._gather_ended(self._memory)
+            self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
         elif self._config.exit_with_publishers and not self._worker.busy:
@@ -291,15 +279,11 @@ class Learning(Activity):
         )
 
     def _read(self) -> Demonstrations:
+        config, place = self._config, self._place
         demonstrations, report = demonstrations_of_bag(
-            self._config.bag,
-            self._place.grid,
-            self._place.patience_s,
-            self._place.wait_s,
-            hidden=self._config.is_hidden,
+            config.bag, place.grid, place.patience_s, place.wait_s, hidden=config.is_hidden
         )
-        decisions = demonstrations.decisions
-        text = f"{len(decisions)} decisions from {self._config.bag}: {report}"
+        text = f"{len(demonstrations.decisions)} decisions from {config.bag}: {report}"
         self._node.get_logger().info(text)
         write_progress(Progress(text=text))
         self._save_decisions(demonstrations)
@@ -310,9 +294,9 @@ class Learning(Activity):
             save_learnable(Path(self._config.decisions), self._place, demonstrations.decisions)
 
     def _show(self, progress: FitProgress) -> None:
-        step = progress.step
-        if self._memory is not None and self._node.wall_s() >= self._checkpoint_due_s:
-            self._checkpoint_due_s = self._node.wall_s() + _CHECKPOINT_PERIOD_S
+        step, wall_s = progress.step, self._node.wall_s()
+        if self._memory is not None and wall_s >= self._checkpoint_due_s:
+            self._checkpoint_due_s = wall_s + _CHECKPOINT_PERIOD_S
             self._memory.save_progress(progress)
         values = {
             "fit": progress.number,
@@ -320,16 +304,15 @@ class Learning(Activity):
             "step": step.number,
             "objective_per_decision": step.objective,
             "gradient_norm": step.gradient_norm,
-            "seconds": self._node.wall_s() - self._begun_s,
+            "seconds": wall_s - self._begun_s,
         }
         self._node.report(0.0, values, message="learning")
         text = (
             f"step {step.number}: objective {step.objective:.4f} per decision, "
             f"gradient {step.gradient_norm:.1e}"
         )
-        self._node.get_logger().info(
-            f"fit {progress.number} of {progress.total}, {text}", throttle_duration_sec=1.0
-        )
+        numbered = f"fit {progress.number} of {progress.total}, {text}"
+        self._node.get_logger().info(numbered, throttle_duration_sec=1.0)
         write_progress(Progress(text=text, done=progress.number - 1))
 
     def _conclude(self, outcome: FitOutcome) -> None:

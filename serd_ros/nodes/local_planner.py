@@ -27,8 +27,7 @@ from serd_ros.endpoints.commands import CommandPublisher
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.readiness import Readiness
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.perception.scanning_planner import ScanMatcher
@@ -83,60 +82,47 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
         return load_scenario(self.scenario).with_local_planner(PlannerSettings(**own))
 
 
-class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
+class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     """Plans while it is active."""
 
     config_class = LocalPlannerConfig
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind)
-        self.lifecycle = Lifecycle(self, self._configure)
-
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
-        return partial(Planning, self.config, scenario, make_planner(self.config.planner, scenario))
+        return partial(Planning, scenario, make_planner(self.config.planner, scenario))
 
 
 class Planning(Activity):
     """Converts, calls `LocalPlanner.step`, publishes `cmd_vel_raw`."""
 
     def __init__(
-        self,
-        config: LocalPlannerConfig,
-        scenario: Scenario,
-        planner: RecoveringPlanner,
-        endpoints: Endpoints,
+        self, scenario: Scenario, planner: RecoveringPlanner, endpoints: Endpoints
     ) -> None:
-        self._node, self._config, self._scenario = endpoints.node, config, scenario
-        self._grid = grid_of(scenario)
+        node = self._node = endpoints.node
+        config = self._config = node.config
+        self._scenario, self._grid = scenario, grid_of(scenario)
         self._scans = ScanMatcher(scenario) if config.people_from == "scan" else None
         self._planner = self._scans.planner_on(planner) if self._scans else planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
-        self._followed = FollowedDirective(scenario)
-        self._epochs = epochs_in(scenario, self._grid)
+        self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario, self._grid)
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
-        self._heard_wall_s = self._node.wall_s()
-        self._readiness = Readiness(self._node, config.required_nodes, self._node.wall_s())
-        self._commands = CommandPublisher(
-            endpoints, topics.CMD_VEL_RAW, stamped=config.stamped_cmd_vel or config.lockstep
-        )
+        self._heard_wall_s = node.wall_s()
+        self._readiness = Readiness(node, config.required_nodes, node.wall_s())
+        stamped = config.stamped_cmd_vel or config.lockstep
+        self._commands = CommandPublisher(endpoints, topics.CMD_VEL_RAW, stamped=stamped)
         if self._scans:
             profile = qos.STATE if config.lockstep else qos.SENSOR
             endpoints.subscribe(LaserScan, topics.SCAN, self._on_scan, profile)
         ObservationSource(
-            endpoints,
-            scenario.control_period_s,
-            self._on_observation,
-            config,
-            on_jump=self._on_jump,
-            needs_people=config.people_from == "given",
-        )
+            endpoints, scenario.control_period_s, self._on_observation, config,
+            on_jump=self._on_jump, needs_people=config.people_from == "given",
+        )  # fmt: skip
         endpoints.subscribe(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         endpoints.subscribe(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if not config.lockstep:
@@ -228,15 +214,13 @@ class Planning(Activity):
         self._commands.publish(self._plan(observation), observation.time_s)
 
     def _stop_when_stale(self) -> None:
-        silent_s = self._node.wall_s() - self._heard_wall_s
-        observation = self._observation
+        silent_s, observation = self._node.wall_s() - self._heard_wall_s, self._observation
         if observation is None or not self._followed.is_given:
             return
         if silent_s <= self._config.input_timeout_s:
             return
-        self._node.get_logger().warning(
-            f"no pose or people received for {silent_s:.1f} s: stopping", throttle_duration_sec=2.0
-        )
+        text = f"no pose or people received for {silent_s:.1f} s: stopping"
+        self._node.get_logger().warning(text, throttle_duration_sec=2.0)
         self._node.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
         self._commands.publish(STOP, observation.time_s)
 
@@ -245,11 +229,9 @@ class Planning(Activity):
         if self._followed.is_overdue == self._is_overdue:
             return
         self._is_overdue = self._followed.is_overdue
-        age_s = self._followed.age_s(observation)
+        values = {"directive_age_s": self._followed.age_s(observation)}
         level, message = (WARN, "no recent waypoint") if self._is_overdue else (OK, "")
-        self._node.report(
-            observation.time_s, {"directive_age_s": age_s}, level=level, message=message
-        )
+        self._node.report(observation.time_s, values, level=level, message=message)
 
     def _plan(self, observation: Observation) -> Command:
         """The planner's command; its status is published when it changes."""

@@ -23,8 +23,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
 from serd_ros.errors import NodeError
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import FramesConfig, ManagedConfig
 
 _WATCH_S = 0.5
@@ -48,22 +47,21 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     )
 
 
-class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
+class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     """Sends goals to Nav2 while it is active."""
 
     config_class = Nav2BridgeConfig
 
     def __init__(self, kind: str) -> None:
-        super().__init__(kind)
         self._action_clients: dict[str, ActionClient] = {}
-        self.lifecycle = Lifecycle(self, self._configure)
+        super().__init__(kind)
 
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Look up the action."""
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
-        return partial(Nav2Bridge, self.config, name, kind.Goal, self._action_client(kind, name))
+        return partial(Nav2Bridge, name, kind.Goal, self._action_client(kind, name))
 
     def _action_client(self, kind: Any, name: str) -> ActionClient:
         """The client of an action, made once and kept while the process lives.
@@ -79,16 +77,9 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
 class Nav2Bridge(Activity):
     """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
 
-    def __init__(
-        self,
-        config: Nav2BridgeConfig,
-        action: str,
-        goal: Any,
-        client: ActionClient,
-        endpoints: Endpoints,
-    ) -> None:
-        self._node, self._config = endpoints.node, config
-        self._action, self._goal = action, goal
+    def __init__(self, action: str, goal: Any, client: ActionClient, endpoints: Endpoints) -> None:
+        self._node, self._action, self._goal = endpoints.node, action, goal
+        config = self._config = endpoints.node.config
         self._goals = Nav2Goals(client, self._goal_message, timeout_s=config.waypoint_timeout_s)
         if config.mode == "through_poses":
             endpoints.subscribe(Path, topics.PLAN, self._take, qos.COMMAND)

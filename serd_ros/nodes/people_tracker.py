@@ -14,10 +14,8 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.endpoints.scan_topic import ScanTopic
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.endpoints.observation import ObservationSource, follow_scans
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.perception.lidar_people import LidarPeople
@@ -66,39 +64,29 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
         return guard.model_copy(update=own)
 
 
-class PeopleTrackerNode(SerdNode[PeopleTrackerConfig]):
+class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
     """Tracks people while it is active."""
 
     config_class = PeopleTrackerConfig
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind)
-        self.lifecycle = Lifecycle(self, self._configure)
-
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Load the place."""
-        return partial(Tracking, self.config, load_scenario(self.config.scenario))
+        return partial(Tracking, load_scenario(self.config.scenario))
 
 
 class Tracking(Activity):
     """Converts, calls `LidarPeople.step`, publishes `pedestrians`."""
 
-    def __init__(
-        self, config: PeopleTrackerConfig, scenario: Scenario, endpoints: Endpoints
-    ) -> None:
-        self._node = endpoints.node
+    def __init__(self, scenario: Scenario, endpoints: Endpoints) -> None:
+        self._node, config = endpoints.node, endpoints.node.config
         self._people = LidarPeople(scenario, config.limits(scenario), config.wall_margin)
         self._fault: Fault | None = None
         self._publisher = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
-        ScanTopic(endpoints, config, lambda _, scan: self._people.take_scan(scan))
+        follow_scans(endpoints, config, lambda _, scan: self._people.take_scan(scan))
         ObservationSource(
-            endpoints,
-            scenario.control_period_s,
-            self._on_observation,
-            config,
-            on_jump=lambda _: self._people.reset(),
-            needs_people=False,
-        )
+            endpoints, scenario.control_period_s, self._on_observation, config,
+            on_jump=lambda _: self._people.reset(), needs_people=False,
+        )  # fmt: skip
 
     def _on_observation(self, observation: Observation) -> None:
         seen = self._people.step(observation)

@@ -11,8 +11,7 @@ from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.episodes.runner import EpisodeRunner
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver, driver_names, make_driver
 from serd_sim.scenario.scenario import Scenario, load_scenario
@@ -25,34 +24,25 @@ class ScriptedExpertConfig(DriverConfig):
     driver: str = setting("expert", "driver: " + ", ".join(driver_names()))
 
 
-class ScriptedExpertNode(SerdNode[ScriptedExpertConfig]):
+class ScriptedExpertNode(ManagedNode[ScriptedExpertConfig]):
     """Demonstrates while it is active."""
 
     config_class = ScriptedExpertConfig
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind)
-        self.lifecycle = Lifecycle(self, self._configure)
-
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Load the scenario and make the expert."""
         scenario = load_scenario(self.config.scenario)
         expert = make_driver(self.config.driver, scenario, self.config.seed)
-        results: list[EpisodeResult] = []
-        return partial(Demonstrating, self.config, scenario, expert, results)
+        return partial(Demonstrating, scenario, expert, [])
 
 
 class Demonstrating(Activity):
     """Steers by `intent`, as a person with arrow keys does."""
 
     def __init__(
-        self,
-        config: ScriptedExpertConfig,
-        scenario: Scenario,
-        expert: Driver,
-        results: list[EpisodeResult],
-        endpoints: Endpoints,
+        self, scenario: Scenario, expert: Driver, results: list[EpisodeResult], endpoints: Endpoints
     ) -> None:
+        config = endpoints.node.config
         self._intents = endpoints.publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self.runner = EpisodeRunner(endpoints, config, scenario, expert, self._steer, results)
 

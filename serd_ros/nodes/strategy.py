@@ -28,8 +28,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.runner import EpisodeRunner
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.episodes.result import ANYWHERE, EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
@@ -62,30 +61,20 @@ class StrategyConfig(NavigationSettings, DriverConfig):
     )
 
 
-class StrategyNode(SerdNode[StrategyConfig]):
+class StrategyNode(ManagedNode[StrategyConfig]):
     """Drives while it is active."""
 
     config_class = StrategyConfig
 
-    def __init__(self, kind: str) -> None:
-        super().__init__(kind)
-        self.lifecycle = Lifecycle(self, self._configure)
-
-    def _configure(self) -> Activate:
+    def configure(self) -> Activate:
         """Read the model and plan."""
-        config = self.config
-        scenario = load_scenario(config.scenario)
+        config, scenario = self.config, load_scenario(self.config.scenario)
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
-        output = Path(config.output) if config.output else None
-        plan = Plan(
-            Navigator(scenario, config),
-            config.model,
-            FileWatch(config.model),
-            ArrivalRecords(output),
-            goal_waits=bool(config.goal),
-        )
-        return partial(Navigating, config, plan)
+        navigator, file = Navigator(scenario, config), FileWatch(config.model)
+        records = ArrivalRecords(Path(config.output) if config.output else None)
+        plan = Plan(navigator, config.model, file, records, goal_waits=bool(config.goal))
+        return partial(Navigating, plan)
 
 
 @dataclass
@@ -106,25 +95,22 @@ class Plan:
 class Navigating(Activity):
     """Steers by `waypoint`: straight ahead in the direction that the policy chooses."""
 
-    def __init__(self, config: StrategyConfig, plan: Plan, endpoints: Endpoints) -> None:
-        self._node, self._config, self._plan = endpoints.node, config, plan
+    def __init__(self, plan: Plan, endpoints: Endpoints) -> None:
+        self._node, self._plan = endpoints.node, plan
+        config = self._config = endpoints.node.config
         self._navigator, self._records = plan.navigator, plan.records
         self._waypoint: Waypoint | None = None
         self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(endpoints)
+        scenario = plan.navigator.strategy.scenario
         self.runner = EpisodeRunner(
-            endpoints,
-            config,
-            plan.navigator.strategy.scenario,
-            plan.navigator,
-            self._steer,
-            plan.results,
+            endpoints, config, scenario, plan.navigator, self._steer, plan.results,
             needs_people=False,  # the policy depends on the robot's cell alone
             start=None if config.reset else self._start,
             give_up=lambda: self._navigator.reason,
             on_end=self._on_end,
             on_new_session=self._on_new_session,
-        )
+        )  # fmt: skip
         if not config.lockstep:
             endpoints.every(REPEAT_PERIOD_S, self._repeat_waypoint)
         endpoints.subscribe(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
@@ -149,11 +135,9 @@ class Navigating(Activity):
 
     def _publish_waypoint(self, observation: Observation) -> None:
         """To stand, the place of the robot is its waypoint."""
-        here = Waypoint(observation.x_m, observation.y_m)
-        waypoint = self._waypoint if self._waypoint is not None else here
+        waypoint = self._waypoint or Waypoint(observation.x_m, observation.y_m)
         heading_rad = heading_to(waypoint, observation)
-        message = to_waypoint_message(waypoint, observation.time_s, heading_rad)
-        self._waypoints.publish(message)
+        self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s, heading_rad))
 
     def _repeat_waypoint(self) -> None:
         """Publish the waypoint again with the newest stamp, so that silence means an end."""
@@ -166,12 +150,9 @@ class Navigating(Activity):
             self._node.get_logger().info("waiting for a goal on goal_pose")
             return None
         self._plan.goal_waits = False
-        return EpisodeStart(
-            episode=self.runner.n_finished,
-            seed=self._config.seed,
-            start_area=ANYWHERE,
-            start_s=self._reporter.time_s,
-        )
+        number, start_s = self.runner.n_finished, self._reporter.time_s
+        seed = self._config.seed
+        return EpisodeStart(episode=number, seed=seed, start_area=ANYWHERE, start_s=start_s)
 
     def _on_end(self, result: EpisodeResult) -> None:
         """Append prediction and measurement to the log of arrivals; the robot stands."""
@@ -210,12 +191,12 @@ class Navigating(Activity):
 
     def _on_model(self, message: String) -> None:
         """Use the model that a learner in the same graph has just learned."""
-        self._try(
-            lambda: self._navigator.use_model(
-                yaml_model(message.data, ModelFile, name=_FROM_LEARNER), _FROM_LEARNER
-            ),
-            _FROM_LEARNER,
-        )
+
+        def use() -> None:
+            file = yaml_model(message.data, ModelFile, name=_FROM_LEARNER)
+            self._navigator.use_model(file, _FROM_LEARNER)
+
+        self._try(use, _FROM_LEARNER)
 
     def _try(self, change: Callable[[], None], what: str) -> None:
         try:

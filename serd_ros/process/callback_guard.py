@@ -10,7 +10,6 @@ import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import wraps
 from typing import Any
 
@@ -23,16 +22,11 @@ from serd_ros.errors import MessageError
 _LOG_PERIOD_S = 5.0
 #: A timer that fails this often without success in between ends the node.
 _FAILURES_IN_A_ROW = 10
+HasEnded = Callable[[], bool]
 
 
-@dataclass
-class Lifetime:
-    """Of the endpoints that were made in it."""
-
-    ended: bool = False
-
-
-_OF_THE_PROCESS = Lifetime()
+def _never() -> bool:
+    return False
 
 
 class CallbackGuard:
@@ -40,8 +34,8 @@ class CallbackGuard:
 
     n_internal_errors: since the start; after_each: called after each callback. An executor that
     receives messages faster than the node processes them does nothing between two callbacks.
-    A callback does nothing after the end of the lifetime it was guarded for: the executor still
-    calls those that were due when their endpoint was destroyed.
+    A guarded callback does nothing once `has_ended` is true: the executor still calls those that
+    were due when their endpoint was destroyed.
     """
 
     def __init__(self, node: Node, fail: Callable[[str], None]) -> None:
@@ -66,7 +60,7 @@ class CallbackGuard:
         return values
 
     def of_messages(
-        self, topic: str, callback: Callable[..., None], lifetime: Lifetime = _OF_THE_PROCESS
+        self, topic: str, callback: Callable[..., None], has_ended: HasEnded = _never
     ) -> Callable[..., None]:
         """The callback of a subscription, or of a future; its signature stays.
 
@@ -75,7 +69,7 @@ class CallbackGuard:
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            if lifetime.ended:
+            if has_ended():
                 return
             if isinstance(arguments[0], tuple):  # EventsExecutor: message and info in one
                 (arguments,) = arguments
@@ -85,15 +79,12 @@ class CallbackGuard:
         return guarded
 
     def of_requests(
-        self,
-        service: str,
-        callback: Callable[[Any, Any], Any],
-        lifetime: Lifetime = _OF_THE_PROCESS,
+        self, service: str, callback: Callable[[Any, Any], Any], has_ended: HasEnded = _never
     ) -> Callable[[Any, Any], Any]:
         """The callback of a service; after an error it responds without success."""
 
         def guarded(request: Any, response: Any) -> Any:
-            if lifetime.ended:
+            if has_ended():
                 return response
             try:
                 return callback(request, response)
@@ -109,14 +100,15 @@ class CallbackGuard:
 
         return guarded
 
-    def of_timer(self, callback: Callable[[], None], lifetime: Lifetime) -> Callable[[], None]:
+    def of_timer(
+        self, callback: Callable[[], None], has_ended: HasEnded = _never
+    ) -> Callable[[], None]:
         """The callback of a timer; it ends the node when it fails again and again."""
-        name = callback.__name__.strip("_")
-        n_failures = 0
+        name, n_failures = callback.__name__.strip("_"), 0
 
         def guarded() -> None:
             nonlocal n_failures
-            if lifetime.ended:
+            if has_ended():
                 return
             n_before = self.n_internal_errors
             with self._handled(name, callback):
@@ -163,7 +155,7 @@ class CallbackGuard:
 
     def _is_due(self, subject: str) -> bool:
         now_s = time.monotonic()
-        due = now_s - self._logged_s.get(subject, -_LOG_PERIOD_S) >= _LOG_PERIOD_S
-        if due:
-            self._logged_s[subject] = now_s
-        return due
+        if now_s - self._logged_s.get(subject, -_LOG_PERIOD_S) < _LOG_PERIOD_S:
+            return False
+        self._logged_s[subject] = now_s
+        return True

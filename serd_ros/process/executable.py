@@ -37,11 +37,10 @@ def starting() -> Iterator[None]:
 
 def _nowhere(descriptor: int) -> TextIO:
     null = os.open(os.devnull, os.O_WRONLY)
-    if null == descriptor:  # the lowest one that is free
-        os.set_inheritable(descriptor, True)
-    else:
-        os.dup2(null, descriptor)
+    os.dup2(null, descriptor)  # which may be the same, the lowest one that is free
+    if null != descriptor:
         os.close(null)
+    os.set_inheritable(descriptor, True)
     return os.fdopen(descriptor, "w")
 
 

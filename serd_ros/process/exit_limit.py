@@ -21,13 +21,10 @@ class _Sigevent(ctypes.Structure):
     """`struct sigevent` of glibc: function(value) is called in a thread of its own."""
 
     _fields_ = [
-        ("value", ctypes.c_int64),
-        ("signal", ctypes.c_int),
-        ("notify", ctypes.c_int),
-        ("function", ctypes.c_void_p),
-        ("attributes", ctypes.c_void_p),
+        ("value", ctypes.c_int64), ("signal", ctypes.c_int), ("notify", ctypes.c_int),
+        ("function", ctypes.c_void_p), ("attributes", ctypes.c_void_p),
         ("padding", ctypes.c_byte * (_SIGEVENT_BYTES - 32)),
-    ]
+    ]  # fmt: skip
 
 
 class _Itimerspec(ctypes.Structure):

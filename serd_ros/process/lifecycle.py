@@ -11,26 +11,21 @@ error, after which the node is unconfigured.
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState
+from rclpy.lifecycle.node import TransitionCallbackReturn as _Result
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.frames import Frames
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import Config
 
 _STATE_AFTER = {
-    "configure": "inactive",
-    "activate": "active",
-    "deactivate": "inactive",
-    "cleanup": "unconfigured",
-    "shutdown": "finalized",
-}
-_DONE, _REFUSED, _FAILED = (
-    TransitionCallbackReturn.SUCCESS,
-    TransitionCallbackReturn.FAILURE,
-    TransitionCallbackReturn.ERROR,
-)
+    "configure": "inactive", "activate": "active", "deactivate": "inactive",
+    "cleanup": "unconfigured", "shutdown": "finalized",
+}  # fmt: skip
+_DONE, _REFUSED, _FAILED = _Result.SUCCESS, _Result.FAILURE, _Result.ERROR
 
 
 class Activity:
@@ -48,17 +43,31 @@ class Activity:
 Activate = Callable[[Endpoints], Activity]
 
 
-class Lifecycle(LifecycleNodeMixin):
-    """Brings a node up. configure: reads and checks files; returns what makes the activity."""
+class ManagedNode(SerdNode[Config]):
+    """A node that a lifecycle manager can bring up.
 
-    def __init__(self, node: SerdNode[Any], configure: Callable[[], Activate]) -> None:
-        self.state, self.activity = "active", Activity()
-        self._node, self._configure = node, configure
+    configure: reads and checks files; returns what makes endpoints and begins to work.
+    """
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.lifecycle = Lifecycle(self)
+
+    def configure(self) -> Activate:
+        """Read and check what the node needs."""
+        raise NotImplementedError
+
+
+class Lifecycle(LifecycleNodeMixin):
+    """Brings a node up."""
+
+    def __init__(self, node: ManagedNode[Any]) -> None:
+        self.state, self.activity, self._node = "active", Activity(), node
         self._activate: Activate | None = None
         self._endpoints: Endpoints | None = None
         node.at_end.callback(self._close)
         if not node.config.managed:
-            self._activate = configure()
+            self._activate = node.configure()
             self._make_activity()
             return
         # What the mixin uses of a node that derives from it.
@@ -69,36 +78,36 @@ class Lifecycle(LifecycleNodeMixin):
         self._enter("unconfigured")
         node.get_logger().info("unconfigured: waiting for a lifecycle manager")
 
-    def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, _: LifecycleState) -> _Result:
         """Make what the node needs; a refusal leaves it unconfigured."""
-        return self._rise("configure", self._configure_anew, self._clean_up)
+        return self._rise("configure", self._configure, self._clean_up)
 
-    def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_activate(self, _: LifecycleState) -> _Result:
         """Begin to work; a refusal leaves the node inactive."""
         return self._rise("activate", self._make_activity, self._drop_activity)
 
-    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_deactivate(self, _: LifecycleState) -> _Result:
         """End the work; after an error in it the node is unconfigured."""
         return self._fall("deactivate", self.activity.deactivate, self._drop_activity)
 
-    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _: LifecycleState) -> _Result:
         """Free what was configured."""
         return self._fall("cleanup", self._clean_up)
 
-    def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, _: LifecycleState) -> _Result:
         """End the work and free everything; the process goes on until a signal."""
         return self._fall("shutdown", self._close, self._clean_up)
 
-    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_error(self, _: LifecycleState) -> _Result:
         """Free everything, so that the node can be configured again."""
         self._clean_up()
         self._enter("unconfigured", report=False)
         return _DONE
 
-    def _configure_anew(self) -> None:
+    def _configure(self) -> None:
         self._node.parameters.read_again()
         self._node.frames = Frames(getattr(self._node.config, "frame_prefix", ""))
-        self._activate = self._configure()
+        self._activate = self._node.configure()
 
     def _make_activity(self) -> None:
         assert self._activate is not None
@@ -120,7 +129,7 @@ class Lifecycle(LifecycleNodeMixin):
 
     def _rise(
         self, transition: str, make: Callable[[], None], take_back: Callable[[], None]
-    ) -> TransitionCallbackReturn:
+    ) -> _Result:
         result = self._result_of(transition, make)
         if result == _REFUSED:
             take_back()
@@ -128,7 +137,7 @@ class Lifecycle(LifecycleNodeMixin):
             self._enter(_STATE_AFTER[transition])
         return result
 
-    def _fall(self, transition: str, *steps: Callable[[], None]) -> TransitionCallbackReturn:
+    def _fall(self, transition: str, *steps: Callable[[], None]) -> _Result:
         """Every step is made, whatever those before it did."""
         results = [self._result_of(transition, step) for step in steps]
         if any(each != _DONE for each in results):
@@ -136,16 +145,16 @@ class Lifecycle(LifecycleNodeMixin):
         self._enter(_STATE_AFTER[transition])
         return _DONE
 
-    def _result_of(self, transition: str, step: Callable[[], None]) -> TransitionCallbackReturn:
+    def _result_of(self, transition: str, step: Callable[[], None]) -> _Result:
         try:
             step()
         except USER_ERRORS as error:
             self._node.get_logger().error(f"{transition} refused: {error}")
-            self._report_state(ERROR, f"{transition} refused: {error}")
+            self._report(ERROR, f"{transition} refused: {error}")
             return _REFUSED
         except Exception as error:
             self._node.callbacks.note(transition, step, error)
-            self._report_state(ERROR, f"{transition} failed: {error}")
+            self._report(ERROR, f"{transition} failed: {error}")
             return _FAILED
         return _DONE
 
@@ -153,8 +162,8 @@ class Lifecycle(LifecycleNodeMixin):
         self.state = state
         self._node.parameters.enter(state)
         if report:
-            self._report_state(OK, "")
+            self._report(OK, "")
 
-    def _report_state(self, level: bytes, message: str) -> None:
+    def _report(self, level: bytes, message: str) -> None:
         values = {"state": self.state}
         self._node.report(0.0, values, level=level, message=message, part="lifecycle")

@@ -48,7 +48,12 @@ class Parameters(Generic[Config]):
     def __init__(self, node: Node, kind: str, config_class: type[Config]) -> None:
         self._node, self._kind, self._class = node, kind, config_class
         self._state = ""
-        self._given = given_parameters(node)
+        #: With automatically_declare_parameters_from_overrides.
+        self._given = {
+            each.name: plain(each.value)
+            for each in node.get_parameters_by_prefix("").values()
+            if not each.name.startswith(ROS_OWN)
+        }
         #: What will be given, and the config, once the callback that sets parameters has returned.
         self._chosen: tuple[dict[str, Any], Config] | None = None
         for name in self._given:
@@ -87,19 +92,15 @@ class Parameters(Generic[Config]):
     def _before_set(self, parameters: Sequence[Parameter]) -> Sequence[Parameter]:
         """What is set, with the parameters whose defaults depend on it."""
         own, self._chosen = self._own(parameters), None
-        if not own:
-            return parameters
-        if self._state in ("inactive", "finalized"):
-            names = ", ".join(own)
+        if own and self._state in ("inactive", "finalized"):
             raise FixedParameterError(
-                f"{names} cannot be set while the node is {self._state}; clean it up"
+                f"{', '.join(own)} cannot be set while the node is {self._state}; clean it up"
             )
-        if self._state != "unconfigured" or _MANAGED in own:
-            for name in own:
-                if name not in self._class.changeable:
-                    raise FixedParameterError(
-                        f"{name} is fixed while the node runs; start it again with -p {name}:=VALUE"
-                    )
+        if not own or self._state != "unconfigured" or _MANAGED in own:
+            for name in [each for each in own if each not in self._class.changeable]:
+                raise FixedParameterError(
+                    f"{name} is fixed while the node runs; start it again with -p {name}:=VALUE"
+                )
             return parameters
         given = {**self._given, **own}
         try:
@@ -143,10 +144,8 @@ def validated(kind: str, given: Mapping[str, Any], config_class: type[Config]) -
 
 def descriptor_of(setting: Setting) -> ParameterDescriptor:
     """Description and range of a parameter, as `ros2 param describe` shows them."""
-    descriptor = ParameterDescriptor(
-        description=setting.description, additional_constraints=setting.range
-    )
-    limits = setting.limits
+    text, limits = setting.description, setting.limits
+    descriptor = ParameterDescriptor(description=text, additional_constraints=setting.range)
     low = limits.get("minimum", limits.get("exclusiveMinimum"))
     high = limits.get("maximum", limits.get("exclusiveMaximum"))
     if low is None or high is None:
@@ -154,41 +153,9 @@ def descriptor_of(setting: Setting) -> ParameterDescriptor:
     if setting.schema["type"] == "integer":
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
     else:
-        floating = FloatingPointRange(from_value=float(low), to_value=float(high))
-        descriptor.floating_point_range = [floating]
+        span = FloatingPointRange(from_value=float(low), to_value=float(high))
+        descriptor.floating_point_range = [span]
     return descriptor
-
-
-def accept_changes(changes: Mapping[str, Callable[[Any], None]]) -> OnSet:
-    """A callback that calls `changes[name](value)` when that parameter is set.
-
-    A SerdError refuses the value. Of two at once, the first would have changed when the second is
-    refused, so both are.
-    """
-
-    def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
-        changed = [each for each in parameters if each.name in changes]
-        if len(changed) > 1:
-            names = " and ".join(each.name for each in changed)
-            return SetParametersResult(successful=False, reason=f"set {names} one after the other")
-        try:
-            for parameter in changed:
-                changes[parameter.name](parameter.value)
-        except USER_ERRORS as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    return on_set
-
-
-def given_parameters(node: Node) -> dict[str, Any]:
-    """What was given to a node with automatically_declare_parameters_from_overrides."""
-    given: list[Parameter] = [
-        each
-        for each in node.get_parameters_by_prefix("").values()
-        if not each.name.startswith(ROS_OWN)
-    ]
-    return {each.name: plain(each.value) for each in given}
 
 
 def plain(value: Any) -> Any:

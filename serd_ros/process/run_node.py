@@ -32,15 +32,20 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     """Exit code: the node's own, 0 after a signal, 1 after internal errors, 2 for bad input."""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        print(f"serd_ros: {_refusal(error)}", file=sys.stderr, flush=True)
+    except RuntimeError as error:  # rcl's message about its arguments, with places in its source
+        reason = str(error).split(", at /")[0].replace("\n", " ")
+        fix = _QUOTES if "parameter override" in reason else "correct what follows --ros-args"
+        print(f"serd_ros: {reason}; {fix}", file=sys.stderr, flush=True)
         return BAD_INPUT
     stop = _StopSignal()
     node: SerdNode[Any] | None = None
     exit_code = INTERNAL_ERROR
     try:
         node = make_node()
-        exit_code = _spin(node, stop) or _internal_errors(node)
+        exit_code = _spin(node, stop)
+        if not exit_code and (n_errors := node.callbacks.n_internal_errors):
+            print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
+            exit_code = INTERNAL_ERROR
     except (KeyboardInterrupt, ExternalShutdownException):
         exit_code = 0
     except USER_ERRORS as error:
@@ -71,21 +76,6 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
-
-
-def _internal_errors(node: SerdNode[Any]) -> int:
-    """Exit code 1 after internal errors, which were logged when they occurred."""
-    n_errors = node.callbacks.n_internal_errors
-    if n_errors:
-        print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
-    return INTERNAL_ERROR if n_errors else 0
-
-
-def _refusal(error: RuntimeError) -> str:
-    """rcl's message about its arguments, without places in its source, and the fix."""
-    reason = str(error).split(", at /")[0].replace("\n", " ")
-    fix = _QUOTES if "parameter override" in reason else "correct what follows --ros-args"
-    return f"{reason}; {fix}"
 
 
 class _StopSignal:

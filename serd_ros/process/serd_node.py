@@ -41,8 +41,12 @@ class SerdNode(Node, Generic[Config]):
         self.kind = kind
         try:
             super().__init__(kind, automatically_declare_parameters_from_overrides=True)
-        except ValueError:
-            _require_values(kind, self._parameter_overrides)
+        except ValueError:  # ROS makes a parameter without a value of an empty list
+            given = self._parameter_overrides.items()
+            names = [name for name, each in given if each.type_ is Parameter.Type.NOT_SET]
+            if names:
+                rule = f"{', '.join(names)} must have a value, got none; leave it out"
+                raise NodeError(f"parameter of {kind}: {rule}") from None
             raise
         self.callbacks = CallbackGuard(self, self.fail)
         self.parameters: Parameters[Config] = Parameters(self, kind, type(self).config_class)
@@ -140,15 +144,6 @@ class SerdNode(Node, Generic[Config]):
             level = ERROR if self.callbacks.n_internal_errors else WARN
             values = self.callbacks.values()
             self.report(0.0, values, level=level, message="input dropped", part="input")
-
-
-def _require_values(kind: str, given: Mapping[str, Parameter]) -> None:
-    """Refuse parameters without a value, which ROS makes of empty lists."""
-    names = [name for name, each in given.items() if each.type_ is Parameter.Type.NOT_SET]
-    if names:
-        raise NodeError(
-            f"parameter of {kind}: {', '.join(names)} must have a value, got none; leave it out"
-        )
 
 
 def _of_times(callback: Callable[[ClockMessage], None]) -> Callable[[ClockMessage], None]:

@@ -74,33 +74,27 @@ def launch_file(installed, monkeypatch):
     return runpy.run_path(str(installed / "serd.launch.py"))
 
 
-def test_a_file_of_parameters_overrides_the_stack_and_arguments_override_the_file(launch_file):
-    given = {"params_file": "robot.yaml", "use_sim_time": "true", "hallway_sim.seed": "7"}
-    context = context_of(launch_file, stack="live", **given)
-    nodes = launch_file["nodes_of_stack"](context)
-    layers = {each.named["name"]: each.named["parameters"] for each in nodes}
-    stack, *rest = layers["hallway_sim"]
-    assert stack["seed"] == 7
-    assert rest == ["robot.yaml", {"seed": 7}, {"use_sim_time": True}]
-    assert layers["guard"][1:] == ["robot.yaml", {}, {"use_sim_time": True}]
-
-
-def test_a_stack_starts_the_nodes_and_parameters_of_the_graph(launch_file):
-    context = context_of(launch_file, stack="demonstrate", seed="7")
-    nodes = launch_file["nodes_of_stack"](context)
+def test_a_stack_starts_its_nodes_with_the_parameters_of_the_graph_and_its_remappings(launch_file):
+    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="demonstrate", seed="7"))
     expected = stack_parameters(find_stack("demonstrate"), {"seed": 7})
     assert {node.named["executable"]: node.named["parameters"] for node in nodes} == {
         name: [parameters] for name, parameters in expected.items()
     }
     assert {node.named["package"] for node in nodes} == {"serd_ros"}
-
-
-def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
-    context = context_of(launch_file, stack="teleop")
-    nodes = launch_file["nodes_of_stack"](context)
+    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="teleop"))
     remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
     assert remapped.pop("local_planner") == [("cmd_vel_raw", "cmd_vel_planner")]
     assert not any(remapped.values())
+
+
+def test_a_file_of_parameters_overrides_the_stack_and_arguments_override_the_file(launch_file):
+    given = {"params_file": "robot.yaml", "use_sim_time": "true", "hallway_sim.seed": "7"}
+    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="live", **given))
+    layers = {each.named["name"]: each.named["parameters"] for each in nodes}
+    stack, *rest = layers["hallway_sim"]
+    assert stack["seed"] == 7
+    assert rest == ["robot.yaml", {"seed": 7}, {"use_sim_time": True}]
+    assert layers["guard"][1:] == ["robot.yaml", {}, {"use_sim_time": True}]
 
 
 def description_of(installed, name):
@@ -112,27 +106,21 @@ def description_of(installed, name):
     return arguments, nodes_of
 
 
-def test_the_package_installs_the_file_under_the_name_of_each_stack(root):
-    tree = ast.parse((root / PACKAGE / "setup.py").read_text())
-    (names,) = (
-        ast.literal_eval(statement.value)
-        for statement in tree.body
-        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "LAUNCH_FILES"
-    )
-    assert set(names) == set(FILES)
-
-
-@pytest.mark.parametrize("name", FILES)
 @pytest.mark.usefixtures("launch_file")
-def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(installed, name):
-    arguments, nodes_of = description_of(installed, name)
-    stack = find_stack(FILES[name])
-    known = {each for node in stack.nodes for each in config_of(node).model_fields}
-    assert set(arguments) == known | {"namespace", "use_sim_time", "params_file"}
-    assert all(each["description"] for each in arguments.values())
-    given = dict.fromkeys(arguments, "") | {"namespace": "robot1"}
-    nodes = nodes_of(SimpleNamespace(launch_configurations=given))
-    assert [each.named["executable"] for each in nodes] == list(stack.nodes)
+def test_the_file_of_each_stack_has_its_arguments_and_starts_its_nodes(installed, root):
+    tree = ast.parse((root / PACKAGE / "setup.py").read_text())
+    assigned = [each for each in tree.body if isinstance(each, ast.Assign)]
+    (names,) = (each.value for each in assigned if ast.unparse(each.targets[0]) == "LAUNCH_FILES")
+    assert set(ast.literal_eval(names)) == set(FILES)
+    for name, stack_name in FILES.items():
+        arguments, nodes_of = description_of(installed, name)
+        stack = find_stack(stack_name)
+        known = {each for node in stack.nodes for each in config_of(node).model_fields}
+        assert set(arguments) == known | {"namespace", "use_sim_time", "params_file"}
+        assert all(each["description"] for each in arguments.values())
+        given = dict.fromkeys(arguments, "") | {"namespace": "robot1"}
+        nodes = nodes_of(SimpleNamespace(launch_configurations=given))
+        assert [each.named["executable"] for each in nodes] == list(stack.nodes)
 
 
 @pytest.mark.parametrize(

@@ -36,10 +36,10 @@ class Nodes:
         self._started: dict[str, Process] = {}
         self._commands: dict[str, list[str]] = {}
 
-    def start(self, command: list[str], name: str, *, forked: bool = True) -> Process:
-        """Run a command of a node; not forked: by its executable, in an interpreter of its own."""
+    def start(self, command: list[str], name: str) -> Process:
+        """Run a command; a node is forked from a process that has its modules."""
         path = self._logs / f"{name}.log"
-        if forked and is_node(command):
+        if is_node(command):
             process: Process = NodeProcess(command, self._environment, path)
         else:
             with path.open("ab") as log:
@@ -54,9 +54,9 @@ class Nodes:
         self._started[name].kill()
         self._started[name].wait()
 
-    def restart(self, name: str) -> None:
+    def restart(self, name: str) -> Process:
         """Start a node that has ended again, with the same command."""
-        self.start(self._commands[name], name)
+        return self.start(self._commands[name], name)
 
     def start_stack(self, stack: str, **given: object) -> dict[str, Process]:
         """Start every node of a stack; a parameter of one node is written node__parameter.

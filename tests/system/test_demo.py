@@ -1,4 +1,4 @@
-"""`serd demo` as a user runs it: interrupted, resumed, with a killed node, finished."""
+"""`serd demo` as a user runs it: interrupted, resumed, finished."""
 
 import json
 import os
@@ -6,18 +6,14 @@ import re
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_bag.reader import BagReader
-from serd_cli.demo import report
-from serd_cli.main import main
 from serd_files.episode_table import load_episodes
 from support.changed_scenario import changed_scenario
-from support.waiting import PATIENCE_S, descendants_of, wait_until
+from support.waiting import PATIENCE_S, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
 SMALL = ["--demonstrations", "2", "--episodes", "1", "--seed", "5"]
@@ -27,8 +23,6 @@ NEAR = {
     "count: 24": "count: 6",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
 }
-#: Where many episodes follow, each may take less.
-QUICK = {"control_period_s: 0.05": "control_period_s: 0.1", "drive: physical": "drive: kinematic"}
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
@@ -54,11 +48,6 @@ class Demo:
         wait_until(running_and_condition, seen=self._log.read_text)
 
 
-def near(folder, further=()):
-    """File of the hallway with the changes of NEAR and further ones."""
-    return str(changed_scenario(folder, "hallway", NEAR | dict(further)))
-
-
 def processes_of(folder):
     """Ids and command lines of all processes that work in this folder."""
     found = {}
@@ -78,11 +67,9 @@ def shared_memory_of(pids):
     return {line for text in maps for line in text.splitlines() if "/dev/shm/fast" in line}
 
 
-def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
-    tmp_path, monkeypatch, capsys
-):
+def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(tmp_path):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, *SMALL, "--scenario", near(tmp_path))
+    demo = Demo(tmp_path, *SMALL, "--scenario", str(changed_scenario(tmp_path, "hallway", NEAR)))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     nodes = processes_of(tmp_path)
     assert len(nodes) >= 2
@@ -109,49 +96,3 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
         assert (run / name).is_file(), name
     assert json.loads((run / "foxglove.json").read_text())["configById"]
     assert 'href="foxglove.json"' in page
-
-    # The same command does nothing again but the page, which is drawn already.
-    monkeypatch.setattr(report, "write_report", lambda _, folder: folder / "report.html")
-    monkeypatch.setattr(sys, "argv", ["serd", "demo", "--resume", str(run), "--json"])
-    with pytest.raises(SystemExit, match="0"):
-        main()
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["n_arrived"], summary["report"]) == (1, str(run / "report.html"))
-    # Whole phases, which the node that drives knows only parts of.
-    assert summary["wall_s"]["navigate"] > row.wall_s
-    factor = summary["real_time_factor"]["navigate"]
-    assert factor == row.duration_s / summary["wall_s"]["navigate"]
-
-
-def nodes_of(demo):
-    """Process ids of the nodes that a demo has started, by their names."""
-    found = {}
-    for pid in descendants_of(demo.process.pid):
-        with suppress(OSError):
-            words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-            if "--ros-args" in words:
-                found[Path(words[words.index("--ros-args") - 1]).name] = pid
-    return found
-
-
-@pytest.mark.parametrize("name", ["hallway_sim", "scripted_expert"])
-def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
-    run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
-    demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    os.kill(nodes_of(demo)[name], signal.SIGKILL)
-    code, log = demo.wait()
-    assert code == 1
-    assert f"{name} was killed by signal 9" in log
-    assert processes_of(tmp_path) == {}
-
-
-def test_a_killed_demo_leaves_no_node_behind(tmp_path):
-    run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path, QUICK))
-    demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    demo.process.kill()
-    demo.process.wait()
-    wait_until(lambda: not processes_of(tmp_path), seen=lambda: processes_of(tmp_path))
-    # Where the machine was too busy for the recorder to close it, it is whole up to its last chunk.
-    assert BagReader(run / "bag", tolerant=True).topics

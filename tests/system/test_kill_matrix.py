@@ -7,15 +7,11 @@ each limit.
 
 import asyncio
 import math
-import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 from aiohttp import ClientError, ClientSession
@@ -28,8 +24,7 @@ from serd_ros.convert.command import to_intent
 from serd_ros.convert.diagnostics import OK
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos
-from serd_ros.graph.graph import find_stack
-from support.waiting import PATIENCE_S, ProcessorWait, wait_until
+from support.waiting import ProcessorWait
 from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -93,33 +88,54 @@ class Driven:
         self.time_s, self.speed_mps, self.way_m = math.nan, 0.0, 0.0
         self.reports, self._heard_s, self._place_m = [], time.monotonic(), None
         self.page, self._publishes, self._due_s = None, True, 0.0
+        self._n_pages = 1
         subscribe = probe.node.create_subscription
         subscribe(Odometry, "odom", self._take_odometry, qos.STATE)
         subscribe(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
         subscribe(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
         self._intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
+        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
         self._processes = nodes.start_stack(stack, people=0, **given)
 
     def drive(self):
-        """Drive faster than 0.4 m/s; a held key is pressed anew, as a late page stops the robot."""
+        """Drive faster than 0.4 m/s.
+
+        A held key is pressed anew, as a late page stops the robot, and a goal is sent again, as a
+        reader of a killed node is known for a while.
+        """
+        self._publishes = True
         self._spin(lambda: self.time_s > 0.0)
-        if self._stack == "goto":
-            goals = self._probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-            self._spin(goals.get_subscription_count)
-            goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
-        elif self._stack == "teleop":
-            self._spin(lambda: PAGE.search(self._nodes.log_of("teleop_page")))
-            self.page = HeldKey(PAGE.search(self._nodes.log_of("teleop_page"))[1])
-        pressed_s = time.monotonic()
+        if self._stack == "teleop":
+            self._spin(lambda: len(self._pages()) == self._n_pages)
+            self.let_go()
+            self.page = HeldKey(self._pages()[-1])
+        pressed_s = -math.inf
 
         def drives():
             nonlocal pressed_s
-            if self.page and time.monotonic() > pressed_s + 15.0:
-                self.page.press_anew()
+            if time.monotonic() > pressed_s + (15.0 if self.page else 4.0):
+                if self.page:
+                    self.page.press_anew()
+                self._goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
                 pressed_s = time.monotonic()
             return self.speed_mps > 0.4 and (not self.page or self.page.is_held)
 
         self._spin(drives)
+
+    def _pages(self):
+        """The addresses of the page, one for each start of its node."""
+        return PAGE.findall(self._nodes.log_of("teleop_page"))
+
+    def let_go(self):
+        """Close the page."""
+        if self.page is not None:
+            self.page.close()
+
+    def restart(self, node):
+        """Start a node again that was killed, with the same command."""
+        self._nodes.kill(node)  # which waits for its end
+        self._processes[node] = self._nodes.restart(node)
+        self._n_pages += node == "teleop_page"
 
     def inject(self, node, number):
         """Send a signal to a node, or end the source; time and way until the robot stands.
@@ -192,116 +208,57 @@ def driven(nodes, probe):
 
     yield drive
     for each in made:
-        if each.page:
-            each.page.close()
+        each.let_go()
 
 
-@pytest.mark.parametrize(
-    ("node", "number"),
-    [
-        ("local_planner", KILL),
-        ("teleop_mux", KILL),
-        ("teleop_page", KILL),
-        ("local_planner", STOP),
-        ("teleop_page", STOP),
-    ],
-)
-def test_the_robot_stands_after_a_node_of_teleoperation_died(node, number, driven, tmp_path):
+def test_the_robot_stands_after_a_node_of_teleoperation_died(driven, tmp_path):
     robot = driven("teleop", demo_recorder__output=str(tmp_path / "bag"), port=0)
-    waited = ProcessorWait()
-    after_s, distance_m = robot.inject(node, number)
-    limit_s = (PERSON_S if node == "teleop_page" else CHAIN_S) + waited.total_s
-    assert after_s <= limit_s
-    assert distance_m <= 1.2 * limit_s
-    if number == STOP:
-        assert not robot.resumes(node)  # the held key counts after it was pressed anew
+    faults = (
+        ("local_planner", STOP, CHAIN_S),
+        ("teleop_page", STOP, PERSON_S),
+        ("teleop_page", KILL, PERSON_S),
+        ("teleop_mux", KILL, CHAIN_S),
+        ("local_planner", KILL, CHAIN_S),
+    )
+    for node, number, limit_s in faults:
+        robot.drive()
+        waited = ProcessorWait()
+        after_s, distance_m = robot.inject(node, number)
+        limit_s += waited.total_s
+        assert after_s <= limit_s, (node, number)
+        assert distance_m <= 1.2 * limit_s, (node, number)
+        if number == STOP:
+            assert not robot.resumes(node), node  # the held key counts after it was pressed anew
+        else:
+            robot.restart(node)
 
 
-@pytest.mark.parametrize(
-    ("node", "number", "limit_s"),
-    [("local_planner", KILL, CHAIN_S), ("strategy", KILL, SOURCE_S), ("strategy", STOP, SOURCE_S)],
-)
-def test_the_robot_stands_after_a_node_of_goto_died(node, number, limit_s, driven, save_model_of):
+def test_the_robot_stands_after_a_node_of_goto_died(driven, save_model_of):
     robot = driven("goto", model=str(save_model_of()))
-    waited = ProcessorWait()
-    after_s, _ = robot.inject(node, number)
-    assert after_s <= limit_s + waited.total_s
-    if node == "strategy":
-        assert "local_planner: no recent waypoint" in robot.reports
+    faults = (
+        ("strategy", STOP, SOURCE_S),
+        ("strategy", KILL, SOURCE_S),
+        ("local_planner", KILL, CHAIN_S),
+    )
+    for node, number, limit_s in faults:
+        robot.drive()
+        waited = ProcessorWait()
+        after_s, _ = robot.inject(node, number)
+        assert after_s <= limit_s + waited.total_s, (node, number)
+        if node == "strategy":
+            assert "local_planner: no recent waypoint" in robot.reports
+        if number == STOP:
+            robot.resumes(node)
+        else:
+            robot.restart(node)
 
 
-def test_a_silent_source_of_intents_ends_the_motion_in_its_cell(driven):
+def test_a_silent_source_ends_the_motion_in_its_cell_and_a_lost_world_stops_the_planner(driven):
     robot = driven("live")
     waited = ProcessorWait()
     after_s, distance_m = robot.inject(SOURCE, STOP)
     assert after_s <= ACTION_S + waited.total_s
     assert distance_m <= 1.5 + 1.2 * waited.total_s
-
-
-def test_the_loss_of_the_world_stops_the_planner(driven):
-    robot = driven("live")
+    robot.drive()
     robot.inject("hallway_sim", STOP)
     assert any(each.startswith("local_planner: stale") for each in robot.reports)
-
-
-class Launched:
-    """`serd launch live` in a separate process."""
-
-    def __init__(self, environment, folder):
-        self._log, self._domain = folder / "launch.log", environment["ROS_DOMAIN_ID"]
-        command = [str(Path(sys.executable).with_name("serd")), "launch", "live"]
-        with self._log.open("wb") as log:
-            self.process = subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=log, stderr=log
-            )
-
-    def output(self):
-        return self._log.read_text(errors="replace")
-
-    def nodes(self):
-        """Names and process ids of the running nodes in its domain."""
-        found = {}
-        for entry in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (entry / "cmdline").read_text().split("\0")
-                environment = (entry / "environ").read_text().split("\0")
-            except OSError:
-                continue
-            if "--ros-args" in words and f"ROS_DOMAIN_ID={self._domain}" in environment:
-                found[Path(words[words.index("--ros-args") - 1]).name] = int(entry.name)
-        return found
-
-
-@pytest.fixture
-def launched(ros_env, tmp_path):
-    found, names = Launched(ros_env, tmp_path), set(find_stack("live").nodes)
-
-    def works():
-        assert found.process.poll() is None, found.output()
-        return names <= set(found.nodes()) and "commands come from" in found.output()
-
-    try:
-        wait_until(works, seen=found.output)
-        yield found
-    finally:
-        if found.process.poll() is None:
-            found.process.send_signal(signal.SIGINT)
-            found.process.wait(PATIENCE_S)
-
-
-def test_serd_launch_names_a_node_that_is_stopped_and_ends_all_when_one_is_killed(launched):
-    stopped = launched.nodes()["hallway_sim"]
-    os.kill(stopped, STOP)
-    wait_until(lambda: "hallway_sim was stopped by a signal" in launched.output())
-    os.kill(stopped, signal.SIGCONT)
-    assert set(launched.nodes()) == set(find_stack("live").nodes)
-    os.kill(launched.nodes()["local_planner"], KILL)
-    launched.process.wait(PATIENCE_S)
-    assert "local_planner was killed by signal 9" in launched.output()
-    assert launched.nodes() == {}
-
-
-def test_a_killed_serd_launch_leaves_no_node_behind(launched):
-    launched.process.kill()
-    launched.process.wait()
-    wait_until(lambda: not launched.nodes(), seen=launched.nodes)

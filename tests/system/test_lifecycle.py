@@ -1,7 +1,6 @@
 """Managed nodes go through their states by the services that a lifecycle manager calls."""
 
 import importlib.util
-import math
 import signal
 import time
 
@@ -21,173 +20,165 @@ from serd_ros.settings import ManagedConfig
 from support.goals import Goals
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kind), ManagedConfig))
+has_nav2 = importlib.util.find_spec("nav2_msgs") is not None
 needs_nav2 = pytest.mark.skipif(
-    importlib.util.find_spec("nav2_msgs") is None,
-    reason="nav2_msgs is not installed; run make interfaces",
+    not has_nav2, reason="nav2_msgs is not installed; run make interfaces"
 )
-
-
+MANAGED = sorted(
+    kind
+    for kind in load_graph().nodes
+    if issubclass(config_of(kind), ManagedConfig) and (kind != "nav2_bridge" or has_nav2)
+)
 UP = (("configure", "inactive"), ("activate", "active"))
 DOWN = (("deactivate", "inactive"), ("cleanup", "unconfigured"))
-_SERVICES = {
+SERVICES = {
     "change_state": ChangeState,
     "get_available_states": GetAvailableStates,
     "get_available_transitions": GetAvailableTransitions,
     "get_transition_graph": GetAvailableTransitions,
     "get_state": GetState,
 }
-_ASK_AGAIN_S = 2.0
 
 
 class LifecycleManager:
     """Of one node; probe: a node of the test's own that can spin. events: labels of states."""
 
     def __init__(self, probe, node):
-        self._probe, self.events = probe, []
-        probe.node.create_subscription(
-            TransitionEvent,
-            f"/{node}/transition_event",
-            lambda event: self.events.append(event.goal_state.label),
-            10,
-        )
+        self._probe, self.events, self._name = probe, [], f"/{node}"
+        take = lambda event: self.events.append(event.goal_state.label)  # noqa: E731
+        probe.node.create_subscription(TransitionEvent, f"/{node}/transition_event", take, 10)
         create = probe.node.create_client
-        self._clients = {name: create(kind, f"/{node}/{name}") for name, kind in _SERVICES.items()}
-        self._become_known()
-
-    def _become_known(self):
-        """Ask for the state until there is an answer.
-
-        A server's response is lost where it knows a client's request, but not its reader yet
-        (ros2/rmw_fastrtps #842). The last client made here is the last to become known.
-        """
-        client, asked_s, answers = self._clients["get_state"], -math.inf, []
+        self._clients = {name: create(kind, f"/{node}/{name}") for name, kind in SERVICES.items()}
+        # A server's response is lost where it knows a client's request, but not its reader yet
+        # (ros2/rmw_fastrtps #842). The last client made here is the last to become known.
+        client, answers = self._clients["get_state"], []
+        probe.spin_until(client.service_is_ready, seen=lambda: node)
 
         def is_answered():
-            nonlocal asked_s
-            if time.monotonic() - asked_s > _ASK_AGAIN_S:
-                asked_s = time.monotonic()
+            if time.monotonic() > 2.0 * len(answers) + began_s:
                 answers.append(client.call_async(GetState.Request()))
             return any(each.done() for each in answers)
 
-        self._probe.spin_until(client.service_is_ready, seen=lambda: client.srv_name)
-        self._probe.spin_until(is_answered, seen=lambda: client.srv_name)
+        began_s = time.monotonic()
+        probe.spin_until(is_answered, seen=lambda: node)
 
     def call(self, service, **fields):
         """The response of one of the node's services."""
         client = self._clients[service]
         self._probe.spin_until(client.service_is_ready, seen=lambda: client.srv_name)
-        future = client.call_async(_SERVICES[service].Request(**fields))
+        future = client.call_async(SERVICES[service].Request(**fields))
         self._probe.spin_until(future.done, seen=lambda: client.srv_name)
         return future.result()
 
     def change(self, transition):
         """Whether the transition of this name succeeded."""
-        wanted = Transition(label=transition)
-        return self.call("change_state", transition=wanted).success
+        return self.call("change_state", transition=Transition(label=transition)).success
 
     def go(self, *transitions):
         """Make (transition, state after it) one after the other."""
         for transition, state in transitions:
-            assert self.change(transition), transition
+            assert self.change(transition), (self._name, transition)
             assert self.state == state
 
     @property
     def state(self):
-        """Label of the present state."""
         return self.call("get_state").current_state.label
 
-    @property
-    def states(self):
-        """Labels of all states."""
-        found = self.call("get_available_states").available_states
-        return {each.label for each in found}
-
-    def transitions(self, service="get_available_transitions"):
+    def transitions(self, service):
         """(label, state before, state after) of the possible ones, or of the whole graph."""
         found = self.call(service).available_transitions
         return {
             (each.transition.label, each.start_state.label, each.goal_state.label) for each in found
         }
 
+    def topics(self, kind, described, named_by):
+        """Those of the graph that the node has now."""
+        names = {name for name, _ in named_by(kind, "/")}
+        return {f"/{each}" for each in described} & names - {"/diagnostics"}
+
+    @property
+    def published(self):
+        kind, node = self._name[1:], self._probe.node
+        described = load_graph().nodes[kind].publishes
+        return self.topics(kind, described, node.get_publisher_names_and_types_by_node)
+
+    @property
+    def subscribed(self):
+        kind, node = self._name[1:], self._probe.node
+        described = load_graph().nodes[kind].subscribes
+        return self.topics(kind, described, node.get_subscriber_names_and_types_by_node)
+
 
 @pytest.fixture
 def start(nodes, ros_env, tmp_path, save_model_of):
-    """Starts a managed node with these parameters over those that it needs."""
+    """Starts a managed node with the parameters that it needs."""
     needed = {
         "strategy": {"model": str(save_model_of())},
         "demo_recorder": {"output": str(tmp_path / "bag")},
         "learner": {"output": str(tmp_path / "learned.yaml")},
     }
 
-    def start(kind, forked=True, **given):
-        parameters = {"managed": True, **needed.get(kind, {}), **given}
-        return nodes.start(node_command(kind, parameters, {}, ros_env), kind, forked=forked)
+    def start(kind):
+        parameters = {"managed": True, **needed.get(kind, {})}
+        return nodes.start(node_command(kind, parameters, {}, ros_env), kind)
 
     return start
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(each, marks=[needs_nav2] * (each == "nav2_bridge")) for each in MANAGED]
-)
-def test_a_managed_node_goes_through_its_states_and_has_its_topics_while_active(
-    kind, start, nodes, probe
+def test_managed_nodes_go_through_their_states_and_have_their_topics_while_active(
+    start, nodes, probe
 ):
-    process, manager = start(kind, forked=False), LifecycleManager(probe, kind)
-
-    def topics():
-        found = probe.node.get_publisher_names_and_types_by_node(kind, "/")
-        described = {f"/{each}" for each in load_graph().nodes[kind].publishes}
-        return described & {name for name, _ in found} - {"/diagnostics"}
-
-    def subscribes():
-        found = probe.node.get_subscriber_names_and_types_by_node(kind, "/")
-        described = {f"/{each}" for each in load_graph().nodes[kind].subscribes}
-        return described & {name for name, _ in found}
-
+    """All of them in one domain."""
+    processes = {kind: start(kind) for kind in MANAGED}
+    managers = {kind: LifecycleManager(probe, kind) for kind in MANAGED}
     # Its services may be known before the node is.
-    probe.spin_until(lambda: kind in probe.node.get_node_names())
-    assert manager.state == "unconfigured"
-    assert {"unconfigured", "inactive", "active", "finalized"} <= manager.states
-    assert {label for label, _, _ in manager.transitions()} == {"configure", "shutdown"}
-    assert ("activate", "inactive", "activating") in manager.transitions("get_transition_graph")
-    for _ in range(2):
-        assert not subscribes()
+    probe.spin_until(lambda: set(MANAGED) <= set(probe.node.get_node_names()))
+    for manager in managers.values():
+        assert manager.state == "unconfigured"
+        states = {each.label for each in manager.call("get_available_states").available_states}
+        assert {"unconfigured", "inactive", "active", "finalized"} <= states
+        possible = manager.transitions("get_available_transitions")
+        assert {label for label, _, _ in possible} == {"configure", "shutdown"}
+        assert ("activate", "inactive", "activating") in manager.transitions("get_transition_graph")
+        assert not manager.subscribed
         manager.go(*UP)
-        probe.spin_until(subscribes)
+        probe.spin_until(lambda manager=manager: manager.subscribed)
         manager.go(*DOWN)
-        probe.spin_until(lambda: not (topics() or subscribes()))
-    assert not manager.change("activate")
-    assert manager.state == "unconfigured"
-    manager.go(*UP, ("deactivate", "inactive"), ("activate", "active"))
-    probe.spin_until(subscribes)
-    visited = [label for label in manager.events if label in ("inactive", "active", "unconfigured")]
-    assert visited == [*["inactive", "active", "inactive", "unconfigured"] * 2,
-                       "inactive", "active", "inactive", "active"]  # fmt: skip
-    process.send_signal(signal.SIGINT)
-    assert process.wait() == 0, nodes.log_of(kind)
-    assert "internal error" not in nodes.log_of(kind)
+        probe.spin_until(lambda manager=manager: not (manager.published or manager.subscribed))
+        assert not manager.change("activate")
+        manager.go(*UP, ("deactivate", "inactive"), ("activate", "active"))
+        probe.spin_until(lambda manager=manager: manager.subscribed)
+        visited = [
+            each for each in manager.events if each in ("inactive", "active", "unconfigured")
+        ]
+        assert visited == ["inactive", "active", "inactive", "unconfigured",
+                           "inactive", "active", "inactive", "active"]  # fmt: skip
+    for process in processes.values():
+        process.send_signal(signal.SIGINT)
+    for kind, process in processes.items():
+        assert process.wait() == 0, nodes.log_of(kind)
+        assert "internal error" not in nodes.log_of(kind)
 
 
-@pytest.mark.parametrize(
-    "transitions",
-    [
-        (),
-        UP[:1],
-        (("shutdown", "finalized"),),
-        (*UP[:1], ("shutdown", "finalized")),
-        (*UP, ("shutdown", "finalized")),
-    ],
-    ids=lambda transitions: "-".join(name for name, _ in transitions) or "unconfigured",
-)
-@pytest.mark.parametrize("kind", ["demo_recorder", "strategy"])
-def test_a_signal_ends_a_managed_node_in_every_state(kind, transitions, start, nodes, probe):
-    process, manager = start(kind), LifecycleManager(probe, kind)
-    assert manager.state == "unconfigured"
-    manager.go(*transitions)
-    process.send_signal(signal.SIGINT)
-    assert process.wait() == 0
-    assert "rror" not in nodes.log_of(kind)
+STATES = {
+    "unconfigured": (),
+    "inactive": UP[:1],
+    "finalized": (("shutdown", "finalized"),),
+    "finalized_active": (*UP, ("shutdown", "finalized")),
+}
+
+
+def test_a_signal_ends_a_managed_node_in_every_state(nodes, probe, ros_env, tmp_path):
+    processes = {}
+    for name, transitions in STATES.items():
+        given = {"managed": True, "output": str(tmp_path / name)}
+        command = node_command("demo_recorder", given, {"__node": name}, ros_env)
+        processes[name] = nodes.start(command, name)
+        LifecycleManager(probe, name).go(*transitions)
+    for name, process in processes.items():
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 0
+        assert "rror" not in nodes.log_of(name)
 
 
 @needs_nav2
@@ -195,21 +186,16 @@ def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start, st
     """An action client that is destroyed while an answer waits ends the process."""
     goals = []
     start_robot("--follow", "nav2")
-    bridge = start("nav2_bridge")
-    manager = LifecycleManager(probe, "nav2_bridge")
+    bridge, manager = start("nav2_bridge"), LifecycleManager(probe, "nav2_bridge")
     waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
-    probe.node.create_subscription(
-        DiagnosticArray,
-        "diagnostics",
-        lambda message: goals.append(values_of(message, "nav2_bridge") or {}),
-        qos.STATE,
-    )
+    take = lambda message: goals.append(values_of(message, "nav2_bridge") or {})  # noqa: E731
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
 
     def drives():
         waypoints.publish(to_pose_stamped((30.0, 3.5, 0.0), 0.0))
         return any(each.get("goal") == "driving" for each in goals)
 
-    for _ in range(20):
+    for _ in range(5):
         manager.go(*UP)
         goals.clear()
         probe.spin_until(drives)
@@ -217,46 +203,30 @@ def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start, st
     assert bridge.poll() is None, nodes.log_of("nav2_bridge")
 
 
-class Drives(Goals):
-    """Goals, and the speeds of the robot."""
-
-    def __init__(self, probe):
-        super().__init__(probe)
-        self.speeds_mps = []
-        probe.node.create_subscription(Odometry, "odom", self._take_odometry, qos.SENSOR)
-
-    def _take_odometry(self, message):
-        self.speeds_mps.append(message.twist.twist.linear.x)
-
-    def stands(self):
-        """Whether the last five speeds are 0."""
-        return not any(self.speeds_mps[-5:])
-
-
-@pytest.mark.parametrize("stack", ["robot", pytest.param("robot_nav2", marks=needs_nav2)])
-def test_a_managed_stack_drives_while_it_is_active(stack, nodes, probe, start_robot, save_model_of):
-    drives, follows = Drives(probe), "nav2" if stack == "robot_nav2" else "cmd_vel"
-    start_robot("--follow", follows)
-    nodes.start_stack(stack, managed=True, model=str(save_model_of()))
-    driving = "nav2_bridge" if stack == "robot_nav2" else "local_planner"
-    managers = [LifecycleManager(probe, name) for name in (driving, "strategy")]
+def test_a_managed_stack_drives_while_it_is_active(nodes, probe, start_robot, save_model_of):
+    goals, speeds_mps = Goals(probe), []
+    take = lambda message: speeds_mps.append(message.twist.twist.linear.x)  # noqa: E731
+    probe.node.create_subscription(Odometry, "odom", take, qos.SENSOR)
+    start_robot()
+    nodes.start_stack("robot", managed=True, model=str(save_model_of()))
+    managers = [LifecycleManager(probe, name) for name in ("local_planner", "strategy")]
 
     def logs():
-        return "\n".join(nodes.log_of(name) for name in ("strategy", driving, "standin_robot"))
+        return "\n".join(map(nodes.log_of, ("strategy", "local_planner", "standin_robot")))
 
     for manager in managers:
         manager.go(*UP)
-    drives.drive_to((3.5, 3.5), logs)
+    goals.drive_to((3.5, 3.5), logs)
 
-    drives.send((3.5, 1.5))
-    probe.spin_until(lambda: drives.n_begun == 2 and drives.speeds_mps[-1] > 0.1, seen=logs)
+    goals.send((3.5, 1.5))
+    probe.spin_until(lambda: goals.n_begun == 2 and speeds_mps[-1] > 0.1, seen=logs)
     for manager in reversed(managers):
         manager.go(*DOWN)
-    probe.spin_until(lambda: drives.ends == ["arrived", "discarded"], seen=logs)
-    probe.spin_until(drives.stands, seen=logs)
+    probe.spin_until(lambda: goals.ends == ["arrived", "discarded"], seen=logs)
+    probe.spin_until(lambda: not any(speeds_mps[-5:]), seen=logs)
 
     for manager in managers:
         manager.go(*UP)
-    drives.drive_to((3.5, 1.5), logs)
-    assert drives.ends == ["arrived", "discarded", "arrived"]
+    goals.drive_to((3.5, 1.5), logs)
+    assert goals.ends == ["arrived", "discarded", "arrived"]
     assert "internal error" not in logs()

@@ -1,5 +1,6 @@
-"""The web page as a person uses it, in headless Chromium."""
+"""`serd teleop` and its web page as a person uses them, in headless Chromium."""
 
+import json
 import os
 import re
 import shutil
@@ -12,27 +13,23 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rosbags.highlevel import AnyReader
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.drives.sessions import read_drives
-from serd_cli.processes.node_commands import stack_processes
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
-from serd_ros.graph.graph import find_stack
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.browser import needs_chromium, start_chromium
-from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
+from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 from support.wheeled_robots import STOPPED_MPS
 
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -52,11 +49,10 @@ pedestrians:
 """
 FAKE_GAMEPAD = """
 const button = (pressed) => ({ pressed, value: Number(pressed) });
-window.fake = { id: "test pad", connected: true, axes: [0, -1, 0, 0],
+window.fake = { id: "test pad", connected: true, axes: [0, 0, 0, 0],
   buttons: Array.from({ length: 17 }, (_, index) => button(index === 4)) };
 navigator.getGamepads = () => (window.fake ? [window.fake] : []);
 """
-
 pytestmark = [pytest.mark.ros, pytest.mark.slow, needs_chromium]
 
 
@@ -88,20 +84,14 @@ class Page:
     def wait(self, condition):
         wait_until(condition, seen=lambda: (self.text("phase"), self.text("notices")))
 
-    @contextmanager
-    def frozen(self):
-        """Its processes are stopped, as a page stops whose script hangs."""
-        stopped = [
-            pid
-            for pid in descendants_of(self.browser.service.process.pid)
-            if "--type=renderer" in Path(f"/proc/{pid}/cmdline").read_text()
-        ]
-        assert stopped
-        for pid in stopped:
-            os.kill(pid, signal.SIGSTOP)
-        yield
-        for pid in stopped:
-            os.kill(pid, signal.SIGCONT)
+    def set_mode(self, mode):
+        self.part(mode).click()
+        self.wait(lambda: self.part(mode).get_attribute("aria-pressed") == "true")
+
+    def release_e_stop(self):
+        self.wait(lambda: self.text("veil-title") == "Emergency stop")
+        self.press("r")
+        self.wait(lambda: self.text("stop").startswith("E-STOP"))
 
     def faults(self):
         return [entry for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
@@ -114,46 +104,30 @@ def page(tmp_path):
     page.browser.quit()
 
 
-@pytest.fixture
-def scenario(tmp_path):
-    file = tmp_path / "bend.yaml"
-    file.write_text(SCENARIO)
-    return file
+class Robot:
+    """What the probe receives of the robot that the page drives."""
 
-
-class World:
-    """What the probe receives of the robot."""
-
-    def __init__(self, probe):
-        self.probe = probe
-        self.pose, self.speed_mps, self.time_s = None, 0.0, 0.0
-        self.moved_s = self.turned_s = 0.0
-        self.speeds_mps, self.actions = [], []
-        node = probe.node
-        node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
-        node.create_subscription(Odometry, "odom", self._take_odometry, qos.STATE)
-        node.create_subscription(Vector3Stamped, "intent", self._take_intent, qos.STATE)
-
-    def _take_pose(self, message):
-        self.pose = from_pose(message.pose)
+    def __init__(self, probe, page):
+        self.probe, self.page = probe, page
+        self.speed_mps = self.time_s = self.moved_s = self.turned_s = self.y_m = 0.0
+        probe.node.create_subscription(Odometry, "odom", self._take_odometry, qos.STATE)
+        probe.node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
 
     def _take_odometry(self, message):
         self.time_s = stamp_s(message.header.stamp)
         linear_mps, angular_radps = from_odometry(message)[2]
         self.speed_mps = abs(linear_mps)
-        self.speeds_mps.append(self.speed_mps)
         if self.speed_mps >= STOPPED_MPS:
             self.moved_s = self.time_s
         if abs(angular_radps) >= STOPPED_RADPS:
             self.turned_s = self.time_s
 
-    def _take_intent(self, message):
-        self.actions.append(from_intent(message)[1])
+    def _take_pose(self, message):
+        self.y_m = from_pose(message.pose)[1]
 
     def until(self, condition):
         self.probe.spin_until(
-            lambda: self.pose is not None and condition(),
-            seen=lambda: (self.time_s, self.pose, self.speed_mps, self.actions[-9:]),
+            condition, seen=lambda: (self.time_s, self.speed_mps, self.page.text("phase"))
         )
 
     def drive_until(self, condition, *, press, release):
@@ -161,6 +135,7 @@ class World:
 
         A robot that turns towards the next cell does not stand.
         """
+        release()
         self.probe.spin_all()
         press()
         pressed_s = self.time_s
@@ -178,8 +153,27 @@ class World:
 
         self.until(reached)
 
+    def hold(self, *keys, until=None):
+        """Hold a key until a condition holds, by default until the robot drives.
+
+        keys: opposite ones, for a late page may have left the robot at a wall.
+        """
+        ways, drives = cycle(keys), lambda: self.speed_mps > 0.1
+
+        def release():
+            for key in keys:
+                self.page.keys().key_up(key).perform()
+
+        press = lambda: self.page.keys().key_down(next(ways)).perform()  # noqa: E731
+        self.drive_until(until or drives, press=press, release=release)
+        return release
+
+    def until_later(self, duration_s):
+        since_s = self.time_s
+        self.until(lambda: self.time_s > since_s + duration_s)
+
     @contextmanager
-    def stops_within(self, limit_s):
+    def stops_within(self, limit_s, stands_s=0.4):
         """What is done inside stops the robot for good; at an obstacle it may stand before.
 
         limit_s: simulated, plus the time that threads wait for a processor.
@@ -187,81 +181,108 @@ class World:
         self.probe.spin_all()
         since_s, waited = self.time_s, ProcessorWait()
         yield
-        self.until(lambda: self.time_s >= max(self.moved_s, since_s) + 0.4)
+        self.until(lambda: self.time_s >= max(self.moved_s, since_s) + stands_s)
         assert self.moved_s - since_s <= limit_s + waited.total_s
-
-    def stands_for(self, duration_s):
-        """It stands during so much simulated time from now on."""
-        self.probe.spin_all()
-        self.speeds_mps.clear()
-        self.until_later(duration_s)
-        assert max(self.speeds_mps) < STOPPED_MPS
-
-    def until_it_stands(self, duration_s=1.0):
-        """Until it has stood for so much simulated time from now on.
-
-        A robot that turns around, or that waits at a wall, stands for a moment too.
-        """
-        self.probe.spin_all()
-        since_s = self.time_s
-        self.until(
-            lambda: self.time_s >= max(self.moved_s, self.turned_s, since_s) + duration_s,
-        )
-
-    def until_later(self, duration_s):
-        """Until so much simulated time has passed."""
-        since_s = self.time_s
-        self.until(lambda: self.time_s > since_s + duration_s)
 
 
 @pytest.fixture
-def world(probe):
-    return World(probe)
-
-
-def test_an_episode_driven_on_the_page_is_recorded(page, world, scenario, ros_env, tmp_path):
-    command = [SERD, "teleop", "--scenario", str(scenario), "--port", "0", "--driver", "anna"]
-    log = tmp_path / "teleop.log"
+def session(ros_env, tmp_path):
+    """`serd teleop` in a process group of its own, as a terminal starts it, and its log."""
+    (tmp_path / "bend.yaml").write_text(SCENARIO)
+    (tmp_path / "teleop_output/session-1").mkdir(parents=True)  # of an earlier run
+    log, command = tmp_path / "teleop.log", ["--scenario", "bend.yaml", "--port", "0", "--json"]
     with log.open("wb") as output:
-        session = subprocess.Popen(command, cwd=tmp_path, env=ros_env, stdout=output, stderr=output)
-    try:
-        address = re.compile(r"drive at (http://\S+)")
-        page.wait(lambda: session.poll() is not None or address.search(log.read_text()))
-        page.open(address.search(log.read_text())[1])
-        drive_to_the_goal(page, world)
-        page.wait(lambda: page.text("arrived") == "1")
-        assert page.text("kept") == "1"
-        assert page.faults() == []
-        n_decisions = int(page.text("decisions").split()[0])
-        keep_picture(page, tmp_path)
-        session.send_signal(signal.SIGINT)
-        assert session.wait(PATIENCE_S) == 0, log.read_text()
-    finally:
-        if session.poll() is None:
-            session.terminate()  # not killed, so that it ends its nodes
-            session.wait(PATIENCE_S)
-    summary = log.read_text()
-    assert "episode 1 arrived" in summary
-    assert "1 episode kept (1 arrived), 0 discarded" in summary
-    check_recording(tmp_path / "teleop_output/session-1/bag", scenario, n_decisions)
+        process = subprocess.Popen(
+            [SERD, "teleop", *command], cwd=tmp_path, env=ros_env, stdout=output, stderr=output,
+            start_new_session=True,
+        )  # fmt: skip
+    yield process, log
+    if process.poll() is None:
+        process.terminate()  # not killed, so that it ends its nodes
+        process.wait(PATIENCE_S)
 
 
-def drive_to_the_goal(page, world):
+def test_a_person_drives_on_the_page_stops_the_robot_in_every_way_and_records(
+    page, probe, session, tmp_path
+):
+    process, log = session
+    page.wait(lambda: "drive at" in log.read_text())
+    page.open(re.search(r"http://[^\s\x1b]+", log.read_text())[0])
+    robot, vertical = Robot(probe, page), (Keys.ARROW_UP, Keys.ARROW_DOWN)
+
+    north = page.browser.find_element(By.CSS_SELECTOR, "[data-direction=north]")
+    robot.drive_until(
+        lambda: robot.speed_mps > 0.25,
+        press=lambda: page.keys().click_and_hold(north).perform(),
+        release=lambda: page.keys().release().perform(),
+    )
+    with robot.stops_within(1.5):
+        page.run("window.dispatchEvent(new Event('blur'))")
+    page.wait(lambda: page.text("veil-title") == "The robot stands")
+    page.keys().release().perform()
+    page.part("veil").click()
+    robot.hold(*vertical)
+    with robot.stops_within(1.5, stands_s=2.5):
+        page.press(Keys.SPACE)  # the key is still held
+    page.release_e_stop()
+    robot.hold(*vertical)()
+
+    page.set_mode("velocity")
+    page.run(FAKE_GAMEPAD)
+    page.wait(lambda: "test pad" in page.text("gamepad"))
+    ways = cycle((-1, 1))  # as browsers count the axis; backward where it does not drive forward
+    robot.drive_until(
+        lambda: robot.speed_mps > 0.1,
+        press=lambda: page.run(f"window.fake.axes = [0, {next(ways)}, 0, 0]"),
+        release=lambda: page.run("window.fake.axes = [0, 0, 0, 0]") or robot.until_later(0.5),
+    )
+    with robot.stops_within(1.5):
+        page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
+    page.run("window.fake = null")
+    page.set_mode("directions")
+
+    drive_to_the_goal(page, robot)
+    assert page.text("kept") == "1"
+    n_decisions = int(page.text("decisions").split()[0])
+    page.part("start").click()
+    page.wait(lambda: page.part("recording").is_displayed())
+    page.part("discard").click()
+    page.wait(lambda: page.text("discarded") == "1")
+    show_where_a_demonstration_teaches_most(page, probe)
+    assert page.faults() == []
+    keep_picture(page, tmp_path)
+
+    os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C in a terminal
+    assert process.wait(PATIENCE_S) == 0, log.read_text()
+    bag = tmp_path / "teleop_output/session-2/bag"
+    recorded = json.loads(re.search(r'\{\s+"bag".*', log.read_text(), re.DOTALL)[0])
+    assert recorded["outcomes"] == {"arrived": 1, "discarded": 1}
+    assert recorded["bag"] == str(bag)
+    assert f"serd demos {bag}" in recorded["decisions"]
+    check_recording(bag, load_scenario(tmp_path / "bend.yaml"), n_decisions)
+
+
+def drive_to_the_goal(page, robot):
     """North until the bend, then east, with held arrow keys."""
     page.press(Keys.ENTER)
     page.wait(lambda: page.part("recording").is_displayed())
-    hold_until(page, world, Keys.ARROW_UP, lambda: world.pose[1] > 2.2)
-    hold_until(page, world, Keys.ARROW_RIGHT, lambda: "arrived" in page.text("phase"))
+    release = robot.hold(Keys.ARROW_UP, until=lambda: robot.y_m > 2.2)
+    release()
+    robot.hold(Keys.ARROW_RIGHT, until=lambda: "arrived" in page.text("phase"))()
+    page.wait(lambda: page.text("arrived") == "1")
 
 
-def hold_until(page, world, key, condition):
-    """Hold a key until a condition holds, then release it."""
-    world.drive_until(
-        condition,
-        press=lambda: page.keys().key_down(key).perform(),
-        release=lambda: page.keys().key_up(key).perform(),
-    )
-    page.keys().key_up(key).perform()
+def show_where_a_demonstration_teaches_most(page, probe):
+    assert not page.part("teaches").is_displayed()
+    learner = probe.node.create_publisher(DiagnosticArray, "diagnostics", qos.STATE)
+    probe.spin_until(learner.get_subscription_count)
+
+    def shown():
+        values = {"converged": True, "next_x_m": 1.5, "next_y_m": 3.5}
+        learner.publish(to_diagnostics("learner", 0.0, values))
+        return page.part("teaches").is_displayed()
+
+    page.wait(shown)
 
 
 def keep_picture(page, folder):
@@ -272,212 +293,9 @@ def keep_picture(page, folder):
         shutil.copy(picture, os.environ["SERD_PICTURES"])
 
 
-def check_recording(bag, scenario, n_decisions):
-    place = load_scenario(scenario)
-    with AnyReader([bag]) as reader:
-        assert reader.message_count > 200
-    (span,) = read_drives(bag)[0].episodes
-    assert span.outcome == "arrived"
+def check_recording(bag, place, n_decisions):
+    assert [span.outcome for span in read_drives(bag)[0].episodes] == ["arrived", "discarded"]
     found, report = demonstrations_of_bag(bag, grid_of(place), place.patience_s, place.wait_s)
-    decisions = found.decisions
-    assert {Action.NORTH, Action.EAST} <= {Action(each) for each in decisions.action}
+    assert {Action.NORTH, Action.EAST} <= {Action(each) for each in found.decisions.action}
     # A page that is late sees several cells entered at once.
     assert 2 <= n_decisions <= report.n_decisions
-
-
-@pytest.fixture
-def driving(nodes, page, scenario, ros_env):
-    """The teleop stack without a recorder, and the page in front."""
-    stack = find_stack("teleop")
-    names = tuple(name for name in stack.nodes if name != "demo_recorder")
-    given = {"scenario": str(scenario), "port": 0, "people": 0}
-    listeners = ["hallway_sim", "local_planner", "teleop_mux"]
-    given |= {"teleop_page.required_nodes": listeners}
-    given |= {"hallway_sim.required_nodes": ["local_planner"]}
-    for process in stack_processes(stack.model_copy(update={"nodes": names}), given, ros_env):
-        nodes.start(list(process.command), process.name)
-    address = re.compile(r"the page is at (http://\S+)")
-    page.wait(lambda: address.search(nodes.log_of("teleop_page")))
-    page.open(address.search(nodes.log_of("teleop_page"))[1])
-    return page
-
-
-def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving, world):
-    page = driving
-    north = page.browser.find_element(By.CSS_SELECTOR, "[data-direction=north]")
-    world.drive_until(
-        lambda: world.speed_mps > 0.25,
-        press=lambda: page.keys().click_and_hold(north).perform(),
-        release=lambda: page.keys().release().perform(),
-    )
-    with world.stops_within(1.5):
-        page.run("window.dispatchEvent(new Event('blur'))")
-    page.wait(lambda: page.text("veil-title") == "The robot stands")
-    page.keys().release().perform()
-
-    page.part("veil").click()
-    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
-    with world.stops_within(1.5):
-        page.press(Keys.SPACE)
-    page.wait(lambda: page.text("veil-title") == "Emergency stop")
-    assert page.text("stop").startswith("RELEASE")
-    n_actions = len(world.actions)
-    world.stands_for(A_WHILE_S)  # the key is still held
-    assert len(world.actions) == n_actions
-    release(page)
-    world.stands_for(A_WHILE_S)  # held through the release
-    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
-    with world.stops_within(1.5):
-        page.press(Keys.SPACE)
-    page.keys().key_up(Keys.ARROW_UP).key_down(Keys.ARROW_UP).key_up(Keys.ARROW_UP).perform()
-    page.wait(lambda: page.text("veil-title") == "Emergency stop")
-    release(page)
-    world.stands_for(A_WHILE_S)  # a tap while stopped
-    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
-    page.keys().key_up(Keys.ARROW_UP).perform()
-
-
-A_WHILE_S = 2.5
-
-
-def release(page):
-    page.press("r")
-    page.wait(lambda: page.text("stop").startswith("E-STOP"))
-
-
-def press_anew(page, world, *keys):
-    """Press a key again that may be held, and hold it until the robot drives.
-
-    keys: opposite ones, for a late page may have left the robot at a wall.
-    """
-    ways = cycle(keys)
-
-    def release_all():
-        for key in keys:
-            page.keys().key_up(key).perform()
-
-    release_all()
-    world.drive_until(
-        lambda: world.speed_mps > 0.1,
-        press=lambda: page.keys().key_down(next(ways)).perform(),
-        release=release_all,
-    )
-
-
-def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes):
-    """After absence, the end of an episode, a lost connection and a restart of the planner."""
-    page = driving
-    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
-    with world.stops_within(1.5):
-        page.run("window.dispatchEvent(new Event('blur'))")
-    page.run("window.dispatchEvent(new Event('focus'))")
-    world.stands_for(A_WHILE_S)
-
-    page.press(Keys.ENTER)
-    page.wait(lambda: page.part("recording").is_displayed())
-    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
-    with world.stops_within(1.5):
-        page.press("d")
-    world.stands_for(A_WHILE_S)
-
-    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
-    nodes.kill("local_planner")
-    world.until_it_stands()
-    nodes.restart("local_planner")
-    world.probe.spin_until(lambda: "local_planner" in world.probe.node.get_node_names())
-    world.stands_for(2 * A_WHILE_S)
-    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
-
-    with page.frozen():
-        world.until_it_stands()
-    world.stands_for(A_WHILE_S)
-    page.keys().key_up(Keys.ARROW_RIGHT).perform()
-    press_anew(page, world, Keys.ARROW_LEFT, Keys.ARROW_RIGHT)
-    page.keys().key_up(Keys.ARROW_LEFT).perform()
-
-
-def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(driving, world):
-    page = driving
-    page.part("velocity").click()
-    page.wait(lambda: page.part("velocity").get_attribute("aria-pressed") == "true")
-    page.run(FAKE_GAMEPAD)
-    page.wait(lambda: "test pad" in page.text("gamepad"))
-    world.stands_for(0.5)  # its stick was deflected from the start
-    push_anew(page, world)
-    with world.stops_within(1.5):
-        page.press(Keys.SPACE)
-    page.wait(lambda: page.text("veil-title") == "Emergency stop")
-    release(page)
-    world.stands_for(1.0)
-    push_anew(page, world)
-    with world.stops_within(1.5):
-        page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
-    page.run("window.fake = null")
-    page.keys().key_down(Keys.ARROW_LEFT).perform()
-    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
-    with page.frozen():
-        world.until_it_stands()
-    world.stands_for(1.0)
-    page.keys().key_up(Keys.ARROW_LEFT).perform()
-    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
-    with world.stops_within(1.5):
-        page.press(Keys.SPACE)
-    page.wait(lambda: page.text("veil-title") == "Emergency stop")
-    release(page)
-    world.stands_for(1.0)
-    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
-    with world.stops_within(1.5):
-        page.browser.get("about:blank")
-    assert world.actions == []
-
-
-def push_anew(page, world):
-    """Return the stick of the gamepad to neutral, then push it until the robot drives.
-
-    Backward where it does not drive forward, for a late page may have left the robot at a wall.
-    """
-    ways = cycle((-1, 1))  # as browsers count the axis
-
-    def release_stick():
-        page.run("window.fake.axes = [0, 0, 0, 0]")
-        world.until_later(0.5)
-
-    def push_stick():
-        page.run(f"window.fake.axes = [0, {next(ways)}, 0, 0]")
-
-    release_stick()
-    world.drive_until(lambda: world.speed_mps > 0.1, press=push_stick, release=release_stick)
-
-
-def test_the_page_shows_from_where_a_demonstration_teaches_most(driving, world, tmp_path):
-    page = driving
-    assert not page.part("teaches").is_displayed()
-    learner = world.probe.node.create_publisher(DiagnosticArray, "diagnostics", qos.STATE)
-    world.probe.spin_until(learner.get_subscription_count)
-
-    def shown():
-        values = {"converged": True, "next_x_m": 1.5, "next_y_m": 3.5}
-        learner.publish(to_diagnostics("learner", 0.0, values))
-        return page.part("teaches").is_displayed()
-
-    page.wait(shown)
-    assert page.faults() == []
-    keep_picture(page, tmp_path)
-
-
-def test_buttons_start_save_and_discard_episodes(driving, world):
-    page = driving
-    page.part("start").click()
-    page.wait(lambda: page.part("recording").is_displayed())
-    page.part("discard").click()
-    page.wait(lambda: page.text("discarded") == "1")
-    assert page.text("kept") == "0"
-    page.part("start").click()
-    page.wait(lambda: page.text("phase") == "episode 2")
-    page.part("save").click()
-    page.wait(lambda: page.text("kept") == "1")
-    page.press("d")
-    page.wait(lambda: page.text("discarded") == "2")
-    assert world.actions == []
-    assert not page.part("discard").is_enabled()
-    assert page.faults() == []

@@ -10,10 +10,8 @@ from pathlib import Path
 
 import pytest
 from aiohttp import ClientSession
-from std_msgs.msg import String
 
 from serd_cli.processes.node_commands import stack_processes
-from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support.processes import read_json_object
 from support.waiting import PATIENCE_S
@@ -58,23 +56,17 @@ def moves(values):
     return world and abs(world["robot"][3]) > 0.1 and values["episode"]["phase"] == "running"
 
 
-def is_overlay(values):
-    return values["type"] == "overlay"
-
-
-@pytest.mark.parametrize("namespace", ["", "/robot1"])
 def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
-    nodes, probe, ros_env, tmp_path, namespace
+    nodes, probe, ros_env, tmp_path
 ):
     stack = find_stack("demonstrate")
     # The world stands until the page is there, or it would compute for nobody.
     watched = [*stack.parameters["hallway_sim"]["required_nodes"], "watch_page"]
     given = {"demo_recorder.output": str(tmp_path / "b"), "hallway_sim.required_nodes": watched}
-    words = ["watch", "--port", "0", "--json"]
-    if namespace:
-        given["frame_prefix"] = "robot1/"
-        words += ["--namespace", namespace, "--frame-prefix", "robot1/"]
-    for process in stack_processes(stack, given, ros_env, namespace):
+    given["frame_prefix"] = "robot1/"
+    words = ["watch", "--port", "0", "--json", "--namespace", "robot1"]
+    words += ["--frame-prefix", "robot1/"]
+    for process in stack_processes(stack, given, ros_env, "/robot1"):
         nodes.start(list(process.command), process.name)
     with running(ros_env, tmp_path, *words) as watch:
         url = read_json_object(watch.stdout)["url"]
@@ -84,27 +76,9 @@ def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
         assert len(state["world"]["people"]) > 10
         assert state["episode"]["other_driver"] == "scripted_expert"
         assert state["is_stale"] is False
-        node = ("watch_page", namespace or "/")
+        node = ("watch_page", "/robot1")
         found = probe.node.get_publisher_names_and_types_by_node(*node)
-        own = {f"{namespace}/diagnostics", "/rosout", "/parameter_events"}
+        own = {"/robot1/diagnostics", "/rosout", "/parameter_events"}
         assert {name for name, _ in found} <= own
         assert probe.node.get_client_names_and_types_by_node(*node) == []
-    assert watch.returncode == 0
-
-
-def test_the_page_has_the_layers_of_the_newest_model_of_a_learner_and_a_bad_one_changes_nothing(
-    probe, ros_env, tmp_path, save_model_of
-):
-    text = save_model_of().read_text()
-    with running(ros_env, tmp_path, "watch", "--port", "0", "--json") as watch:
-        url = read_json_object(watch.stdout)["url"]
-        models = probe.node.create_publisher(String, "model", qos.LATCHED)
-        probe.spin_until(models.get_subscription_count)
-        models.publish(String(data=text))
-        layers = received(url, is_overlay)["overlay"]
-        assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
-        assert "with flow 90 %" in layers["dynamics"]["note"]
-        for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):
-            models.publish(String(data=bad))
-        assert received(url, is_overlay)["overlay"] == layers
     assert watch.returncode == 0

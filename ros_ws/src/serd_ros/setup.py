@@ -19,28 +19,16 @@ The Python code is the distribution `serd`, installed beside it with pip; this p
 module.
 """
 
+from importlib.resources import files as files_of
 from pathlib import Path
 from shutil import copyfile
 
 from setuptools import setup
+import yaml
 
 PACKAGE = 'serd_ros'
-NODES = (
-    'bag_replay',
-    'demo_recorder',
-    'guard',
-    'hallway_sim',
-    'learner',
-    'local_planner',
-    'nav2_bridge',
-    'people_tracker',
-    'scripted_expert',
-    'strategy',
-    'teleop_joy',
-    'teleop_mux',
-    'teleop_page',
-    'watch_page',
-)
+#: The nodes of the graph, by the distribution `serd` that this build finds.
+NODES = sorted(yaml.safe_load((files_of('serd_ros') / 'graph/graph.yaml').read_text())['nodes'])
 LAUNCH_FILES = (
     'demonstrate',
     'learn',

@@ -106,36 +106,31 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
 
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
-        config = self.config
+        config, endpoints, now_s = self.config, self.endpoints, self.wall_s()
         self._reader = BagReader(config.bag)
-        wanted = selected_topics(self._reader.topics, [name for name in config.topics if name])
+        kinds = self._reader.topics
+        wanted = selected_topics(kinds, [name for name in config.topics if name])
         if config.clock_hz > 0:
-            kinds = self._reader.topics
-            wanted = frozenset(
-                each for each in wanted if kinds[each].type_name != "rosgraph_msgs/msg/Clock"
-            )
-        self._outlet = ReplayPublishers(
-            self.endpoints, [self._reader.topics[name] for name in wanted]
-        )
+            clock = "rosgraph_msgs/msg/Clock"
+            wanted = frozenset(each for each in wanted if kinds[each].type_name != clock)
+        self._outlet = ReplayPublishers(endpoints, [kinds[name] for name in wanted])
         for topic, kind in self._outlet.skipped.items():
-            self.get_logger().warning(
-                f"{topic} is not played: {kind} is not in CDR or not installed"
-            )
-        self._excerpt = Excerpt(
-            frozenset(self._outlet.topics), config.start_s, config.duration_s or math.inf
-        )
+            text = f"{topic} is not played: {kind} is not in CDR or not installed"
+            self.get_logger().warning(text)
+        played, duration_s = frozenset(self._outlet.topics), config.duration_s or math.inf
+        self._excerpt = Excerpt(played, config.start_s, duration_s)
         self._n_sent, self._has_ended, self._rate = 0, False, config.rate
-        self._readiness = Readiness(self, config.required_nodes, self.wall_s())
-        self._waiting_until_s: float | None = self.wall_s() + config.wait_s
+        self._readiness = Readiness(self, config.required_nodes, now_s)
+        self._waiting_until_s: float | None = now_s + config.wait_s
         self._playback = self._from_the_beginning()
-        self.endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
-        self.endpoints.serve(Trigger, topics.STEP, self._on_step)
-        self.endpoints.on_set({"rate": self._on_rate})
-        self._bag_clock = self.endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
-        self.endpoints.every(_TURN_S, self._turn)
-        self.endpoints.every(_REPORT_PERIOD_S, self._report_playback)
+        endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
+        endpoints.serve(Trigger, topics.STEP, self._on_step)
+        endpoints.on_set({"rate": self._on_rate})
+        self._bag_clock = endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
+        endpoints.every(_TURN_S, self._turn)
+        endpoints.every(_REPORT_PERIOD_S, self._report_playback)
         if config.clock_hz > 0:
-            self.endpoints.every(1.0 / config.clock_hz, self._send_clock)
+            endpoints.every(1.0 / config.clock_hz, self._send_clock)
 
     def _from_the_beginning(self) -> Playback:
         self._sound = UntilDamage(self._excerpt.messages(self._reader))
@@ -209,18 +204,18 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self.report(self._bag_time_s(), values, level=level, message=damage or state)
 
     def _end(self) -> None:
-        if self.config.loop and not self._sound.damage:
-            self._playback = self._from_the_beginning()
-        elif not self._has_ended:
-            self._has_ended = True
-            self._outlet.finish()
-            self._report_playback()
-            self._conclude()
-
-    def _conclude(self) -> None:
         """All sound messages have been played; a damaged bag ends the node with the damage."""
-        if self._sound.damage:
-            self.fail(self._sound.damage)
+        damage = self._sound.damage
+        if self.config.loop and not damage:
+            self._playback = self._from_the_beginning()
+            return
+        if self._has_ended:
+            return
+        self._has_ended = True
+        self._outlet.finish()
+        self._report_playback()
+        if damage:
+            self.fail(damage)
             return
         text = f"played {self._n_sent} messages of {self.config.bag}"
         self.get_logger().info(text)

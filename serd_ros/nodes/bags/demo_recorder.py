@@ -29,8 +29,7 @@ from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.lifecycle import Activate, Activity, Lifecycle
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import ManagedConfig, StackConfig
 
 _POLL_PERIOD_S = 0.1
@@ -38,6 +37,10 @@ _REPORT_PERIOD_S = 1.0
 #: At its end it takes messages until no more come, at most for the product of these.
 _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
 _RECORDER = RecorderSettings()
+_RECORDED = (
+    topics.CLOCK, topics.ODOM, topics.ROBOT_POSE, topics.SCAN, topics.PEDESTRIANS, topics.MAP,
+    topics.CMD_VEL, topics.INTENT, topics.WAYPOINT, topics.EPISODE,
+)  # fmt: skip
 
 
 class DemoRecorderConfig(ManagedConfig):
@@ -45,18 +48,7 @@ class DemoRecorderConfig(ManagedConfig):
 
     output: str = setting("recording", "folder of the bag; must not exist", min_length=1)
     topics: tuple[str, ...] = setting(
-        (
-            "/clock",
-            "odom",
-            "robot_pose",
-            "scan",
-            "pedestrians",
-            "map",
-            "cmd_vel",
-            "intent",
-            "waypoint",
-            "episode",
-        ),
+        _RECORDED,
         'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
         " recorded from its first publisher on, with the quality of service of its publishers",
         min_length=1,
@@ -77,45 +69,34 @@ class DemoRecorderConfig(ManagedConfig):
     )
 
 
-class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
+class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
     """Records while it is active."""
 
     config_class = DemoRecorderConfig
 
     def __init__(self, kind: str) -> None:
-        super().__init__(kind)
         #: The bags of this process.
         self._bags: list[Path] = []
-        self.lifecycle = Lifecycle(self, self._configure)
+        super().__init__(kind)
 
-    def _configure(self) -> Activate:
-        return partial(Recording, self.config, self._look_up_types(), self._bags)
-
-    def _look_up_types(self) -> dict[str, TopicType]:
-        """The types of the topics, by their full names."""
+    def configure(self) -> Activate:
+        """Look up the types of the topics, by their full names."""
         kinds: dict[str, TopicType] = {}
         for text in self.config.topics:
             topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
             name = self.resolve_topic_name(topic)
             if name in kinds:
-                raise NodeError(
-                    f"topics must name each topic once, got {name} twice; leave one out"
-                )
+                rule = f"topics must name each topic once, got {name} twice"
+                raise NodeError(f"{rule}; leave one out")
             kinds[name] = kind
-        return kinds
+        return partial(Recording, kinds, self._bags)
 
 
 class Recording(Activity):
     """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
 
-    def __init__(
-        self,
-        config: DemoRecorderConfig,
-        kinds: dict[str, TopicType],
-        bags: list[Path],
-        endpoints: Endpoints,
-    ) -> None:
-        self._node, self._config, self._bags = endpoints.node, config, bags
+    def __init__(self, kinds: dict[str, TopicType], bags: list[Path], endpoints: Endpoints) -> None:
+        self._node, self._config, self._bags = endpoints.node, endpoints.node.config, bags
         self._clock_topic = self._node.resolve_topic_name(topics.CLOCK)
         self._recorder: BagRecorder | None = None
         self._recording_clock: RecordingClock | None = None
@@ -126,7 +107,7 @@ class Recording(Activity):
         endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
         endpoints.every(_POLL_PERIOD_S, self._poll)
         endpoints.every(_REPORT_PERIOD_S, self._report)
-        if config.record_at_start:
+        if self._config.record_at_start:
             self._start()
 
     def close(self) -> None:
@@ -175,11 +156,9 @@ class Recording(Activity):
 
     def _is_simulated(self, first_topic: str) -> bool:
         """Whether there is a /clock; its publisher is known before any message of a world."""
-        expected = bool(self._node.get_parameter("use_sim_time").value)
-        has_clock = (
-            first_topic == self._clock_topic or self._node.count_publishers(self._clock_topic) > 0
-        )
-        return expected or has_clock
+        node, clock = self._node, self._clock_topic
+        expected = bool(node.get_parameter("use_sim_time").value)
+        return expected or first_topic == clock or node.count_publishers(clock) > 0
 
     def _poll(self) -> None:
         self._look_at([topic for topic in self._topics.values() if not topic.is_subscribed])
@@ -210,21 +189,17 @@ class Recording(Activity):
             max_file_bytes=round(self._config.maximum_file_mb * 1e6) or None,
             compression=self._config.compression,
         )
-        folder = self._free_folder()
+        # `output`, or `output-2`, ... for later recordings of this process.
+        output = folder = Path(self._config.output)
+        numbers = count(2)
+        while self._bags and folder.exists():
+            folder = output.with_name(f"{output.name}-{next(numbers)}")
         self._recorder = BagRecorder(folder, settings=settings)
         self._bags.append(folder)
         if self._recording_clock is not None and not self._recording_clock.simulated:
             self._recording_clock = None  # there may be a /clock now
         for topic in self._topics.values():
             self._declare(topic)
-
-    def _free_folder(self) -> Path:
-        """`output`, or `output-2`, ... for later recordings of this process."""
-        output = Path(self._config.output)
-        names = (output.with_name(f"{output.name}-{number}") for number in count(2))
-        if not output.exists() or not self._bags:
-            return output
-        return next(name for name in names if not name.exists())
 
     def _on_start(self, _: Trigger.Request) -> str:
         if self._recorder is not None:
@@ -250,15 +225,14 @@ class Recording(Activity):
         if self._recorder is None:
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
-        self._node.report(
-            self._recording_clock.now_ns * 1e-9 if self._recording_clock is not None else 0.0,
-            {
-                "recording": status.recording,
-                "messages": status.n_messages,
-                "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
-                "bag_mb": status.size_bytes / 1e6,
-                "free_mb": status.free_bytes / 1e6,
-            },
-            level=ERROR if not status.recording else WARN if silences else OK,
-            message=status.problem or silences,
-        )
+        values = {
+            "recording": status.recording,
+            "messages": status.n_messages,
+            "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
+            "bag_mb": status.size_bytes / 1e6,
+            "free_mb": status.free_bytes / 1e6,
+        }
+        clock = self._recording_clock
+        time_s = 0.0 if clock is None else clock.now_ns * 1e-9
+        level = ERROR if not status.recording else WARN if silences else OK
+        self._node.report(time_s, values, level=level, message=status.problem or silences)

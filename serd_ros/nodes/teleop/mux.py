@@ -104,15 +104,12 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
     def _report_output(self, output: MuxOutput, now_s: float) -> None:
         """Publish the state on `diagnostics`: at each change, and once in a period."""
         self._reported, self._reported_s = output, now_s
-        self.report(
-            self.now_s(),
-            {
-                "active": output.active,
-                "e_stop": output.e_stop,
-                "locked_by": ", ".join(output.locked_by),
-                "held": ", ".join(output.held),
-                "rejected_commands": sum(self._mux.n_rejected.values()),
-            },
-            level=WARN if output.e_stop else OK,
-            message="e-stop" if output.e_stop else "",
-        )
+        values = {
+            "active": output.active,
+            "e_stop": output.e_stop,
+            "locked_by": ", ".join(output.locked_by),
+            "held": ", ".join(output.held),
+            "rejected_commands": sum(self._mux.n_rejected.values()),
+        }
+        level, message = (WARN, "e-stop") if output.e_stop else (OK, "")
+        self.report(self.now_s(), values, level=level, message=message)

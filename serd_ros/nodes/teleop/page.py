@@ -17,7 +17,6 @@ A key that is held while the world or an episode begins counts from then on.
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,20 +25,8 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.page.access import PageAccess, read_token
-from serd_app.teleop.page.requests import (
-    Away,
-    EmergencyStop,
-    Episode,
-    Hold,
-    Joystick,
-    Mode,
-    Move,
-    Override,
-    PageRequest,
-    SetMode,
-)
-from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page import requests
+from serd_app.teleop.page.requests import Hold, Joystick, Mode, Move, PageRequest
 from serd_app.teleop.page.view import scene_of
 from serd_app.teleop.session import DirectionChoice
 from serd_core.grid.grid import Action
@@ -49,9 +36,8 @@ from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.episodes.page_view import LearnedOverlay, PageView, episode_values
+from serd_ros.episodes.page_view import PageView, episode_values, serve_page
 from serd_ros.episodes.person_episodes import PersonEpisodes
-from serd_ros.process.progress import report_address
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, PageConfig
 from serd_sim.episodes.settings import EpisodeSettings
@@ -90,22 +76,19 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
 
     def __init__(self, kind: str) -> None:
         super().__init__(kind)
-        endpoints = self.endpoints
-        self.scenario = load_scenario(self.config.scenario)
-        self.mode: Mode = self.config.mode
+        config, endpoints = self.config, self.endpoints
+        scenario = self.scenario = load_scenario(config.scenario)
+        self.mode: Mode = config.mode
         self.choice = DirectionChoice()
         self.observation: Observation | None = None
         self.episodes = PersonEpisodes(
-            endpoints,
-            self.scenario,
-            driver=self.config.driver,
-            timeout_s=self.config.timeout_s,
-            required_nodes=self.config.required_nodes,
-            notify=self.notify,
-            on_end=self.stop_moving,
+            endpoints, scenario, config, notify=self.notify, on_end=self.stop_moving
         )
-        self._was_present = self._is_driving = self._is_e_stopped = False
-        self._epochs = epochs_in(self.scenario, grid_of(self.scenario))
+        self._was_present = self._is_driving = self._is_e_stopped = self._is_silent = False
+        self._moving = self._was_released = self._has_gamepad = False
+        self._is_guarded = True
+        self._heard_s: float | None = None
+        self._epochs = epochs_in(scenario, grid_of(scenario))
         #: The newest intent, and since when it is the same.
         self._intent, self._since_s = Action.WAIT, -math.inf
         # Between the key of the emergency stop and the mux's answer a tap must not drive.
@@ -114,30 +97,21 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self._is_driven, self._undriven_s = False, math.inf
         self._beat_s = self.wall_s()
         self._received_s: dict[str, float] = {}
-        self._is_silent = False
         self._intents = endpoints.publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self._velocities = endpoints.publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = endpoints.publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
         self._e_stop = endpoints.publisher(Bool, topics.E_STOP, qos.COMMAND)
         self._override = endpoints.publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
-        self._is_guarded = True
-        period_s = self.scenario.control_period_s
+        self._joy = endpoints.publisher(Joy, topics.JOY, qos.COMMAND)
+        period_s = scenario.control_period_s
         ObservationSource(endpoints, period_s, self._on_observation, on_jump=self._on_jump)
         endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE)
         endpoints.subscribe(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
         endpoints.every(_BEAT_PERIOD_S, self._beat)
-        self._heard_s: float | None = None
-        self._moving = self._was_released = self._has_gamepad = False
-        self._view = PageView(self.scenario)
+        self._view = PageView(scenario)
         self._view.subscribe(endpoints)
-        self._joy = endpoints.publisher(Joy, topics.JOY, qos.COMMAND)
-        access = PageAccess(self.config.address, read_token(self.config.token_file))
-        scene = scene_of(self.scenario, self._view.grid)
-        self._server = PageServer(scene, access, self.config.port)
-        self._overlay = LearnedOverlay(endpoints, self.scenario, self._server)
-        self.at_end.callback(self._server.close)
-        self.at_end.callback(self._overlay.close)
-        report_address(self._server.url, self.get_logger().info)
+        scene = scene_of(scenario, self._view.grid)
+        self._server, self._overlay = serve_page(self, scene, scenario)
 
     def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""
@@ -169,7 +143,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             self._has_gamepad = False
 
     def _obey(self, request: PageRequest) -> None:
-        if isinstance(request, Away):
+        if isinstance(request, requests.Away):
             self._heard_s = None
             self.stop_moving()
             return
@@ -182,28 +156,24 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
 
     def _act(self, request: PageRequest) -> None:
         if isinstance(request, Hold):
-            self.choice.hold(
-                None if request.direction is None else Action[request.direction.upper()]
-            )
+            held = request.direction
+            self.choice.hold(None if held is None else Action[held.upper()])
         elif isinstance(request, Move):
             self._move(request)
         elif isinstance(request, Joystick):
             time_s = self.observation.time_s if self.observation is not None else 0.0
             self._joy.publish(to_joy(request.axes, request.buttons, time_s))
             self._has_gamepad = True
-        elif isinstance(request, Override):
+        elif isinstance(request, requests.Override):
             # It is to be repeated within the override_timeout of the guard.
             self._override.publish(Bool(data=True))
-        elif isinstance(request, SetMode):
+        elif isinstance(request, requests.SetMode):
             self.set_mode(request.mode)
-        elif isinstance(request, EmergencyStop):
+        elif isinstance(request, requests.EmergencyStop):
             self.set_e_stop(request.engaged)
-        elif isinstance(request, Episode):
-            steps = {
-                "start": self.episodes.start,
-                "save": self.episodes.save,
-                "discard": self.episodes.discard,
-            }
+        elif isinstance(request, requests.Episode):
+            episodes = self.episodes
+            steps = {"start": episodes.start, "save": episodes.save, "discard": episodes.discard}
             steps[request.do]()
 
     def _move(self, request: Move) -> None:
@@ -282,9 +252,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
 
     def _hears_too_little(self) -> bool:
         """Whether a node that sent messages before is silent: it was stopped, and may continue."""
-        return any(
-            self.wall_s() - received_s > _SILENCE_S for received_s in self._received_s.values()
-        )
+        return any(self.wall_s() - at_s > _SILENCE_S for at_s in self._received_s.values())
 
     def stop_moving(self) -> None:
         """End every motion of this driver; the next one needs a key that is pressed anew."""
@@ -300,7 +268,11 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             self._publish_intent(Action.WAIT, self.observation)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self._show_guard(values_of(message, "guard"))
+        was_guarded, guard = self._is_guarded, values_of(message, "guard")
+        if guard is not None:
+            self._is_guarded = guard.get("overridden") != str(True)
+        if was_guarded != self._is_guarded:
+            self.notify("the guard is on" if self._is_guarded else "the guard is OVERRIDDEN")
         values = values_of(message, "teleop_mux")
         if values is None:
             return
@@ -308,13 +280,6 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
         if was_driven != self._is_driven:
             self._undriven_s = math.inf if self._is_driven else self.wall_s()
-
-    def _show_guard(self, values: Mapping[str, str] | None) -> None:
-        was_guarded = self._is_guarded
-        if values is not None:
-            self._is_guarded = values.get("overridden") != str(True)
-        if was_guarded != self._is_guarded:
-            self.notify("the guard is on" if self._is_guarded else "the guard is OVERRIDDEN")
 
     def _on_e_stop(self, message: Bool) -> None:
         was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)

@@ -15,51 +15,9 @@ from visualization_msgs.msg import Marker
 from serd_app.drives.episode_spans import EpisodeMark
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import (
-    from_intent,
-    from_twist,
-    from_twist_stamped,
-    to_intent,
-    to_twist,
-    to_twist_stamped,
-)
-from serd_ros.convert.diagnostics import (
-    from_episode_message,
-    from_learner_report,
-    to_diagnostics,
-    to_episode_message,
-    values_of,
-)
-from serd_ros.convert.markers import (
-    to_people_markers,
-    to_policy_markers,
-    to_text_marker,
-    to_trap_markers,
-    to_value_markers,
-)
-from serd_ros.convert.pose import (
-    from_goal_area_message,
-    from_goal_message,
-    from_odometry,
-    from_pose,
-    from_pose_stamped,
-    from_waypoint_message,
-    to_goal_area_message,
-    to_odometry,
-    to_path,
-    to_pose,
-    to_pose_stamped,
-    to_waypoint_message,
-)
-from serd_ros.convert.sensors import (
-    from_people_message,
-    from_scan,
-    scan_geometry_of,
-    to_occupancy_grid,
-    to_people_message,
-    to_scan,
-)
-from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.convert import command, diagnostics, markers, sensors
+from serd_ros.convert import pose as poses
+from serd_ros.convert import stamp as stamps
 from serd_ros.endpoints.strategy_reporter import to_arrival_message
 from serd_ros.errors import MessageError
 from serd_sim.scenario.occupancy import OccupancyRaster
@@ -71,76 +29,78 @@ from serd_sim.world.waypoint import Waypoint
 from support.arrival_messages import from_arrival_message
 from support.observations import observation_at
 
-ODOMETRY = to_odometry(observation_at(1.0, 2.0, 0.3), (1.0, 2.0, 0.3))
-SCAN = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
+ODOMETRY = poses.to_odometry(observation_at(1.0, 2.0, 0.3), (1.0, 2.0, 0.3))
+SCAN = sensors.to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
 metres = st.floats(-1e3, 1e3, allow_nan=False)
 angles = st.floats(-3.1415, 3.1415)
 
 
 @given(tick=st.integers(0, 7 * 24 * 3600 * 20))
 def test_a_stamp_keeps_a_tick_of_a_simulated_week_to_the_nanosecond(tick):
-    stamp = to_stamp(tick * 0.05)
-    assert stamp_ns(stamp) == tick * 50_000_000
-    assert stamp_s(stamp) == pytest.approx(tick * 0.05, abs=1e-9)
+    stamp = stamps.to_stamp(tick * 0.05)
+    assert stamps.stamp_ns(stamp) == tick * 50_000_000
+    assert stamps.stamp_s(stamp) == pytest.approx(tick * 0.05, abs=1e-9)
 
 
 @given(x=metres, y=metres, yaw=angles)
 def test_a_pose_keeps_its_position_exactly_and_its_yaw_to_rounding(x, y, yaw):
-    back = from_pose(to_pose((x, y, yaw)))
+    back = poses.from_pose(poses.to_pose((x, y, yaw)))
     assert back[:2] == (x, y)
     assert back[2] == pytest.approx(yaw, abs=1e-12)
 
 
 @given(x=metres, y=metres)
-def test_a_waypoint_survives_exactly(x, y):
-    assert from_waypoint_message(to_waypoint_message(Waypoint(x, y), 1.5)) == (
-        1_500_000_000,
+def test_waypoints_commands_and_intents_survive_exactly(x, y):
+    at_ns = 1_500_000_000
+    assert poses.from_waypoint_message(poses.to_waypoint_message(Waypoint(x, y), 1.5)) == (
+        at_ns,
         Waypoint(x, y),
     )
-
-
-@given(v=metres, w=metres)
-def test_a_command_survives_exactly_plain_and_stamped(v, w):
-    assert from_twist(to_twist(Command(v, w))) == Command(v, w)
-    stamped = to_twist_stamped(Command(v, w), 0.15)
-    assert from_twist_stamped(stamped) == (150_000_000, Command(v, w))
+    assert command.from_twist(command.to_twist(Command(x, y))) == Command(x, y)
+    assert command.from_twist_stamped(command.to_twist_stamped(Command(x, y), 1.5)) == (
+        at_ns,
+        Command(x, y),
+    )
+    for action in Action:
+        assert command.from_intent(command.to_intent(action, 1.5)) == (at_ns, action)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, -math.inf, 1.1e6, -1e300])
 def test_a_command_that_is_not_finite_or_beyond_1e6_arrives_not_finite(wrong):
-    assert not from_twist(to_twist(Command(wrong, 0.0))).is_finite
-    assert not from_twist(to_twist(Command(0.0, wrong))).is_finite
-
-
-@pytest.mark.parametrize("action", list(Action))
-def test_an_intent_survives(action):
-    assert from_intent(to_intent(action, 2.0)) == (2_000_000_000, action)
+    assert not command.from_twist(command.to_twist(Command(wrong, 0.0))).is_finite
+    assert not command.from_twist(command.to_twist(Command(0.0, wrong))).is_finite
 
 
 @given(st.lists(st.tuples(metres, metres, metres, metres), max_size=30))
 def test_people_survive_in_single_precision(rows):
     values = np.array(rows, dtype=np.float32).astype(float).reshape(-1, 4)
     people = People(values[:, :2], values[:, 2:], np.arange(len(values)))
-    _, back = from_people_message(to_people_message(people, 0.0))
+    _, back = sensors.from_people_message(sensors.to_people_message(people, 0.0))
     assert np.array_equal(back.position_m, people.position_m)
     assert np.array_equal(back.velocity_mps, people.velocity_mps)
     assert np.array_equal(back.identity, people.identity)
 
 
+POSE = poses.to_pose_stamped((1.0, 2.0, 0.3), 0.5)
 BROKEN = [
-    (from_pose_stamped, to_pose_stamped((1.0, 2.0, 0.3), 0.5), "pose.position.x", "position must"),
+    (poses.from_pose_stamped, POSE, "pose.position.x", "position must"),
+    (poses.from_pose_stamped, POSE, "pose.orientation.z", "unit quatern"),
+    (poses.from_odometry, ODOMETRY, "pose.pose.position.y", "position must"),
+    (poses.from_odometry, ODOMETRY, "pose.pose.orientation.w", "unit quaternion"),
     (
-        from_pose_stamped,
-        to_pose_stamped((1.0, 2.0, 0.3), 0.5),
-        "pose.orientation.z",
-        "unit quatern",
+        poses.from_odometry,
+        ODOMETRY,
+        "twist.twist.linear.x",
+        "twist must be finite and at most 1e.06",
     ),
-    (from_odometry, ODOMETRY, "pose.pose.position.y", "position must"),
-    (from_odometry, ODOMETRY, "pose.pose.orientation.w", "unit quaternion"),
-    (from_odometry, ODOMETRY, "twist.twist.linear.x", "twist must be finite and at most 1e.06"),
-    (from_odometry, ODOMETRY, "twist.twist.angular.z", "twist must be finite and at most 1e.06"),
-    (from_scan, SCAN, "range_min", "range_min and range_max must be finite"),
-    (from_scan, SCAN, "range_max", "range_min and range_max must be finite"),
+    (
+        poses.from_odometry,
+        ODOMETRY,
+        "twist.twist.angular.z",
+        "twist must be finite and at most 1e.06",
+    ),
+    (sensors.from_scan, SCAN, "range_min", "range_min and range_max must be finite"),
+    (sensors.from_scan, SCAN, "range_max", "range_min and range_max must be finite"),
 ]
 
 
@@ -159,9 +119,9 @@ def test_people_whose_place_or_velocity_is_no_number_are_refused_by_its_name(wro
     for column, name in enumerate(("x", "y", "vx", "vy")):
         values = np.ones((3, 4))
         values[1, column] = wrong
-        message = to_people_message(People(values[:, :2], values[:, 2:], np.arange(3)), 0.0)
+        message = sensors.to_people_message(People(values[:, :2], values[:, 2:], np.arange(3)), 0.0)
         with pytest.raises(MessageError, match=f"^{name} must be finite and at most 1e.06"):
-            from_people_message(message)
+            sensors.from_people_message(message)
 
 
 @pytest.mark.parametrize("limits", [(0.0, 0.0), (20.0, 10.0), (-1.0, 10.0)])
@@ -169,54 +129,33 @@ def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits
     message = deepcopy(SCAN)
     message.range_min, message.range_max = limits
     with pytest.raises(MessageError, match=r"range_max must be above range_min.*set both in the"):
-        scan_geometry_of(message)
+        sensors.scan_geometry_of(message)
 
 
 @given(x=metres, y=metres, yaw=angles, v=metres, w=metres, tick=st.integers(0, 10**7))
 def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, tick):
     sent = observation_at(
-        x,
-        y,
-        yaw,
-        tick=tick,
-        speed_mps=v,
-        yaw_rate_radps=w,
-        people=[[x, y], [1.1, 2.2]],
+        x, y, yaw, tick=tick, speed_mps=v, yaw_rate_radps=w, people=[[x, y], [1.1, 2.2]],
         velocity=[[0.1, 0.2], [v, w]],
-    )
+    )  # fmt: skip
     inbox = ObservationInbox(0.05)
-    people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
-    message = to_people_message(people, sent.time_s)
-    assert inbox.take_people(*from_people_message(message)) is None
-    time_ns, _, speeds = from_odometry(to_odometry(sent, sent.pose))
-    assert speeds == (v, w)
+    inbox.take_people(
+        *sensors.from_people_message(sensors.to_people_message(sent.people, sent.time_s))
+    )
+    time_ns, _, speeds = poses.from_odometry(poses.to_odometry(sent, sent.pose))
     assert inbox.take_speeds(time_ns, speeds) is None
-    pose_message = to_waypoint_message(Waypoint(x, y), sent.time_s)
-    got = inbox.take_pose(*from_pose_stamped(pose_message))
-    assert got is not None
-    pose_message.pose = to_pose(sent.pose)
-    got = inbox.take_pose(*from_pose_stamped(pose_message))
+    message = poses.to_waypoint_message(Waypoint(x, y), sent.time_s)
+    message.pose = poses.to_pose(sent.pose)
+    got = inbox.take_pose(*poses.from_pose_stamped(message))
     assert (got.tick, got.pose, got.speed_mps, got.yaw_rate_radps) == (tick, sent.pose, v, w)
     assert np.array_equal(got.people_position_m, sent.people_position_m)
     assert np.array_equal(got.people_velocity_mps, sent.people_velocity_mps)
 
 
-def test_parts_of_different_ticks_make_no_observation():
-    inbox = ObservationInbox(0.05)
-    no_people = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    inbox.take_people(*from_people_message(to_people_message(no_people, 1.0)))
-    pose_message = to_waypoint_message(Waypoint(0, 0), 1.0)
-    assert inbox.take_pose(*from_pose_stamped(pose_message)) is None
-    observation = observation_at(0.0, 0.0, time_s=1.05)
-    time_ns, _, speeds = from_odometry(to_odometry(observation, observation.pose))
-    assert inbox.take_speeds(time_ns, speeds) is None
-    assert inbox.missing() == {"odom": pytest.approx(-0.05)}
-
-
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
     observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4, yaw_rate_radps=0.1)
-    message = to_odometry(observation, (5.0, 6.0, 0.7))
-    time_ns, pose, speeds = from_odometry(message)
+    message = poses.to_odometry(observation, (5.0, 6.0, 0.7))
+    time_ns, pose, speeds = poses.from_odometry(message)
     assert (time_ns, speeds) == (1_000_000_000, (0.4, 0.1))
     assert pose == pytest.approx((5.0, 6.0, 0.7))
 
@@ -225,13 +164,12 @@ def test_a_scan_keeps_its_ranges_and_its_geometry():
     settings = LidarSettings()
     ranges = np.linspace(0.2, 9.0, settings.n_rays).astype(np.float32)
     ranges[3] = np.inf
-    message = to_scan(ranges, settings, 0.1)
-    time_ns, received = from_scan(message, settings)
+    message = sensors.to_scan(ranges, settings, 0.1)
+    time_ns, received = sensors.from_scan(message, settings)
     assert time_ns == 100_000_000
     assert np.array_equal(received, ranges)
-    assert message.angle_min + (settings.n_rays - 1) * message.angle_increment == pytest.approx(
-        message.angle_max, abs=1e-5
-    )
+    last_rad = message.angle_min + (settings.n_rays - 1) * message.angle_increment
+    assert last_rad == pytest.approx(message.angle_max, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -249,79 +187,70 @@ def test_angle_max_may_be_the_end_of_the_turn_after_the_last_ray(
         angle_min=first_rad, angle_max=last_rad, angle_increment=step_rad, ranges=[1.0] * n_rays
     )
     message.header.frame_id = "base_link"
-    assert len(from_scan(message)[1]) == n_rays
+    assert len(sensors.from_scan(message)[1]) == n_rays
     message.ranges = message.ranges[:-1]
     with pytest.raises(MessageError, match="one ray per angle_increment"):
-        from_scan(message)
+        sensors.from_scan(message)
 
 
 def test_a_scan_of_more_rays_than_any_lidar_has_is_rejected():
     ranges = array.array("f", [1.0]) * 100_001
     message = LaserScan(angle_max=1.0, angle_increment=1e-5, ranges=ranges)
     with pytest.raises(MessageError, match=r"at most 72000 rays, got 100001"):
-        from_scan(message, frame="")
+        sensors.from_scan(message, frame="")
 
 
 def test_a_map_keeps_its_cells_row_by_row_from_the_south():
     cells = np.array([[0, 100, -1], [100, 0, 0]], dtype=np.int8)
-    message = to_occupancy_grid(OccupancyRaster((1.0, -2.0), 0.05, cells), 0.0)
+    message = sensors.to_occupancy_grid(OccupancyRaster((1.0, -2.0), 0.05, cells), 0.0)
     assert (message.info.width, message.info.height) == (3, 2)
     assert list(message.data) == [0, 100, -1, 100, 0, 0]
     assert (message.info.origin.position.x, message.info.origin.position.y) == (1.0, -2.0)
 
 
-def test_an_episode_mark_survives():
+def test_an_episode_mark_and_values_of_diagnostics_survive():
     mark = EpisodeMark("end", 12.35, 4, "strategy", 3, "train", "aborted", "no progress")
-    assert from_episode_message(to_episode_message(mark)) == mark
-
-
-def test_diagnostics_carry_floats_exactly():
-    message = to_diagnostics("hallway_sim", 1.0, {"gap_m": 0.1 + 0.2, "count": 3})
-    values = values_of(message, "hallway_sim")
-    assert float(values["gap_m"]) == 0.1 + 0.2
-    assert int(values["count"]) == 3
-    assert values_of(message, "other") is None
+    assert diagnostics.from_episode_message(diagnostics.to_episode_message(mark)) == mark
+    message = diagnostics.to_diagnostics("hallway_sim", 1.0, {"gap_m": 0.1 + 0.2, "count": 3})
+    values = diagnostics.values_of(message, "hallway_sim")
+    assert (float(values["gap_m"]), int(values["count"])) == (0.1 + 0.2, 3)
+    assert diagnostics.values_of(message, "other") is None
 
 
 def test_a_path_looks_along_its_legs():
-    path = to_path(np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), 0.0)
-    yaws = [from_pose(pose.pose)[2] for pose in path.poses]
+    path = poses.to_path(np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), 0.0)
+    yaws = [poses.from_pose(pose.pose)[2] for pose in path.poses]
     assert yaws == pytest.approx([math.pi / 2, 0.0, 0.0])
-    assert len(to_path(np.zeros((0, 2)), 0.0).poses) == 0
+    assert len(poses.to_path(np.zeros((0, 2)), 0.0).poses) == 0
 
 
-def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
+def places(points):
+    return [(each.x, each.y) for each in points]
+
+
+def test_markers_show_arrows_values_traps_a_text_and_people_with_where_they_will_be():
     centers = np.array([[0.5, 0.5], [1.5, 0.5]])
-    arrows = to_policy_markers(centers, [Action.WAIT, Action.NORTH], 1.0, 0.0).markers
+    arrows = markers.to_policy_markers(centers, [Action.WAIT, Action.NORTH], 1.0, 0.0).markers
     assert [arrow.id for arrow in arrows] == [0, 1]
-    assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
-    (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
-    assert values.colors[1].r < values.colors[0].r
-    (traps,) = to_trap_markers(centers, 1.0, 3.0).markers
-    assert [(point.x, point.y) for point in traps.points] == [(0.5, 0.5), (1.5, 0.5)]
-    (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
+    assert poses.from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
+    (values,) = markers.to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
+    assert values.colors[1].r < values.colors[0].r  # darker for higher values
+    (traps,) = markers.to_trap_markers(centers, 1.0, 3.0).markers
+    assert places(traps.points) == [(0.5, 0.5), (1.5, 0.5)]
+    (gone,) = markers.to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
     assert gone.action == Marker.DELETEALL
-    (words,) = to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
-    assert (words.pose.position.x, words.pose.position.y) == (2.5, 4.0)
-    assert words.text == "arrives in 31 s"
-
-
-def test_people_are_shown_with_where_they_will_be_in_a_second():
+    (words,) = markers.to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
+    assert (*places([words.pose.position]), words.text) == ((2.5, 4.0), "arrives in 31 s")
     people = People(
         np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[1.3, 0.0], [0.0, -1.2]]), np.array([0, 1])
     )
-    bodies, lines = to_people_markers(people, 0.25, 7.5).markers
-    assert stamp_s(bodies.header.stamp) == 7.5
-    assert bodies.scale.x == 0.5
-    assert [(point.x, point.y) for point in bodies.points] == [(1.0, 2.0), (3.0, 4.0)]
-    ends = [(point.x, point.y) for point in lines.points]
-    assert ends == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
+    bodies, lines = markers.to_people_markers(people, 0.25, 7.5).markers
+    assert (stamps.stamp_s(bodies.header.stamp), bodies.scale.x) == (7.5, 0.5)
+    assert places(bodies.points) == [(1.0, 2.0), (3.0, 4.0)]
+    assert places(lines.points) == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
 
 
-@given(
-    now_s=st.floats(0.0, 1e6),
-    shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30),
-)
+@given(now_s=st.floats(0.0, 1e6), shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30))
 def test_an_arrival_law_survives_with_its_time(now_s, shares):
     cdf = np.cumsum(shares) / max(1.0, float(np.sum(shares)))
     kept = np.diff(cdf, prepend=0.0) >= 1.1e-3
@@ -348,30 +277,33 @@ def test_an_arrival_law_of_thousands_of_small_steps_is_told_to_a_thousandth():
 
 def test_the_next_start_of_a_learner_survives_and_must_be_a_place():
     def report(**values):
-        return to_diagnostics("learner", 0.0, values)
+        return diagnostics.to_diagnostics("learner", 0.0, values)
 
-    assert from_learner_report(report(next_x_m=1.5, next_y_m=-0.25)) == (1.5, -0.25)
-    assert from_learner_report(report(step=3)) is None
-    assert from_learner_report(to_diagnostics("guard", 0.0, {"next_x_m": 1.0})) is None
+    assert diagnostics.from_learner_report(report(next_x_m=1.5, next_y_m=-0.25)) == (1.5, -0.25)
+    assert diagnostics.from_learner_report(report(step=3)) is None
+    assert (
+        diagnostics.from_learner_report(diagnostics.to_diagnostics("guard", 0.0, {"next_x_m": 1.0}))
+        is None
+    )
     for values in ({"next_x_m": 1.0}, {"next_x_m": "x", "next_y_m": 0.0}):
         with pytest.raises(MessageError):
-            from_learner_report(report(**values))
+            diagnostics.from_learner_report(report(**values))
     with pytest.raises(MessageError, match="must be finite"):
-        from_learner_report(report(next_x_m=1.0, next_y_m=math.nan))
+        diagnostics.from_learner_report(report(next_x_m=1.0, next_y_m=math.nan))
 
 
 def test_a_goal_is_taken_from_the_map_only():
-    message = to_pose_stamped((3.5, 20.25, 1.0), 7.0)
-    assert from_goal_message(message) == (3.5, 20.25)
+    message = poses.to_pose_stamped((3.5, 20.25, 1.0), 7.0)
+    assert poses.from_goal_message(message) == (3.5, 20.25)
     message.header.frame_id = ""
     with pytest.raises(MessageError, match="must be 'map' or joined with it by /tf, got ''"):
-        from_goal_message(message)
+        poses.from_goal_message(message)
 
 
 def test_the_goal_area_survives_in_single_precision_and_the_own_one_exactly():
     own = ((0.1, 0.2), (1.1, 0.2), (1.1, 1.2))
-    assert from_goal_area_message(to_goal_area_message(own, 2.0), own) is own
+    assert poses.from_goal_area_message(poses.to_goal_area_message(own, 2.0), own) is own
     other = ((0.5, 2.0), (1.5, 2.0), (1.5, 3.0), (0.5, 3.0))
-    message = to_goal_area_message(other, 2.0)
-    assert from_goal_area_message(message, own) == other
+    message = poses.to_goal_area_message(other, 2.0)
+    assert poses.from_goal_area_message(message, own) == other
     assert message.header.frame_id == "map"

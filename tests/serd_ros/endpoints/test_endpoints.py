@@ -62,19 +62,16 @@ def test_a_service_answers_with_the_sentence_of_an_error(running):
     assert (response.success, response.message) == (False, "no; do another thing")
 
 
-def test_frames_come_without_the_prefix_of_the_robot(running):
-    taken = []
-    running.node.endpoints.subscribe(PoseStamped, "pose", taken.append, qos.STATE)
+def test_frames_come_without_the_prefix_of_the_robot_also_with_info_from_either_executor(running):
+    subscribe, taken = running.node.endpoints.subscribe, []
+    subscribe(PoseStamped, "pose", lambda message: taken.append(message.header.frame_id), qos.STATE)
     for frame in ("robot1/odom", "map"):
         message = PoseStamped()
         message.header.frame_id = frame
         running.receive("pose", message)
-    assert [each.header.frame_id for each in taken] == ["odom", "map"]
-
-
-def test_frames_of_messages_with_info_come_without_the_prefix_from_either_executor(running):
-    taken = []
-    running.node.endpoints.subscribe(
+    assert taken == ["odom", "map"]
+    taken.clear()
+    subscribe(
         TwistStamped, "command", lambda message, _: taken.append(message.header.frame_id), qos.STATE
     )
     (found,) = [each for each in running.node.subscriptions if each.topic_name == "/command"]

@@ -4,12 +4,14 @@ import math
 
 import pytest
 
-from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
+from serd_bag.messages.plain import transforms
+from serd_ros.convert.frames import Frames
 from serd_ros.convert.pose import to_odometry
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.raw_type import raw_message_class
-from serd_ros.endpoints.transforms import TF_TYPE, follow_transforms
+from serd_ros.endpoints.transforms import TF_TYPE, TransformPublisher, follow_transforms
 from serd_ros.settings import LocalisationConfig
 from support.nodes_in_process import deliver, node_in_process
 from support.observations import observation_at
@@ -20,96 +22,124 @@ from support.waiting import wait_until
 START = 100.0
 
 
-def odometry(running, time_s, pose):
-    running.receive("odom", to_odometry(observation_at(0.0, 0.0, 0.0, time_s=time_s), pose))
+class Located:
+    """Observations of a node by a source of poses."""
+
+    def __init__(self, running, **given):
+        self.running, self.seen = running, []
+        self.receive, self.wait = running.receive, running.wait
+        config = LocalisationConfig(stamp_tolerance_s=0.3, **given)
+        self.source = ObservationSource(
+            running.node.endpoints, 0.05, self.seen.append, config, needs_people=False
+        )
+
+    def odometry(self, time_s, pose):
+        self.receive("odom", to_odometry(observation_at(0.0, 0.0, 0.0, time_s=time_s), pose))
+
+    def pose(self, topic, time_s):
+        self.receive(topic, valid_message(topic, time_s))
+
+    @property
+    def state(self):
+        return len(self.seen), self.source._localisation.fault()
+
+
+@pytest.fixture
+def running():
+    with node_in_process("teleop_mux") as found:
+        yield found
+        found.assert_alive()
 
 
 @pytest.mark.parametrize("far", [(1.1, 0.0, 0.0), (0.0, 0.0, 1.1)])
-def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
-    config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
-    seen = []
-    with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node.endpoints, 0.05, seen.append, config, needs_people=False
-        )
-        fault = source._localisation.fault
-        odometry(running, START, (0.0, 0.0, 0.0))
-        running.receive("amcl_pose", valid_message("amcl_pose", START))
-        odometry(running, START + 0.1, (0.9, 0.0, 0.0))
-        odometry(running, START + 0.2, (0.9, 0.0, 0.9))
-        assert (len(seen), fault()) == (2, "")
-        odometry(running, START + 0.3, far)
-        odometry(running, START + 0.4, (0.0, 0.0, 0.0))
-        assert len(seen) == 2
-        assert "more than 1 m or 1 rad since the last amcl_pose" in fault()
-        assert source._missing() == [fault()]
-        running.receive("amcl_pose", valid_message("amcl_pose", START + 0.4))
-        odometry(running, START + 0.5, (0.1, 0.0, 0.0))
-        assert (len(seen), fault()) == (3, "")
-        running.assert_alive()
+def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far, running):
+    located = Located(running, pose_from="amcl_pose")
+    located.odometry(START, (0.0, 0.0, 0.0))
+    located.pose("amcl_pose", START)
+    located.odometry(START + 0.1, (0.9, 0.0, 0.0))
+    located.odometry(START + 0.2, (0.9, 0.0, 0.9))
+    assert located.state == (2, "")
+    located.odometry(START + 0.3, far)
+    located.odometry(START + 0.4, (0.0, 0.0, 0.0))
+    n_seen, fault = located.state
+    assert n_seen == 2
+    assert "more than 1 m or 1 rad since the last amcl_pose" in fault
+    assert located.source._missing() == [fault]
+    located.pose("amcl_pose", START + 0.4)
+    located.odometry(START + 0.5, (0.1, 0.0, 0.0))
+    assert located.state == (3, "")
 
 
-def test_an_amcl_pose_that_comes_before_the_odometry_of_its_time_belongs_to_that():
+def test_an_amcl_pose_that_comes_before_the_odometry_of_its_time_belongs_to_that(running):
     """As after a pause of the node, in which odometry was lost."""
-    config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
-    seen = []
-    with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node.endpoints, 0.05, seen.append, config, needs_people=False
-        )
-        running.receive("amcl_pose", valid_message("amcl_pose", START))
-        odometry(running, START, (0.0, 0.0, 0.0))
-        running.receive("amcl_pose", valid_message("amcl_pose", START + 2.0))
-        for step, angle_rad in enumerate((1.5, 1.7)):
-            odometry(running, START + 2.0 + 0.1 * step, (3.0, 0.0, angle_rad))
-        assert source._localisation.fault() == ""
-        assert len(seen) == 3
-        assert seen[1].pose == pytest.approx(seen[0].pose)
-        assert seen[2].pose[2] - seen[1].pose[2] == pytest.approx(0.2)
+    located = Located(running, pose_from="amcl_pose")
+    located.pose("amcl_pose", START)
+    located.odometry(START, (0.0, 0.0, 0.0))
+    located.pose("amcl_pose", START + 2.0)
+    for step, angle_rad in enumerate((1.5, 1.7)):
+        located.odometry(START + 2.0 + 0.1 * step, (3.0, 0.0, angle_rad))
+    assert located.state == (3, "")
+    first, second, third = located.seen
+    assert second.pose == pytest.approx(first.pose)
+    assert third.pose[2] - second.pose[2] == pytest.approx(0.2)
 
 
-def test_what_has_stopped_is_named_and_no_difference_of_clocks():
-    config = LocalisationConfig(stamp_tolerance_s=0.3)
-    with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node.endpoints, 0.05, lambda _: None, config, needs_people=False
-        )
-        running.receive("robot_pose", valid_message("robot_pose", START))
-        odometry(running, START + 9.0, (0.0, 0.0, 0.0))
-        assert source._missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
-        running.wait(9.0)
-        odometry(running, START + 9.0, (0.0, 0.0, 0.0))
-        gone = "stopped 9 s ago: look at what publishes it"
-        assert source._missing() == [f"robot_pose {gone}"]
-        running.receive("robot_pose", valid_message("robot_pose", START + 9.0))
-        running.wait(9.0)
-        running.receive("robot_pose", valid_message("robot_pose", START + 18.0))
-        assert source._missing() == [f"odom {gone}"]
+def test_what_has_stopped_is_named_and_no_difference_of_clocks(running):
+    located = Located(running)
+    located.pose("robot_pose", START)
+    located.odometry(START + 9.0, (0.0, 0.0, 0.0))
+    missing = located.source._missing
+    assert missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
+    located.wait(9.0)
+    located.odometry(START + 9.0, (0.0, 0.0, 0.0))
+    gone = "stopped 9 s ago: look at what publishes it"
+    assert missing() == [f"robot_pose {gone}"]
+    located.pose("robot_pose", START + 9.0)
+    located.wait(9.0)
+    located.pose("robot_pose", START + 18.0)
+    assert missing() == [f"odom {gone}"]
 
 
-def test_of_a_message_with_a_bad_transform_the_others_are_taken():
-    changes = []
-    with node_in_process("teleop_mux") as running:
-        node = running.node
-        follow_transforms(node.endpoints, lambda: changes.append(node.frames.names))
-        kind = raw_message_class(message_type(TF_TYPE))
-        node.create_publisher(kind, topics.TF, qos.TF)
+def test_of_a_message_with_a_bad_transform_the_others_are_taken(running):
+    node, changes = running.node, []
+    follow_transforms(node.endpoints, lambda: changes.append(node.frames.names))
+    node.create_publisher(raw_message_class(message_type(TF_TYPE)), topics.TF, qos.TF)
 
-        def subscription():
-            found = [each for each in node.subscriptions if each.topic_name == "/tf"]
-            return found[0] if found else None
+    def subscription():
+        found = [each for each in node.subscriptions if each.topic_name == "/tf"]
+        return found[0] if found else None
 
-        received = wait_until(subscription, turn=running.call_timers)
-        deliver(
-            received,
-            transforms_message(
-                ("map", "odom", (math.nan, 0.0), (0.0, 1.0), 1.0),
-                ("wheel", "tyre", (0.0, 0.0), (0.0, 3.0), 1.0),
-                ("odom", "moon", (3.8e8, 0.0), (0.0, 1.0), 1.0),
-                ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
-            ),
-        )
-        assert changes == [("base_link", "odom")]
-        assert node.frames.place("base_link", "odom").pose == (2.0, 0.0, 0.0)
-        assert "1 x transforms must be finite" in running.rejected["rejected.tf"]
-        running.assert_alive()
+    message = transforms_message(
+        ("map", "odom", (math.nan, 0.0), (0.0, 1.0), 1.0),
+        ("wheel", "tyre", (0.0, 0.0), (0.0, 3.0), 1.0),
+        ("odom", "moon", (3.8e8, 0.0), (0.0, 1.0), 1.0),
+        ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
+    )
+    deliver(wait_until(subscription, turn=running.call_timers), message)
+    assert changes == [("base_link", "odom")]
+    assert node.frames.place("base_link", "odom").pose == (2.0, 0.0, 0.0)
+    assert "1 x transforms must be finite" in running.rejected["rejected.tf"]
+
+
+IN_MAP, IN_ODOM = (3.5, 6.5, 1.5), (1.0, -2.0, 0.5)
+
+
+@pytest.mark.parametrize("prefix", ["", "robot1/"])
+def test_the_transforms_of_a_simulated_robot_place_its_base_where_it_is(prefix):
+    with node_in_process("teleop_mux", frame_prefix=prefix) as running:
+        publisher, sent = TransformPublisher(running.node.endpoints), []
+        publisher._tf.publish = sent.append
+        publisher.publish(IN_MAP, IN_ODOM, 7.0)
+        assert not sent  # without a subscriber
+        follow_transforms(running.node.endpoints)
+        wait_until(publisher._tf.get_subscription_count, turn=running.call_timers)
+        publisher.publish(IN_MAP, IN_ODOM, 7.0)
+    (data,) = sent
+    found = transforms(data, TF_TYPE, rosbags_types())
+    assert [each.child for each in found] == [f"{prefix}odom", f"{prefix}base_link"]
+    assert {each.header.stamp_ns for each in found} == {7_000_000_000}
+    frames = Frames(prefix)
+    for each in found:
+        frames.take(each, static=False)
+    assert frames.place("base_link", "map").pose == pytest.approx(IN_MAP)
+    assert frames.place("base_link", "odom").pose == pytest.approx(IN_ODOM)

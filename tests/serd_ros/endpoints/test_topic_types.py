@@ -21,12 +21,9 @@ def test_every_topic_of_the_graph_has_a_type_that_can_be_imported():
         assert topic_type(topic, stamped_cmd_vel=False).message is not None, topic
 
 
-def test_a_topic_of_the_stack_comes_with_its_quality_of_service():
+def test_a_topic_of_the_stack_has_its_quality_of_service_and_any_other_follows_its_publishers():
     name, kind = named("odom")
     assert (name, kind.message, kind.qos) == ("odom", Odometry, qos.STATE)
-
-
-def test_any_other_topic_is_written_with_its_type_and_follows_its_publishers():
     name, kind = named("/base/imu:sensor_msgs/msg/Imu")
     assert (name, kind.message, kind.qos) == ("/base/imu", Imu, None)
 

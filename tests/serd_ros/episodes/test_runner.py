@@ -1,6 +1,6 @@
 """Which worlds of others keep a driver from beginning an episode, and a reset without an answer."""
 
-from types import SimpleNamespace
+import math
 
 import pytest
 import yaml
@@ -10,17 +10,15 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from serd_app.drives.episode_spans import END
+from serd_app.navigation.arrival_log import load_arrivals
 from serd_files.episode_table import load_episodes
-from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import UNCOUNTED, from_episode_message, to_diagnostics
 from serd_ros.convert.pose import to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import several_worlds
-from serd_ros.process.serd_node import SerdNode
 from serd_sim.episodes.result import EpisodeStart
-from serd_sim.scenario.scenario import load_scenario
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
@@ -51,6 +49,9 @@ def test_a_robot_without_a_simulator_depends_on_the_topics_that_it_follows(
             turn=running.call_timers,
         )
         assert starter.waiting != is_ready
+
+
+START = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
 
 
 class SilentWorld:
@@ -90,20 +91,6 @@ def test_a_reset_without_an_answer_is_requested_again(save_model_of):
         assert len(world.requests) == 2
 
 
-@pytest.mark.parametrize(("speed_mps", "n_warnings"), [(1.2, 0), (0.2, 1)])
-def test_a_driver_warns_of_a_patience_too_short_for_the_next_cell(
-    tmp_path, monkeypatch, speed_mps, n_warnings
-):
-    slow = load_scenario("corridor").with_values("robot", max_vel_x_mps=speed_mps)
-    (tmp_path / "slow.yaml").write_text(model_yaml(slow))
-    warnings = []
-    logger = SimpleNamespace(warning=warnings.append, info=lambda *_, **__: None)
-    monkeypatch.setattr(SerdNode, "get_logger", lambda _: logger)
-    given = {"scenario": str(tmp_path / "slow.yaml"), "required_nodes": [""]}
-    with node_in_process("scripted_expert", **given):
-        assert warnings == [slow.patience_remark] * n_warnings
-
-
 def observe(running, time_s, x_m=2.5, y_m=3.5):
     seen = observation_at(x_m, y_m, 1.5, time_s=time_s)
     running.receive("pedestrians", to_people_message(seen.people, time_s))
@@ -127,8 +114,7 @@ def report(running, time_s, n_contacts):
 def test_the_contacts_of_an_episode_are_those_at_its_last_tick(tmp_path, reports, n_contacts):
     given = {"required_nodes": [""], "timeout_s": 2.0, "episodes": 2, "output": str(tmp_path)}
     with node_in_process("scripted_expert", **given) as running:
-        start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
-        running.work.runner._starter.begin(start)
+        running.work.runner._starter.begin(START)
         for tick in range(41):
             observe(running, 10.0 + 0.05 * tick)
         assert running.work.runner.n_finished == 0
@@ -143,8 +129,7 @@ def test_the_contacts_of_an_episode_are_those_at_its_last_tick(tmp_path, reports
 
 def test_a_driver_decides_in_each_cell_and_answers_a_tick_again_in_the_same_way():
     with node_in_process("scripted_expert", required_nodes=[""]) as running:
-        start = EpisodeStart(episode=0, seed=0, start_area="train", start_s=10.0)
-        running.work.runner._starter.begin(start)
+        running.work.runner._starter.begin(START)
         places_m = (3.5, 3.6, 3.9, 4.05, 4.15, 4.5)
         counts = []
         for tick, y_m in enumerate(places_m):
@@ -169,4 +154,38 @@ def test_a_goal_where_the_robot_stands_is_reached_at_once(save_model_of):
         running.receive("goal_pose", to_pose_stamped((2.5, 3.5, 0.0), 10.0))
         assert running.work.runner.n_finished == 1
         assert from_episode_message(running.sent["episode"]).outcome == "arrived"
+        running.assert_alive()
+
+
+def test_no_progress_ends_the_episode_with_its_reason(save_model_of, tmp_path):
+    given = {"model": str(save_model_of()), "required_nodes": [""], "output": str(tmp_path)}
+    with node_in_process("strategy", lockstep=True, patience_decisions=4, **given) as running:
+        running.work.runner._starter.begin(START)
+        time_s = START.start_s
+        while running.work.runner.n_finished == 0 and time_s < 60.0:
+            observe(running, time_s)
+            report(running, time_s, 0)
+            time_s += 0.05
+        mark = from_episode_message(running.sent["episode"])
+        assert (mark.event, mark.outcome, mark.reason) == (END, "aborted", "no progress")
+        (row,) = load_episodes(tmp_path / "episodes.csv")
+        assert (row.outcome, row.reason) == ("aborted", "no progress")
+        assert math.isnan(row.time_of_arrival_s)
+        (arrival,) = load_arrivals(tmp_path / "arrivals.csv")
+        assert arrival.reason == "no progress"
+        running.assert_alive()
+
+
+def test_an_episode_beside_another_clock_is_discarded_and_another_one_waits():
+    with node_in_process("scripted_expert", required_nodes=[""]) as running:
+        running.work.runner._starter.begin(START)
+        observe(running, 10.0)
+        clocks = [running.node.create_publisher(Clock, "/clock", qos.CLOCK) for _ in range(2)]
+        wait_until(lambda: several_worlds(running.node))
+        running.call_timers()
+        mark = from_episode_message(running.sent["episode"])
+        assert (mark.event, mark.outcome) == (END, "discarded")
+        assert not running.work.runner.driving
+        assert running.work.runner._starter.waiting
+        assert len(clocks) == 2
         running.assert_alive()

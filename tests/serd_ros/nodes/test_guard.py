@@ -5,10 +5,13 @@ import time
 
 import pytest
 from geometry_msgs.msg import Twist
+from std_msgs.msg import Bool
 
+from serd_ros.convert.pose import to_odometry, to_pose_stamped
 from serd_ros.errors import NodeError
 from serd_ros.nodes import guard
 from support.nodes_in_process import node_in_process
+from support.observations import observation_at
 from support.valid_messages import valid_message
 
 INPUTS = "odom", "robot_pose", "pedestrians", "scan"
@@ -41,18 +44,18 @@ def receive_command(running, age_s, linear_mps=0.3):
     return running.sent["cmd_vel"].linear.x if "cmd_vel" in running.sent else 0.0
 
 
-@pytest.mark.parametrize(
-    "remappings", [("cmd_vel_raw:=cmd_vel",), ("cmd_vel:=cmd_vel_raw",), ("cmd_vel_raw:=/cmd_vel",)]
-)
-def test_a_guard_that_would_take_its_own_output_as_command_is_refused(remappings):
+def test_a_guard_that_would_take_its_own_output_as_command_is_refused():
     sentence = "cmd_vel_raw and cmd_vel must be two topics, got .* for both; remap one of them only"
-    with pytest.raises(NodeError, match=sentence), node_in_process("guard", remappings=remappings):
-        pass
-
-
-def test_the_remapping_that_the_refusal_names_is_accepted():
-    remappings = ("cmd_vel_raw:=nav_vel", "cmd_vel:=base/cmd_vel")
-    with node_in_process("guard", remappings=remappings) as running:
+    for remappings in (["cmd_vel_raw:=cmd_vel"], ["cmd_vel_raw:=/cmd_vel"]):
+        with (
+            pytest.raises(NodeError, match=sentence),
+            node_in_process("guard", remappings=remappings),
+        ):
+            pass
+    with node_in_process("guard", remappings=["cmd_vel_raw:=nav_vel"]) as running:
+        for _ in range(3):
+            running.call_timers()
+        assert not running.published["cmd_vel"]  # without a command
         running.assert_alive()
 
 
@@ -78,17 +81,13 @@ def test_a_command_is_as_old_as_its_publisher_says(running, age_s, speed_mps):
     assert receive_command(running, age_s) == pytest.approx(speed_mps)
 
 
-def test_a_command_that_was_sent_in_the_future_is_dropped_and_named(running):
+def test_a_command_that_was_sent_in_the_future_or_waited_behind_newer_ones_does_not_count(running):
     assert receive_command(running, -10.0) == 0.0
-    assert "at most 0.2 s in the future, got 10.0 s" in str(
-        running.rejected["rejected.cmd_vel_raw"]
-    )
-    running.assert_alive()
-
-
-def test_a_command_that_waited_behind_newer_ones_does_not_count(running):
+    sentence = "at most 0.2 s in the future, got 10.0 s"
+    assert sentence in str(running.rejected["rejected.cmd_vel_raw"])
     (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
     assert found.qos_profile.depth == 1
+    running.assert_alive()
 
 
 def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
@@ -101,3 +100,99 @@ def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
     values = {each.key: each.value for each in running.sent["diagnostics"].status[0].values}
     assert "which seems to mean no return; set zero_is to free" in values["zero_ranges"]
     assert not math.isnan(float(values["age_s.scan"]))
+
+
+class Drive:
+    """A robot that drives north under a guard, whose inputs come every 50 ms, some with faults."""
+
+    def __init__(self, running, monkeypatch):
+        self.running, self.time_s, self.north_m = running, START, 6.5
+        self.frozen_m = self.north_m
+        monkeypatch.setattr(guard.GuardNode, "now_s", lambda _: self.time_s)
+
+    def tick(self, faults=(), *, override=False, commanded=True):
+        """Speed after the messages of a period; faults: by topic."""
+        self.time_s += 0.05
+        self.north_m += 0.015
+        self.frozen_m = self.frozen_m if faults else self.north_m
+        self.running.wait(0.05)
+        for topic in INPUTS:
+            fault = dict(faults).get(topic)
+            if fault != "stops":
+                self.running.receive(topic, self.message(topic, fault))
+        if override:
+            self.running.receive("guard_override", Bool(data=True))
+        if commanded:
+            receive_command(self.running, 0.0)
+        self.running.call_timers()
+        return self.running.sent["cmd_vel"].linear.x
+
+    def message(self, topic, fault):
+        frozen = fault == "frozen"
+        time_s = self.time_s - (1.0 if fault == "late" else 0.0)
+        seen = observation_at(
+            3.5, self.frozen_m if frozen else self.north_m, 1.571, time_s=time_s, speed_mps=0.3
+        )
+        if topic == "robot_pose":
+            return to_pose_stamped(seen.pose, time_s)
+        if topic == "odom":
+            return to_odometry(seen, (self.north_m, 0.0, 0.0))
+        message = valid_message(topic, time_s)
+        if topic == "scan":
+            ranges = [
+                math.nan if fault == "nan" else 3.0 if frozen else 3.0 + 0.01 * (time_s % 1.0)
+            ]
+            message.ranges = type(message.ranges)("f", ranges * len(message.ranges))
+        return message
+
+    def until(self, speed_mps, faults=(), **options):
+        """Seconds until the robot gets this speed."""
+        since_s = self.time_s
+        while self.tick(faults, **options) != pytest.approx(speed_mps):
+            assert self.time_s < since_s + 3.0, self.values
+        return self.time_s - since_s
+
+    @property
+    def values(self):
+        return {each.key: each.value for each in self.running.sent["diagnostics"].status[0].values}
+
+
+@pytest.fixture
+def drive(running, monkeypatch):
+    found = Drive(running, monkeypatch)
+    found.until(0.3)
+    return found
+
+
+FAULTS = {
+    "scan stops": ({"scan": "stops"}, "scan: stamp too old"),
+    "scan frozen": ({"scan": "frozen"}, "scan: does not change"),
+    "scan all NaN": ({"scan": "nan"}, "scan: too few valid rays"),
+    "pose frozen": ({"robot_pose": "frozen"}, "robot_pose: does not change"),
+    "all 1 s late": (dict.fromkeys(INPUTS, "late"), "scan: stamp too old"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_an_input_stands_the_robot_and_it_drives_on_afterwards(fault, drive):
+    faults, reason = FAULTS[fault]
+    assert drive.until(0.0, faults) <= 0.35
+    assert (drive.values["action"], reason in drive.values["reasons"]) == ("STOP", True)
+    drive.until(0.3)
+    drive.running.assert_alive()
+
+
+def test_a_held_override_drives_without_a_scan_and_is_reported(drive):
+    faults = {"scan": "stops"}
+    drive.until(0.0, faults)
+    drive.until(0.3, faults, override=True)
+    assert drive.values["overridden"] == "True"
+    assert "scan: stamp too old" in drive.values["reasons"]
+    drive.until(0.0, faults)
+    assert drive.values["overridden"] == "False"
+
+
+def test_a_command_from_before_a_pause_of_the_process_does_not_drive(drive):
+    drive.running.wait(0.6)
+    assert drive.tick(commanded=False) == 0.0
+    drive.until(0.3)

@@ -1,7 +1,7 @@
 """Episodes by request, steps by command in lock-step, and the URDF of the robot."""
 
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from xml.etree import ElementTree
 
 import pytest
@@ -9,6 +9,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3
 from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -82,15 +83,14 @@ def description_and_frames(received, prefix=""):
     return deserialize_message(text, String).data, frames
 
 
-def links_of(text):
-    return {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
-
-
 def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
-    with node_in_process("hallway_sim", people=0), viewer() as received:
+    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
         text, frames = description_and_frames(received)
     assert text == BUILTIN_URDF.read_text(encoding="utf-8")
-    placed = {link: frames.place(link, "base_link") for link in links_of(text)}
+    links = {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
+    assert {f"robot1/{link}" for link in links} == set(frames.names)
+    base = "robot1/base_link"
+    placed = {link: frames.place(f"robot1/{link}", base) for link in links}
     assert len(placed) == 5
     assert {each.stamp_ns for each in placed.values()} == {None}
     assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
@@ -108,92 +108,22 @@ def test_the_urdf_is_that_which_the_scenario_names_with_either_drive(drive, tmp_
     assert turned[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([math.sin(0.5), 0.0, math.cos(0.5)])
 
 
-def test_frames_of_links_have_the_prefix_of_their_robot_and_the_text_has_none():
-    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
-        text, frames = description_and_frames(received)
-        assert {f"robot1/{link}" for link in links_of(text)} == set(frames.names)
-
-
 def ask(robot):
     response = robot.call("reset", Trigger.Request())
     return response.success, response.message
 
 
-def test_a_request_waits_for_required_nodes_which_are_named():
-    with world(required_nodes=["scripted_expert"]) as running:
-        assert ask(running) == (False, "node scripted_expert")
-        with driver_of(running):
-            assert not ask(running)[0]
-            running.wait(PATIENCE_S)
-            success, message = ask(running)
-            assert success
-            assert EpisodeStart.model_validate_json(message).episode == 0
+def episode_of(answer):
+    success, message = answer
+    assert success, message
+    return EpisodeStart.model_validate_json(message)
 
 
-def test_a_world_without_an_answer_ends_and_names_the_topic(capsys):
-    with world(lockstep_timeout_s=10.0) as running, driver_of(running):
-        assert ask(running)[0]
-        for _ in range(11):
-            look(running, 1.0)
-        assert running.node.finished.result() == BAD_INPUT
-        assert "arrived on /cmd_vel within lockstep_timeout_s = 10 s" in capsys.readouterr().err
-
-
-def mark_of(message):
-    """What a driver publishes when it begins the episode of a response."""
-    start = EpisodeStart.model_validate_json(message)
-    return to_episode_message(EpisodeMark(START, start.start_s, start.episode))
-
-
-def test_a_request_of_a_driver_that_received_no_response_gets_the_same_episode():
-    with world() as running, driver_of(running):
-        begun = ask(running)
-        assert begun[0]
-        assert ask(running) == begun
-        running.receive("episode", mark_of(begun[1]))
-        assert time_after_command(running) == 0.05
-        success, message = ask(running)
-        assert success
-        assert EpisodeStart.model_validate_json(message).episode == 1
-
-
-def episodes_of_two_requests(running, between=lambda: None):
-    """The episodes of the responses; between: done before the second request."""
-    found = []
-    for do in (lambda: None, between):
-        do()
-        success, message = ask(running)
-        assert success
-        found.append(EpisodeStart.model_validate_json(message).episode)
-    return found
-
-
-def test_each_request_by_hand_begins_an_episode_where_no_node_marks_them():
-    with node_in_process("hallway_sim", people=0) as running:
-        assert episodes_of_two_requests(running) == [0, 1]
-
-
-def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved():
-    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
-
-        def drive():
-            running.receive("cmd_vel", Twist(linear=Vector3(x=0.5)))
-            for _ in range(5):
-                running.call_timers()
-
-        assert episodes_of_two_requests(running) == [0, 0]
-        assert episodes_of_two_requests(running, drive) == [0, 1]
-
-
-def test_a_heading_on_the_other_side_of_180_degrees_is_no_motion():
-    with node_in_process("hallway_sim", people=0) as running, driver_of(running):
-
-        def turn():
-            requests = running.node._requests
-            x_m, y_m, yaw_rad = requests._start_pose
-            requests._start_pose = x_m, y_m, yaw_rad + math.tau
-
-        assert episodes_of_two_requests(running, turn) == [0, 0]
+def look(running, wall_s, times=1):
+    """Call the timers, some wall time later."""
+    for _ in range(times):
+        running.wait(wall_s)
+        running.call_timers()
 
 
 def time_after_command(running):
@@ -203,47 +133,90 @@ def time_after_command(running):
     return stamp_s(running.sent["clock"].clock)
 
 
-def look(running, wall_s):
-    """Call the timers, some wall time later."""
-    running.wait(wall_s)
-    running.call_timers()
+def test_a_request_waits_for_required_nodes_which_are_named():
+    with world(required_nodes=["scripted_expert"]) as running:
+        assert ask(running) == (False, "node scripted_expert")
+        with driver_of(running):
+            assert not ask(running)[0]
+            running.wait(PATIENCE_S)
+            assert episode_of(ask(running)).episode == 0
 
 
-def test_a_world_without_a_processor_for_long_sends_its_tick_again_and_goes_on():
+@pytest.fixture
+def begun():
+    """A world in its first episode, which waits ten seconds for a command."""
     with world(lockstep_timeout_s=10.0) as running, driver_of(running):
         assert ask(running)[0]
-        n_sent = running.published["clock"]
-        look(running, 1000.0)
-        assert running.published["clock"] == n_sent + 1
-        assert not running.node.finished.done()
-        assert time_after_command(running) == 0.05
+        yield running
 
 
-def test_the_time_in_which_a_world_is_paused_is_no_silence():
-    with world(lockstep_timeout_s=10.0) as running, driver_of(running):
-        assert ask(running)[0]
-        for paused in (True, False):
-            running.call("pause", SetBool.Request(data=paused))
-            for _ in range(9):
-                look(running, 1.0)
-        assert not running.node.finished.done()
-        assert time_after_command(running) == 0.05
+def test_a_world_without_an_answer_ends_and_names_the_topic(begun, capsys):
+    look(begun, 1.0, times=11)
+    assert begun.node.finished.result() == BAD_INPUT
+    assert "arrived on /cmd_vel within lockstep_timeout_s = 10 s" in capsys.readouterr().err
 
 
-def goal_of(first_m, second_m):
-    """The square between two corners as a goal area."""
-    (west, south), (east, north) = first_m, second_m
-    return to_goal_area_message(((west, south), (east, south), (east, north), (west, north)), 0.0)
+def test_a_world_without_a_processor_for_long_sends_its_tick_again_and_goes_on(begun):
+    n_sent = begun.published["clock"]
+    look(begun, 1000.0)
+    assert begun.published["clock"] == n_sent + 1
+    assert not begun.node.finished.done()
+    assert time_after_command(begun) == 0.05
 
 
-def test_a_robot_in_its_goal_is_not_waited_for_until_the_goal_is_elsewhere():
-    with world() as running, driver_of(running):
-        assert ask(running)[0]
-        running.receive("goal_area", goal_of((-100.0, -100.0), (100.0, 100.0)))
-        assert time_after_command(running) == 0.05
-        assert time_after_command(running) == 0.05
-        running.receive("goal_area", goal_of((90.0, 90.0), (100.0, 100.0)))
-        assert time_after_command(running) == 0.1
+def test_the_time_in_which_a_world_is_paused_is_no_silence(begun):
+    for paused in (True, False):
+        begun.call("pause", SetBool.Request(data=paused))
+        look(begun, 1.0, times=9)
+    assert not begun.node.finished.done()
+    assert time_after_command(begun) == 0.05
+
+
+def test_a_robot_in_its_goal_is_not_waited_for_until_the_goal_is_elsewhere(begun):
+    for first_m, last_m, time_s in ((-100.0, 100.0, 0.05), (90.0, 100.0, 0.1)):
+        corners = (first_m, first_m), (last_m, first_m), (last_m, last_m), (first_m, last_m)
+        begun.receive("goal_area", to_goal_area_message(corners, 0.0))
+        assert time_after_command(begun) == time_s
+        if first_m < 0.0:
+            assert time_after_command(begun) == time_s
+
+
+def test_a_request_of_a_driver_that_received_no_response_gets_the_same_episode(begun):
+    start = episode_of(ask(begun))
+    assert start.episode == 0
+    mark = EpisodeMark(START, start.start_s, start.episode)  # as a driver publishes it
+    begun.receive("episode", to_episode_message(mark))
+    assert time_after_command(begun) == 0.05
+    assert episode_of(ask(begun)).episode == 1
+
+
+@pytest.mark.parametrize(
+    ("has_driver", "between", "episodes"),
+    [
+        (False, "", [0, 1]),  # where no node marks episodes, each request begins one
+        (True, "", [0, 0]),
+        (True, "drive", [0, 1]),
+        (True, "turn", [0, 0]),  # a heading on the other side of 180 degrees is no motion
+    ],
+)
+def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
+    has_driver, between, episodes
+):
+    with (
+        node_in_process("hallway_sim", people=0) as running,
+        driver_of(running) if has_driver else nullcontext(),
+    ):
+        found = [ask(running)]
+        if between == "drive":
+            running.receive("cmd_vel", Twist(linear=Vector3(x=0.5)))
+            for _ in range(5):
+                running.call_timers()
+        elif between == "turn":
+            requests = running.node._requests
+            x_m, y_m, yaw_rad = requests._start_pose
+            requests._start_pose = x_m, y_m, yaw_rad + math.tau
+        found.append(ask(running))
+        assert [episode_of(each).episode for each in found] == episodes
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
@@ -258,3 +231,39 @@ def test_a_start_area_that_the_scenario_lacks_ends_the_node(lockstep, capsys):
             running.call_timers()
         assert running.node.finished.result() == BAD_INPUT
         assert "did you mean 'train'" in capsys.readouterr().err
+
+
+def test_a_live_world_stops_its_robot_after_silence_and_at_a_command_that_is_not_finite():
+    with node_in_process("hallway_sim", people=0) as running:
+        ask(running)
+
+        def speed_after(n_periods, *commands_mps):
+            for speed_mps in commands_mps:
+                running.receive("cmd_vel", Twist(linear=Vector3(x=speed_mps)))
+            for _ in range(n_periods):
+                running.call_timers()
+            return running.sent["odom"].twist.twist.linear.x
+
+        for stop in ((8,), (4, math.nan)):
+            assert speed_after(3, 0.3) > 0.1
+            assert abs(speed_after(*stop)) < 0.02
+        running.assert_alive()
+
+
+def test_a_world_does_not_begin_beside_another_silent_clock_and_ends_after_a_while(capsys):
+    with node_in_process("hallway_sim", people=0) as running:
+        clock = running.node.create_publisher(Clock, "/clock", qos.CLOCK)
+        wait_until(lambda: running.node.count_publishers("/clock") == 2)
+        look(running, 20.0)
+        assert not running.published["clock"]
+        running.node.destroy_publisher(clock)
+        wait_until(lambda: running.node.count_publishers("/clock") == 1)
+        look(running, 1.0)
+        assert running.published["clock"] == 1
+
+    with node_in_process("hallway_sim", people=0) as running:
+        running.node.create_publisher(Clock, "/clock", qos.CLOCK)
+        wait_until(lambda: running.node.count_publishers("/clock") == 2)
+        look(running, 26.0)
+        assert running.node.finished.result() == BAD_INPUT
+    assert "there must be one publisher of /clock, got 2" in capsys.readouterr().err

@@ -2,18 +2,23 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
+from std_srvs.srv import Trigger
 
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.drives.episode_spans import EpisodeMark
 from serd_app.errors import AppError
-from serd_app.learning.checkpoint import LearnerMemory
+from serd_app.learning.checkpoint import CheckpointFolder, LearnerMemory
 from serd_bag.errors import FileError
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from serd_ros.errors import NodeError
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
@@ -28,31 +33,23 @@ def test_intents_are_subscribed_unless_actions_are_hidden(tmp_path, actions):
     assert ("intent" in subscribed) == (actions == "recorded")
 
 
-def test_a_method_that_counts_actions_is_rejected_at_the_start(tmp_path):
-    given = {"actions": "hidden", "method": "policy_matching", "output": str(tmp_path / "m.yaml")}
-    with (
-        pytest.raises(AppError, match="where actions are hidden, got policy_matching"),
-        node_in_process("learner", **given),
-    ):
-        pass
-
-
-def test_an_output_that_cannot_be_written_is_rejected_at_the_start(tmp_path):
-    with (
-        pytest.raises(FileError, match="it is a folder; name a file"),
-        node_in_process("learner", output=str(tmp_path)),
-    ):
-        pass
-
-
-@pytest.mark.parametrize("table", ["m.csv", "m.grid.csv", "link/m.csv"])
-def test_decisions_over_the_files_of_the_model_are_rejected_at_the_start(tmp_path, table):
+@pytest.mark.parametrize(
+    ("given", "error", "sentence"),
+    [
+        ({"actions": "hidden", "method": "policy_matching"}, AppError, "are hidden, got policy_ma"),
+        ({"output": ""}, FileError, "it is a folder; name a file"),
+        ({"decisions": "m.csv"}, NodeError, "must not be written over the model's files"),
+        ({"decisions": "m.grid.csv"}, NodeError, "must not be written over the model's files"),
+        ({"decisions": "link/m.csv"}, NodeError, "must not be written over the model's files"),
+    ],
+)
+def test_what_cannot_be_learned_or_written_is_rejected_at_the_start(
+    given, error, sentence, tmp_path
+):
     (tmp_path / "link").symlink_to(tmp_path)
-    given = {"output": str(tmp_path / "m.yaml"), "decisions": str(tmp_path / table)}
-    with (
-        pytest.raises(NodeError, match="must not be written over the model's files"),
-        node_in_process("learner", **given),
-    ):
+    paths = {name: str(tmp_path / given[name]) for name in ("output", "decisions") if name in given}
+    given = {"output": str(tmp_path / "m.yaml"), **given, **paths}
+    with pytest.raises(error, match=sentence), node_in_process("learner", **given):
         pass
 
 
@@ -108,3 +105,41 @@ def test_a_learner_logs_why_it_does_not_begin_at_the_weights_that_were_kept(tmp_
     with node_in_process("learner", **given):
         (warning,) = warnings
     assert "reward_weights of its checkpoint must be those of" in warning
+
+
+@pytest.fixture
+def shipped(root):
+    """The recording of the hallway that is part of the repository."""
+    return next(path.parent for path in sorted((root / "bags/data").rglob("metadata.yaml")))
+
+
+def test_decisions_without_actions_are_made_of_the_poses_of_a_bag_alone(shipped, tmp_path):
+    table = tmp_path / "decisions.csv"
+    given = {"bag": str(shipped), "actions": "hidden", "decisions": str(table)}
+    with node_in_process("learner", output=str(tmp_path / "m.yaml"), **given) as running:
+        wait_until(lambda: "diagnostics" in running.sent, turn=running.call_timers)
+        assert running.sent["diagnostics"].status[0].message == "learning"
+    assert load_decisions(table).hidden.all()
+
+
+@pytest.mark.parametrize("n_decisions", [5, None])
+def test_a_call_to_learn_is_answered_by_whether_there_are_decisions_enough(
+    n_decisions, shipped, tmp_path
+):
+    hallway = load_scenario("hallway")
+    grid, folder = grid_of(hallway), CheckpointFolder(tmp_path / "m_learner", hallway)
+    found, _ = demonstrations_of_bag(shipped, grid, hallway.patience_s, hallway.wait_s)
+    decisions = found.decisions
+    folder.save_decisions(decisions.select(np.arange(n_decisions or len(decisions))))
+    folder.save(folder.new())
+    given = {"output": str(tmp_path / "m.yaml"), "learn_on": "call"}
+    with node_in_process("learner", **given) as running:
+        answer = running.call("learn", Trigger.Request())
+        assert answer.success == (n_decisions is None)
+        if n_decisions is None:
+            assert answer.message.startswith("learning begins now")
+        else:
+            sentence = "at least minimum_decisions = 20 decisions are needed to learn, got 5"
+            assert sentence in answer.message
+            assert not running.node.finished.done()
+            assert not (tmp_path / "m.yaml").exists()

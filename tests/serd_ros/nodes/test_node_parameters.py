@@ -4,12 +4,9 @@ import re
 
 import pytest
 
-from serd_bag.formats.rosbag2.message_types import message_type
-from serd_bag.writer import BagWriter
 from serd_files.settings import settings_of
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import config_of, load_graph
-from support.bag_messages import POSE
 from support.nodes_in_process import node_in_process
 
 UNITS = {"s": "s", "m": "m", "mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "hz": "Hz", "mb": "MB"}
@@ -18,16 +15,12 @@ WITHOUT_RANGE = {"sensor_x", "sensor_y", "sensor_yaw"}
 
 
 @pytest.fixture
-def given(tmp_path, save_model_of, messages):
-    with BagWriter(tmp_path / "played") as writer:
-        kind = message_type(POSE)
-        writer.add_topic("/robot_pose", kind)
-        writer.write("/robot_pose", messages.pose(1.0, 2.0, 3.0), 10**9)
+def given(tmp_path, save_model_of, small_bag):
     return {
         "strategy": {"model": str(save_model_of())},
         "learner": {"output": str(tmp_path / "learned.yaml")},
         "demo_recorder": {"output": str(tmp_path / "bag")},
-        "bag_replay": {"bag": str(tmp_path / "played"), "paused": True},
+        "bag_replay": {"bag": str(small_bag()), "paused": True},
         "teleop_page": {"port": 0},
         "watch_page": {"port": 0},
         "hallway_sim": {"people": 0},
@@ -62,23 +55,20 @@ def test_every_parameter_is_described_and_fixed_ones_refuse_to_be_set(kind, give
         running.assert_alive()
 
 
-@pytest.mark.parametrize("kind", sorted(load_graph().nodes))
-def test_every_number_has_its_unit_and_its_range(kind):
-    for setting in settings_of(config_of(kind)):
-        if setting.schema["type"] not in ("number", "integer"):
-            continue
-        assert setting.range or setting.name in WITHOUT_RANGE, setting.name
-        suffix = re.search(r"_([a-z0-9]+)$", setting.name)
-        if suffix and suffix[1] in UNITS:
-            assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
+def test_every_number_has_its_unit_and_its_range():
+    for kind in load_graph().nodes:
+        for setting in settings_of(config_of(kind)):
+            if setting.schema["type"] not in ("number", "integer"):
+                continue
+            assert setting.range or setting.name in WITHOUT_RANGE, setting.name
+            suffix = re.search(r"_([a-z0-9]+)$", setting.name)
+            if suffix and suffix[1] in UNITS:
+                assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
 
 
 def test_an_empty_list_is_refused_by_its_name():
     sentence = "parameter of guard: observation_sources must have a value, got none; leave it out"
-    with (
-        pytest.raises(NodeError, match=sentence),
-        node_in_process("guard", observation_sources=[]),
-    ):
+    with pytest.raises(NodeError, match=sentence), node_in_process("guard", observation_sources=[]):
         pass
 
 
@@ -90,25 +80,15 @@ def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
         running.assert_alive()
 
 
-def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_is_refused(given):
-    with node_in_process("strategy", **given["strategy"]) as running:
-        node = running.node
-
-        def set_goal(value):
-            return running.set(goal=value)
-
-        before = running.work._navigator.strategy.scenario.goal_area_m
-        assert set_goal("3.5, 3.5").successful
-        assert running.work._navigator.strategy.scenario.goal_area_m != before
-        refused = set_goal("900, 3.5")
-        assert not refused.successful
-        assert "walkable cell" in refused.reason
-        assert node.get_parameter("goal").value == "3.5, 3.5"
-
-
-def test_a_goal_that_is_set_beside_a_wrong_model_changes_nothing(given):
+def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_or_one_beside_a_model_is_refused(given):
     with node_in_process("strategy", **given["strategy"]) as running:
         before = running.work._navigator.strategy.scenario.goal_area_m
         refused = running.set(goal="3.5, 3.5", model="missing.yaml")
         assert refused.reason == "set goal and model one after the other"
         assert running.work._navigator.strategy.scenario.goal_area_m == before
+        assert running.set(goal="3.5, 3.5").successful
+        assert running.work._navigator.strategy.scenario.goal_area_m != before
+        refused = running.set(goal="900, 3.5")
+        assert not refused.successful
+        assert "walkable cell" in refused.reason
+        assert running.node.get_parameter("goal").value == "3.5, 3.5"

@@ -4,6 +4,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
+from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -18,9 +19,9 @@ def running():
         yield found
 
 
-def driven(running, **speeds_mps):
+def driven(running, n_periods=50, **speeds_mps):
     """The speed of the output after these inputs were published for a second."""
-    for _ in range(50):
+    for _ in range(n_periods):
         running.wait(0.02)
         for name, speed_mps in speeds_mps.items():
             running.receive(f"cmd_vel_{name}", to_twist(Command(speed_mps, 0.0)))
@@ -32,21 +33,10 @@ def test_the_highest_priority_drives_within_the_limits_and_silence_stops(running
     assert driven(running) == 0.0
     running.receive("driver_gone", Bool(data=True))
     assert driven(running, planner=0.3) == 0.0
-    assert driven(running, planner=0.2, teleop=0.4) == pytest.approx(0.4)
-    assert driven(running, planner=0.2, teleop=0.4, joy=0.7) == pytest.approx(0.7)
-    assert driven(running, joy=50.0) == pytest.approx(1.2)
+    running.receive("driver_gone", Bool(data=False))
+    assert driven(running, n_periods=10, planner=0.3) == pytest.approx(0.3)
+    assert driven(running, planner=0.2, teleop=0.4, joy=50.0) == pytest.approx(1.2)
     assert driven(running, joy=math.nan) == 0.0
-    assert driven(running) == 0.0
-
-
-def test_the_planner_drives_while_a_driver_is_present(running):
-    for gone, speed_mps in ((False, 0.3), (True, 0.0)):
-        running.receive("driver_gone", Bool(data=gone))
-        running.receive("cmd_vel_planner", to_twist(Command(0.3, 0.0)))
-        for _ in range(10):
-            running.wait(0.02)
-            running.call_timers()
-        assert running.sent["cmd_vel_raw"].linear.x == pytest.approx(speed_mps)
 
 
 def test_the_e_stop_holds_until_it_is_released_and_each_input_has_stopped(running):
@@ -76,3 +66,20 @@ def test_commands_have_stamps_where_the_file_sets_it(tmp_path):
         (nav,) = [each for each in running.node.subscriptions if "nav_vel" in each.topic_name]
         assert (nav.msg_type, type(running.sent["cmd_vel_raw"])) == (TwistStamped, TwistStamped)
         assert Twist not in {each.msg_type for each in running.node.subscriptions}
+
+
+def test_after_the_release_of_the_e_stop_the_stick_must_return_to_neutral():
+    with node_in_process("teleop_joy") as joy:
+
+        def pushed(deflection):
+            joy.receive("joy", Joy(axes=[0.0, deflection, 0.0], buttons=[0, 0, 0, 0, 1, 0]))
+            return joy.sent["cmd_vel_joy"].linear.x
+
+        assert pushed(0.0) == 0.0
+        assert pushed(1.0) == pytest.approx(0.6)
+        for engaged in (True, False):
+            joy.receive("e_stop_engaged", Bool(data=engaged))
+            assert pushed(1.0) == 0.0
+        assert pushed(0.0) == 0.0
+        assert pushed(1.0) == pytest.approx(0.6)
+        joy.assert_alive()

@@ -14,16 +14,12 @@ from domain_coordinator import domain_id
 from std_msgs.msg import Bool
 
 from serd_ros.nodes.teleop.joy import TeleopJoyNode
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.run_node import _StopSignal, run_node
 from support.nodes_in_process import node_in_process
 from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
-@pytest.fixture(params=SIGNALS)
-def number(request):
-    return request.param
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +31,7 @@ def handlers():
         signal.signal(each, handler)
 
 
+@pytest.mark.parametrize("number", SIGNALS)
 def test_the_first_signal_is_noted_and_the_second_interrupts(number):
     stop = _StopSignal()
     assert stop.received_s == math.inf
@@ -52,43 +49,29 @@ def own_domain(monkeypatch, tmp_path):
         yield
 
 
-def interrupted_node(before, after, ended):
-    """A node whose construction calls `before` first and `after` last."""
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+@pytest.mark.parametrize(
+    ("n_before", "n_after", "ends"), [(1, 0, ["teleop_joy"]), (0, 1, ["teleop_joy"]), (1, 1, [])]
+)
+def test_a_signal_ends_a_node_once_it_is_constructed_and_a_second_one_at_once(
+    n_before, n_after, ends
+):
+    ended = []
 
     class Interrupted(TeleopJoyNode):
         def __init__(self):
-            before()
+            for _ in range(n_before):
+                os.kill(os.getpid(), signal.SIGTERM)
             super().__init__("teleop_joy")
-            after()
+            for _ in range(n_after):
+                os.kill(os.getpid(), signal.SIGTERM)
 
         def close(self):
             ended.append(self.get_name())
 
-    return Interrupted
-
-
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
-@pytest.mark.parametrize("place", [0, 1])
-def test_a_signal_during_construction_ends_the_node_once_it_is_constructed(number, place):
-    ended = []
-    calls = [lambda: None, lambda: None]
-    calls[place] = lambda: os.kill(os.getpid(), number)
-    assert run_node(interrupted_node(*calls, ended)) == 0
-    assert ended == ["teleop_joy"]
-    assert not rclpy.ok()
-
-
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
-def test_a_second_signal_during_construction_ends_the_process_at_once(number):
-    ended = []
-
-    def signal_self():
-        os.kill(os.getpid(), number)
-
-    assert run_node(interrupted_node(signal_self, signal_self, ended)) == 0
-    assert not ended
+    assert run_node(Interrupted) == 0
+    assert ended == ends
     assert not rclpy.ok()
 
 
@@ -126,13 +109,14 @@ def test_a_second_node_of_the_name_is_logged_once_each_time_that_it_appears(monk
 HANGING_NODE = """
 import ctypes
 from serd_ros.nodes.teleop.joy import TeleopJoyNode
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.run_node import run_node
 
 
 class Hanging(TeleopJoyNode):
     def __init__(self):
         super().__init__("teleop_joy")
-        self.finish({exit_code})
+        self.finish(2)
 
     def close(self):
         print("closed")
@@ -147,11 +131,25 @@ raise SystemExit(run_node(Hanging))
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("own_domain")
-@pytest.mark.parametrize("exit_code", [0, 2])
-def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code(exit_code):
-    program = [sys.executable, "-c", HANGING_NODE.format(exit_code=exit_code)]
+def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code():
+    program = [sys.executable, "-c", HANGING_NODE]
     ended = subprocess.run(program, stdout=subprocess.PIPE, text=True, check=False)
-    assert (ended.returncode, ended.stdout) == (exit_code, "closed\n")
+    assert (ended.returncode, ended.stdout) == (2, "closed\n")
+
+
+LIMITED = """
+import time
+from serd_ros.process.exit_limit import process_ends_within
+with process_ends_within(9, 50):
+    pass
+time.sleep(0.2)  # what returned in time goes on
+"""
+
+
+def test_what_returns_in_time_goes_on_and_an_error_inside_is_raised():
+    assert subprocess.run([sys.executable, "-c", LIMITED], check=False).returncode == 0
+    with pytest.raises(ValueError, match="inside"), process_ends_within(1, 60_000):
+        raise ValueError("inside")
 
 
 MANY = 1_000_000
@@ -175,6 +173,8 @@ def received_by_a_node(receive, n_first):
         def count_and_receive(_):
             nonlocal n_received
             n_received += 1
+            if n_received == 1:
+                os.kill(os.getpid(), signal.SIGTERM)
             receive(n_received, publish)
 
         node.create_subscription(Bool, "own", count_and_receive, 1000)
@@ -189,13 +189,7 @@ def received_by_a_node(receive, n_first):
 @pytest.mark.usefixtures("own_domain")
 def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
     """Its executor finds the next event before it looks at the time."""
-
-    def receive(number, publish):
-        if number == 10:
-            os.kill(os.getpid(), signal.SIGTERM)
-        if number < MANY:
-            publish(1)
-
+    receive = lambda number, publish: publish(int(number < MANY))  # noqa: E731
     assert received_by_a_node(receive, n_first=5) < MANY
 
 
@@ -203,10 +197,5 @@ def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
 @pytest.mark.usefixtures("own_domain")
 def test_after_a_signal_a_node_takes_what_it_has_received_before(monkeypatch):
     monkeypatch.setattr("serd_ros.process.run_node._BACKLOG_S", PATIENCE_S)
-
-    def receive(number, publish):
-        if number == 1:
-            publish(300)
-            os.kill(os.getpid(), signal.SIGTERM)
-
+    receive = lambda number, publish: publish(300 if number == 1 else 0)  # noqa: E731
     assert received_by_a_node(receive, n_first=1) == 301

@@ -1,4 +1,4 @@
-"""What advances the world: lock-step on stamped commands, or a timer in real time.
+"""The topics of a simulated robot, and what advances its world: lock-step, or a timer.
 
 In lock-step the world waits for the TwistStamped whose stamp is that of its last tick, so a seed
 gives one trajectory whatever the speed of the machine. Messages can be lost while endpoints are
@@ -8,20 +8,104 @@ with the same message. A robot in its goal stands and is not waited for.
 
 from collections.abc import Callable
 
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
+from serd_bag.files import read_text
 from serd_ros.convert.command import from_any_twist, from_twist_stamped
+from serd_ros.convert.markers import to_people_markers
+from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.sensors import to_occupancy_grid, to_people_message, to_scan
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.commands import follow_commands
 from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.endpoints.transforms import TransformPublisher, publish_links
+from serd_sim.crowd.social_force import model_named
+from serd_sim.robot.urdf import link_transforms
+from serd_sim.scenario.occupancy import occupancy_raster
 from serd_sim.world.command import CommandGuard
+from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5
 #: More (s) between two looks at the silence is none: this process had no processor and could take
 #: no command.
 _LONGEST_TURN_S = 2.0
+#: Simulated time (s) between two reports of contacts that do not change.
+_REPORT_PERIOD_S = 0.5
+
+
+class WorldPublisher:
+    """Publishes the time of the world and its present state as a robot observes it.
+
+    Scan and markers only while there are subscribers. with_tf: also as transforms. n_ticks: that
+    were published.
+    """
+
+    def __init__(self, endpoints: Endpoints, world: HallwayWorld, *, with_tf: bool) -> None:
+        self._node, self._world = endpoints.node, world
+        self.n_ticks = 0
+        self._clock = endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self._pedestrians = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
+        self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
+        self._pose = endpoints.publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
+        period_s = world.scenario.control_period_s
+        self._ticks_per_report = max(1, round(_REPORT_PERIOD_S / period_s))
+        self._reported: dict[str, float] | None = None
+        self._scan = endpoints.publisher(LaserScan, topics.SCAN, qos.STATE)
+        self._people = endpoints.publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
+        self._transforms = TransformPublisher(endpoints) if with_tf else None
+        self._map = endpoints.publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
+        self._map.publish(to_occupancy_grid(occupancy_raster(world.scenario), 0.0))
+        path = world.scenario.robot.urdf_path
+        publish_links(endpoints, link_transforms(path, topics.BASE_FRAME))
+        description = endpoints.publisher(String, topics.ROBOT_DESCRIPTION, qos.LATCHED)
+        description.publish(String(data=read_text(path)))
+        self._person_radius_m = model_named(world.scenario.pedestrians.model).body_radius_m
+
+    def publish(self) -> None:
+        """Send the present tick: the clock, then what the robot observes."""
+        self.n_ticks += 1
+        world, observation = self._world, self._world.observation
+        self._clock.publish(Clock(clock=to_stamp(world.time_s)))
+        if world.is_scan_tick:
+            self._publish_rarely(observation)
+        is_due = observation.tick % self._ticks_per_report == 0 or world.in_goal
+        counts = self._counts()
+        if is_due or counts != self._reported:  # at each change, so those of a tick are known
+            self._reported = counts
+            self._node.report(world.time_s, counts)
+        if self._transforms is not None:
+            self._transforms.publish(observation.pose, world.odometry_pose, observation.time_s)
+        self._pedestrians.publish(to_people_message(observation.people, observation.time_s))
+        odometry = to_odometry(observation, world.odometry_pose)
+        self._odometry.publish(self._node.frames.prefixed(odometry))
+        # The last one, since it is what people wait for.
+        self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
+
+    def _publish_rarely(self, observation: Observation) -> None:
+        people, time_s = observation.people, observation.time_s
+        if self._scan.get_subscription_count():
+            scan = to_scan(self._world.scan(observation), self._world.scenario.lidar, time_s)
+            self._scan.publish(self._node.frames.prefixed(scan))
+        if self._people.get_subscription_count():
+            self._people.publish(to_people_markers(people, self._person_radius_m, time_s))
+
+    def _counts(self) -> dict[str, float]:
+        """Contacts and distances of the running episode."""
+        contacts = self._world.contacts
+        return {
+            "robot_on_person": contacts.robot_on_person,
+            "person_on_robot": contacts.person_on_robot,
+            "robot_on_wall": contacts.robot_on_wall,
+            "minimum_person_distance_m": self._world.minimum_person_distance_m,
+            "rejected_commands": self._world.n_rejected_commands,
+        }
 
 
 class LockstepLoop:

@@ -1,0 +1,215 @@
+"""The recorder as a process: every message it has received is in the bag, whatever ends it."""
+
+import shlex
+import signal
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from serd_bag.command.rewrite import recover
+from serd_bag.formats.rosbag2.qos import profile_to_offer
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.reader import BagReader
+from serd_cli.processes.node_commands import find_command, node_command
+from serd_ros.convert.diagnostics import ERROR, WARN
+from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.endpoints import qos
+from support.waiting import PATIENCE_S, ProcessorWait
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+IMU = "/base/imu:sensor_msgs/msg/Imu"
+NAME = "/base/name:std_msgs/msg/String"
+
+
+class Recording:
+    """A recorder of some topics, and how it ends."""
+
+    def __init__(self, nodes, probe, environment, folder, topics, largest_file_bytes=0):
+        self.bag, self._probe = folder / "bag", probe
+        given = {"output": str(self.bag), "topics": topics, "minimum_free_mb": 0.0}
+        command = node_command("demo_recorder", given, {}, environment)
+        if largest_file_bytes:
+            limit = f"ulimit -f {largest_file_bytes // 1024}; exec {shlex.join(command)}"
+            command = ["bash", "-c", limit]
+        self.process = nodes.start(command, "demo_recorder")
+        probe.spin_until((self.bag / "bag_0.mcap").exists)
+
+    def publisher(self, kind, topic, profile=qos.STATE):
+        """A publisher to which the recorder subscribes."""
+        made = self._probe.node.create_publisher(kind, topic, profile)
+        self._probe.spin_until(made.get_subscription_count)
+        return made
+
+    def end(self, number=signal.SIGTERM):
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def record(nodes, probe, ros_env, tmp_path):
+    return lambda *topics, **more: Recording(nodes, probe, ros_env, tmp_path, topics, **more)
+
+
+def publish_pose(poses, time_s):
+    message = PoseStamped()
+    message.header.stamp = to_stamp(time_s)
+    poses.publish(message)
+
+
+def test_messages_received_before_a_stop_request_or_a_stop_signal_are_in_the_bag(record, probe):
+    """The process is stopped meanwhile, as on a machine that is too busy to run it."""
+    recording = record("robot_pose", "/clock")
+    poses = recording.publisher(PoseStamped, "robot_pose")
+    stop, start = (
+        probe.node.create_client(Trigger, name) for name in ("stop_recording", "start_recording")
+    )
+    probe.spin_until(lambda: stop.service_is_ready() and start.service_is_ready())
+
+    def call(client):
+        future = client.call_async(Trigger.Request())
+        probe.spin_until(future.done)
+        return future.result()
+
+    assert not call(start).success
+    recording.process.send_signal(signal.SIGSTOP)
+    for number in range(1, 401):
+        publish_pose(poses, 0.1 * number)
+        if number == 200:
+            stopped = stop.call_async(Trigger.Request())
+    recording.process.send_signal(signal.SIGCONT)
+    probe.spin_until(stopped.done)
+    recorded_s = [stamp_s(each) for each in BagReader(recording.bag).messages({"/robot_pose"})]
+    assert len(recorded_s) >= 200
+    assert recorded_s == pytest.approx([0.1 * n for n in range(1, len(recorded_s) + 1)])
+    assert not call(stop).success
+    assert call(start).message.endswith("bag-2")
+    recording.process.send_signal(signal.SIGSTOP)
+    for number in range(1, 101):
+        publish_pose(poses, 100.0 + number)
+    recording.process.send_signal(signal.SIGTERM)
+    recording.process.send_signal(signal.SIGCONT)
+    assert recording.process.wait(PATIENCE_S) == 0
+    second = BagReader(recording.bag.with_name("bag-2")).messages({"/robot_pose"})
+    assert [stamp_s(each) for each in second][-100:] == pytest.approx(
+        [100.0 + number for number in range(1, 101)]
+    )
+
+
+def stamp_s(message):
+    return message_stamp_ns(message.data) * 1e-9
+
+
+def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
+    record, probe, nodes, tmp_path
+):
+    problems = []
+
+    def take(message):
+        problems.extend(each for each in message.status if each.level == ERROR)
+
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    recording = record("robot_pose", largest_file_bytes=40 * 1024)
+    poses, time_s = recording.publisher(PoseStamped, "robot_pose"), 0.0
+
+    def full():
+        nonlocal time_s
+        for _ in range(10):
+            time_s += 0.1
+            publish_pose(poses, time_s)
+        return recording.process.poll() is not None
+
+    probe.spin_until(full)
+    assert recording.process.returncode == 2
+    assert "cannot write" in nodes.log_of("demo_recorder")
+    probe.spin_until(lambda: problems)
+    assert "cannot write" in problems[0].message
+    n_kept = sum(1 for _ in BagReader(recording.bag, tolerant=True).messages({"/robot_pose"}))
+    assert n_kept > 50
+    assert recover(recording.bag, tmp_path / "recovered").counts["/robot_pose"] == n_kept
+
+
+def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
+    record, probe, recorder_report, nodes
+):
+    started_s, warnings = time.time(), []
+
+    def take(message):
+        warnings.extend(each.message for each in message.status if each.level == WARN)
+
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    names = probe.node.create_publisher(String, "/base/name", qos.LATCHED)
+    names.publish(String(data="published before the recorder started"))
+    recording = record(IMU, NAME, "/none:std_msgs/msg/String", "/base/odom:std_msgs/msg/String")
+    imus = recording.publisher(Imu, "/base/imu", qos.SENSOR)  # comes later
+    probe.spin_until(names.get_subscription_count)
+    probe.node.create_publisher(Odometry, "/base/odom", qos.SENSOR)
+    probe.spin_until(lambda: recorder_report.n_messages == 1)
+    for number in range(1, 21):
+        message = Imu()
+        message.header.stamp = to_stamp(0.1 * number)
+        imus.publish(message)
+    probe.spin_until(lambda: recorder_report.n_messages == 21)
+    sentence = "/base/odom is nav_msgs/msg/Odometry, not std_msgs/msg/String"
+    probe.spin_until(lambda: any(sentence in each for each in warnings))
+    assert recording.end() == 0
+    reader = BagReader(recording.bag)
+    found = list(reader.messages())
+    assert [each.topic for each in found] == ["/base/name", *["/base/imu"] * 20]
+    times_s = [each.log_time_ns * 1e-9 for each in found]
+    assert times_s == sorted(times_s)  # those of receipt
+    assert started_s < times_s[0]
+    assert times_s[-1] < time.time()
+    infos = reader.topics
+    assert set(infos) == {"/base/imu", "/base/name"}
+    assert profile_to_offer(infos["/base/imu"].qos).reliability == "best_effort"
+    assert profile_to_offer(infos["/base/name"].qos).durability == "transient_local"
+    log = nodes.log_of("demo_recorder")
+    for words in ("21 messages", "/none has no publisher", sentence):
+        assert words in log
+
+
+TOPICS = [f"/pose_{number}" for number in range(5)]
+PERIOD_S, N_ROUNDS, MOST_LOST_S = 0.04, 40, 0.5
+
+
+def test_a_killed_recorder_has_lost_the_last_half_second_of_a_topic_at_most(record, tmp_path):
+    """On a busy machine messages wait for the recorder; as long as threads waited may be lost."""
+    recording = record(*[f"{topic}:geometry_msgs/msg/PoseStamped" for topic in TOPICS])
+    publishers = {topic: recording.publisher(PoseStamped, topic) for topic in TOPICS}
+    wait, sent = ProcessorWait(), []  # of each round: stamp, time, waits for a processor so far
+    for _ in range(N_ROUNDS):
+        now_ns = time.time_ns()
+        for publisher in publishers.values():
+            publish_pose(publisher, now_ns * 1e-9)
+        sent.append((stamp_ns(to_stamp(now_ns * 1e-9)), time.time_ns(), wait.total_s))
+        time.sleep(PERIOD_S)
+    assert recording.end(signal.SIGKILL) == -signal.SIGKILL
+    killed_ns, waited_s = time.time_ns(), wait.total_s
+    reader = BagReader(recording.bag, tolerant=True)
+    recorded_ns = {topic: [] for topic in TOPICS}
+    for message in reader.messages():
+        recorded_ns[message.topic].append(message_stamp_ns(message.data))
+    assert reader.damage  # the reader does not take the bag for complete
+    for topic, stamps_ns in recorded_ns.items():
+        assert stamps_ns == [stamp for stamp, _, _ in sent[: len(stamps_ns)]], topic
+        if lost := sent[len(stamps_ns) :]:
+            lost_s = (killed_ns - lost[0][1]) * 1e-9 - (waited_s - lost[0][2])
+            assert lost_s <= MOST_LOST_S, topic
+    counts = recover(recording.bag, tmp_path / "recovered").counts
+    assert counts == {topic: len(stamps_ns) for topic, stamps_ns in recorded_ns.items()}
+
+
+def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_env):
+    command = find_command("serd_ros", "demo_recorder", ros_env)
+    process = nodes.start([*command, "--ros-args", "-p", f"topics:=[odom, {IMU}]"], "demo_recorder")
+    assert process.wait(PATIENCE_S) == 2
+    log = nodes.log_of("demo_recorder")
+    assert f"topics:=[odom, {IMU}]" in log
+    assert "put a value that contains : into quotes" in log
+    assert "Traceback" not in log
