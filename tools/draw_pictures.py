@@ -44,7 +44,7 @@ from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action
 from serd_files.episode_table import load_episodes
 from serd_sim.drivers.catalogue import make_driver
-from serd_sim.drivers.strategy import load_strategy, start_distribution
+from serd_sim.drivers.strategy import Strategy, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.grid import grid_of
@@ -95,16 +95,19 @@ def draw_demo_visitation(path: Path, kept: Path) -> None:
     """Where demonstrations took decisions, and their tracks."""
     rows = np.loadtxt(kept / "tracks.csv", delimiter=",")
     tracks_m = [rows[rows[:, 0] == episode, 1:] for episode in np.unique(rows[:, 0])]
-    grid = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal").problem.grid
+    grid = _strategy(kept).problem.grid
     visits = state_counts(load_decisions(kept / "decisions.csv"), grid.n_states)
     path.write_bytes(png_bytes(draw_visitation(HALLWAY, grid, visits, tracks_m)))
 
 
+def _strategy(kept: Path) -> Strategy:
+    return load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+
+
 def draw_demo_policy(path: Path, kept: Path) -> None:
     """The learned policy on the value of each cell."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
-    policy, goals = strategy.policy, strategy.problem.goal_states
-    grid = strategy.problem.grid
+    strategy = _strategy(kept)
+    policy, grid, goals = strategy.policy, strategy.problem.grid, strategy.problem.goal_states
     traps = trap_states(grid.neighbours, policy.greedy, goals)
     figure = draw_policy_map(HALLWAY, grid, policy.value, policy.greedy, goals, traps)
     path.write_bytes(png_bytes(figure))
@@ -112,7 +115,7 @@ def draw_demo_policy(path: Path, kept: Path) -> None:
 
 def draw_demo_arrival(path: Path, kept: Path) -> None:
     """Predicted and measured time of arrival."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+    strategy = _strategy(kept)
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     rows = load_episodes(kept / "episodes.csv")
     times_s = np.array([row.time_of_arrival_s if row.arrived else np.inf for row in rows])
@@ -180,7 +183,7 @@ def draw_teleop_page(path: Path, _kept: Path) -> None:
 
 def draw_watch_page(path: Path, kept: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+    strategy = _strategy(kept)
     scene = watched_scene_of(HALLWAY, grid_of(HALLWAY))
     layers = overlay_message(overlay_of(strategy))
     with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
@@ -244,9 +247,12 @@ def _episode_states() -> list[dict[str, Any]]:
                 "is_stale": False,
                 "choice": action.name.lower(),
                 "waypoint": point(waypoint_of_intent(grid, observation, action)),
-                "episode": _episode_values(passed_s, n_entered),
-                "next_start": None,
-                "mux": None, "guard": None, "recorder": None,
+                "episode": {
+                    "phase": "running", "outcome": "", "other_driver": "",
+                    "duration_s": round(passed_s, 1), "decisions": n_entered,
+                    **dict.fromkeys(("number", "kept", "arrived", "discarded"), 0),
+                },
+                **dict.fromkeys(("next_start", "mux", "guard", "recorder")),
             })  # fmt: skip
         return passed_s < _SHOWN_S
 
@@ -254,20 +260,6 @@ def _episode_states() -> list[dict[str, Any]]:
         driver = make_driver("expert", HALLWAY, 1)
         run_episode(world, make_planner("dwa", HALLWAY), driver, episode=0, observer=see)
     return states
-
-
-def _episode_values(passed_s: float, n_decisions: int) -> dict[str, Any]:
-    return {
-        "phase": "running",
-        "number": 0,
-        "outcome": "",
-        "duration_s": round(passed_s, 1),
-        "decisions": n_decisions,
-        "other_driver": "",
-        "kept": 0,
-        "arrived": 0,
-        "discarded": 0,
-    }
 
 
 @contextmanager
@@ -325,9 +317,8 @@ def keep_few_colours(path: Path) -> None:
     """Write a PNG with 256 colours, which takes a third and stays within what the check allows."""
     if path.suffix == ".png":
         with Image.open(path) as picture:
-            few = picture.convert("RGB").quantize(
-                256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
-            )
+            kind = Image.Quantize.MAXCOVERAGE
+            few = picture.convert("RGB").quantize(256, kind, dither=Image.Dither.NONE)
         few.save(path, optimize=True)
 
 
@@ -339,9 +330,8 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="draw nothing, fail where one drifted")
     given = parser.parse_args()
     if given.demo and not DemoFolder(given.demo).model.exists():
-        parser.error(
-            f"--demo must be the folder of a finished demo, got {given.demo}; run serd demo"
-        )
+        got = f"got {given.demo}; run serd demo"
+        parser.error(f"--demo must be the folder of a finished demo, {got}")
     names = given.names or [*(OF_DEMO if given.demo else DRAWN)]
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(folder) if given.demo and given.check else KEPT
@@ -350,9 +340,8 @@ def main() -> int:
         if given.check:
             found = drifted(names, kept)
             for name in found:
-                print(
-                    f"docs/pictures/{name} is not what is drawn now: make pictures", file=sys.stderr
-                )
+                sentence = "is not what is drawn now: make pictures"
+                print(f"docs/pictures/{name} {sentence}", file=sys.stderr)
             return int(bool(found))
     for name in names:
         DRAWN[name](PICTURES / name, KEPT)
