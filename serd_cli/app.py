@@ -14,7 +14,7 @@ from typer.main import get_command as click_command
 
 from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError, UsageError
-from serd_cli.options import add_command
+from serd_cli.options import add_command, opt
 from serd_cli.output.terminal import progress_console
 from serd_core import __version__
 from serd_files.errors import USER_ERRORS, missing_extra
@@ -98,9 +98,7 @@ def _print_version(wanted: bool) -> None:
 def _options(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
-        ),
+        opt("Print the version and exit.", "--version", callback=_print_version, is_eager=True),
     ] = False,
 ) -> None:
     """Nothing is done without a subcommand."""

@@ -6,35 +6,21 @@ from typing import Annotated
 import typer
 
 from serd_bag.formats.mcap.writer import Compression
-from serd_cli.options import AsJson, add_command, option, require_suffix, validated
+from serd_cli.options import AsJson, add_command, arg, opt, option, require_suffix, validated
 from serd_ros.settings import BagReplayConfig
 
-Bags = Annotated[
-    list[Path],
-    typer.Argument(metavar="BAG", help="bag folders, or .mcap, .db3 or .bag files"),
-]
-Bag = Annotated[
-    Path,
-    typer.Argument(metavar="BAG", help="bag folder, or .mcap, .db3 or .bag file"),
-]
-Output = Annotated[
-    Path | None, typer.Option(help="folder of the new bag, which must be empty or not exist")
-]
+Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
+Bag = Annotated[Path, arg("bag folder, or .mcap, .db3 or .bag file", "BAG")]
+Output = Annotated[Path | None, opt("folder of the new bag, which must be empty or not exist")]
+Texts = list[str] | None
 Required = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="topic that must have messages: /whole/name, or name in any namespace; repeat"
-    ),
+    Texts, opt("topic that must have messages: /whole/name, or name in any namespace; repeat")
 ]
-Mapping = Annotated[Path, typer.Option(help="mapping file to write, ending in .yaml")]
-Topics = Annotated[list[str] | None, typer.Option(help="play this one; repeat for more")]
-Remap = Annotated[
-    list[str] | None, typer.Option(metavar="FROM:=TO", help="play into another topic")
-]
-WaitFor = Annotated[
-    list[str] | None, typer.Option(metavar="NODE", help="start when this node subscribes")
-]
-Clock = Annotated[bool, typer.Option(help="publish bag time on /clock")]
+Mapping = Annotated[Path, opt("mapping file to write, ending in .yaml")]
+Topics = Annotated[Texts, opt("play this one; repeat for more")]
+Remap = Annotated[Texts, opt("play into another topic", metavar="FROM:=TO")]
+WaitFor = Annotated[Texts, opt("start when this node subscribes", metavar="NODE")]
+Clock = Annotated[bool, opt("publish bag time on /clock")]
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
@@ -84,7 +70,7 @@ def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
 def convert(
     bags: Bags,
     output: Output = None,
-    compression: Annotated[Compression, typer.Option(help="compression of the new bag")] = "none",
+    compression: Annotated[Compression, opt("compression of the new bag")] = "none",
     as_json: AsJson = False,
 ) -> None:
     """Write any sound rosbag2 as MCAP.
@@ -144,7 +130,7 @@ def play(
 
     Ctrl-C ends. Services pause and step, and parameter rate, of the node bag_replay steer it.
     """
-    from serd_cli.processes.stack_run import become_replay, parse_remappings, print_replayed
+    from serd_cli.processes.stack_run import parse_remappings, replay
 
     settings = validated(
         BagReplayConfig,
@@ -159,19 +145,8 @@ def play(
         wait_s=wait,
         **({} if clock else {"clock_hz": 0.0}),
     )
-    remappings = parse_remappings(remap or ())
-    if as_json:
-        print_replayed(settings, remappings)
-    else:
-        become_replay(settings, remappings)
+    replay(settings, parse_remappings(remap or ()), as_json=as_json)
 
 
-for name, function in (
-    ("info", info),
-    ("check", check),
-    ("suggest", suggest),
-    ("recover", recover),
-    ("convert", convert),
-    ("play", play),
-):
-    add_command(group, name, function)
+for function in (info, check, suggest, recover, convert, play):
+    add_command(group, function.__name__, function)

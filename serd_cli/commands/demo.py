@@ -3,13 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from serd_bag.quantities import counted
 from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
 from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
-from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import stack_environment
 from serd_sim.scenario.scenario import load_scenario
@@ -17,12 +15,8 @@ from serd_sim.scenario.scenario import load_scenario
 
 @with_settings(DemoSettings)
 def demo(
-    output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
-        "demo_output"
-    ),
-    resume: Annotated[
-        Path | None, typer.Option(help="continue this run-N folder; its settings count")
-    ] = None,
+    output: Annotated[Path, opt("folder that gets a run-N folder")] = Path("demo_output"),
+    resume: Annotated[Path | None, opt("continue this run-N folder; its settings count")] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:

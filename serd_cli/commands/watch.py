@@ -21,7 +21,7 @@ from rich.text import Text
 
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import run_alone
@@ -39,7 +39,7 @@ _NODE = "watch_page"
 def watch(
     bag: Annotated[Path | None, typer.Argument(hidden=True)] = None,
     namespace: Annotated[
-        str, typer.Option(help="of the robot that is shown, as robot1; / for topics without one")
+        str, opt("of the robot that is shown, as robot1; / for topics without one")
     ] = "",
     as_json: AsJson = False,
     **options: Any,

@@ -11,7 +11,6 @@ from PIL import Image
 
 from lab.__main__ import main
 from lab.experiments.running.provenance import recorded
-from lab.kept import KEPT
 
 
 @pytest.fixture
@@ -62,16 +61,3 @@ def test_an_archive_has_all_results_and_how_it_was_made(results, tmp_path, capsy
     assert provenance["files"] == len(content) == 4
     for name, packed in content.items():
         assert packed == (results.parent / name).read_bytes()
-
-
-def test_the_documents_keep_a_table_and_a_figure_of_each_study(root):
-    named = {
-        f"{kept.name}{suffix}"
-        for kept in KEPT
-        for suffix, file in ((".csv", kept.table), (".png", kept.figure))
-        if file
-    }
-    files = {path.name for path in (root / "docs" / "results").iterdir()}
-    assert files == named | {"provenance.yaml"}
-    noted = yaml.safe_load((root / "docs" / "results" / "provenance.yaml").read_text())
-    assert set(noted) == {kept.name for kept in KEPT if kept.table}

@@ -1,6 +1,5 @@
 """The crowd against measured ones: Weidmann, RiMEA, lanes, and a real corridor."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,18 +7,13 @@ import pytest
 from lab.crowd.corridor_measures import (
     Corridor,
     measure_recording,
-    measure_simulation,
 )
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
-from serd_files.trajectories.read import Track, read_trajectories
+from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.routes import Routes
 from serd_sim.crowd.social_force import model_named, model_names
 from serd_sim.scenario.polygon import contains, edges_of
-
-REAL_CORRIDOR = (
-    Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"
-)
 
 
 def mean_speed_mps(crowd, settle_steps=400, steps=600):
@@ -119,31 +113,6 @@ def test_nobody_passes_a_wall_in_three_thousand_steps_at_3_people_per_square_met
         crowd.step(0.05)
         if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
             pytest.fail(f"a person is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    if not REAL_CORRIDOR.exists():
-        pytest.skip(f"no recording of a real corridor at {REAL_CORRIDOR}")
-    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
-    corridor = Corridor(axis=0, middle_m=(0.0, 2.0), width_m=4.0)
-    return measure_recording(read_trajectories(REAL_CORRIDOR).tracks, corridor)
-
-
-def test_people_who_predict_collisions_walk_as_fast_as_recorded_ones(recorded):
-    """Within one standard deviation of the recorded speeds, also where the other models jam."""
-    real = recorded.near_density(1.25)
-    simulated = measure_simulation(1.25, model_name="collision_prediction")
-    assert len(real.person_speed_mps) > 100
-    assert abs(simulated.speed_mps.mean() - real.speed_mps.mean()) < real.person_speed_mps.std()
-
-
-def test_two_way_traffic_is_as_fast_and_passes_as_close_as_in_a_real_corridor(recorded):
-    """BaSiGo corridor of 4 m: speed within 0.15 m/s, median passing distance within 0.25 m."""
-    real, simulated = recorded.near_density(0.75), measure_simulation(0.75)
-    assert simulated.speed_mps.mean() == pytest.approx(real.speed_mps.mean(), abs=0.15)
-    passing = np.nanmedian(simulated.passing_distance_m)
-    assert passing == pytest.approx(np.nanmedian(real.passing_distance_m), abs=0.25)
 
 
 def measured(frame):

@@ -45,54 +45,32 @@ def test_a_sound_bag_passes_the_check_and_a_missing_topic_fails_it(serd, drive_b
     assert f"not sound: {bag} (1 fault)" in ended.out
 
 
-def test_a_broken_bag_is_recovered_beside_it_and_left_as_it_is(serd, drive_bag):
-    bag = drive_bag()
-    before, file = contents(bag), next(bag.glob("*.mcap"))
-    (bag / "metadata.yaml").unlink()
-    broken = file.read_bytes()[: file.stat().st_size // 2]
-    file.write_bytes(broken)
-    ended = serd("bag", "recover", bag)
-    assert ended.code == 0
-    assert "damage: " in ended.out
-    after = contents(bag.with_name("drive_recovered"))
-    assert after == before[: len(after)]
-    assert len(after) > 20
-    assert file.read_bytes() == broken
-
-
-def test_convert_keeps_every_message_and_counts_what_cannot_be_copied(
+def test_bags_are_recovered_and_converted_with_what_is_lost_or_left_out(
     serd, drive_bag, tmp_path, monkeypatch
 ):
     bag, target = drive_bag(), tmp_path / "new"
+    before = contents(bag)
     words = ("bag", "convert", bag, "--output", target, "--compression", "zstd", "--json")
     (values,) = serd(*words).values
     assert (values["n_messages"], values["n_left_out"], values["n_lost"]) == (108, 0, 0)
     assert values["target"] == str(target)
-    assert contents(target) == contents(bag)
-    add_topic = McapWriter.add_topic
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            McapWriter,
-            "add_topic",
-            lambda self, each: add_topic(self, replace(each, encoding="json")),
-        )
-        other = drive_bag("other")
-    ended = serd("bag", "convert", other)
-    assert ended.code == 1
-    assert "0 messages, 108 left out" in ended.out
-    assert "0 of 101" in ended.out
-
-
-def test_losses_that_are_known_only_in_part_are_called_so(serd, tmp_path, drive_bag):
-    bag = drive_bag()
+    assert contents(target) == before
     file = next(bag.glob("*.mcap"))
     content = bytearray(file.read_bytes())
     content[len(content) // 3] ^= 1
     file.write_bytes(content)
     assert "messages lost: 1" in serd("bag", "recover", bag).out
-    (bag / "metadata.yaml").unlink()
-    printed = serd("bag", "recover", bag, "--output", tmp_path / "b").out
-    assert "messages lost: at least 1" in printed
+    assert set(contents(bag.with_name("drive_recovered"))) < set(before)
+    assert file.read_bytes() == content
+    add_topic = McapWriter.add_topic
+    monkeypatch.setattr(
+        McapWriter, "add_topic", lambda self, each: add_topic(self, replace(each, encoding="json"))
+    )
+    other = drive_bag("other")
+    monkeypatch.undo()
+    ended = serd("bag", "convert", other)
+    assert ended.code == 1
+    assert "0 messages, 108 left out" in ended.out
 
 
 def test_rates_are_those_on_the_whole_and_usual_ones_or_a_dash(serd, tmp_path):

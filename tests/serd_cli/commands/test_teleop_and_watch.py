@@ -8,6 +8,7 @@ import pytest
 from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
 from serd_cli.commands import watch as watch_module
+from serd_cli.commands.teleop import TeleopSettings
 from serd_cli.errors import UsageError
 from serd_cli.options import free_folder
 from serd_cli.processes.node_commands import stack_processes
@@ -17,7 +18,6 @@ from serd_cli.processes.teleop_session import (
     require_page,
     summarise_session,
 )
-from serd_cli.processes.teleop_settings import TeleopSettings
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, Progress, report_address
 

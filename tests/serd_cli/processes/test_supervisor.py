@@ -53,28 +53,6 @@ def test_a_failing_process_is_named_with_its_last_output(end, sentence, passed_o
     assert "serd-progress" not in str(found.value)
 
 
-def test_a_stopped_process_is_named_until_it_is_continued():
-    lines = []
-
-    def on_line(_, line):
-        lines.append(line)
-        pid = int(lines[0])
-        if line == lines[0]:
-            os.kill(pid, signal.SIGSTOP)
-        elif line.endswith(f"was stopped by a signal; continue it with: kill -CONT {pid}"):
-            os.kill(pid, signal.SIGCONT)
-        elif line == "sleeper was continued":
-            os.kill(pid, signal.SIGTERM)
-
-    code = "import os, time; print(os.getpid(), flush=True); time.sleep(3600)"
-    with pytest.raises(RunError, match="sleeper was killed by signal 15"):
-        run_together([python("sleeper", code)], os.environ, on_line)
-    assert [line.split(";")[0] for line in lines[1:]] == [
-        "sleeper was stopped by a signal",
-        "sleeper was continued",
-    ]
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_an_interrupt_and_a_closed_window_end_all_and_give_the_handler_back(number):
     before = signal.getsignal(number)
@@ -96,8 +74,7 @@ def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
         start(manager)
 
     monkeypatch.setattr(supervisor.Manager, "_start", start_late)
-    codes: list[dict[str, int]] = []
-    loop = supervisor.Manager.loop
+    codes, loop = [], supervisor.Manager.loop
 
     def loop_and_report(manager):
         loop(manager)

@@ -1,10 +1,9 @@
 """The people study in miniature, on generated corridors, and its parts."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from lab.experiments.study.people.fold import in_band, log_likelihood, scored, task_of
+from lab.experiments.study.people.fold import in_band, log_likelihood, task_of
 from lab.experiments.study.people.folds import folds_of
 from lab.experiments.study.people.learners import (
     COUNT,
@@ -16,10 +15,10 @@ from lab.experiments.study.people.learners import (
     SERD,
     nobody,
 )
-from lab.experiments.study.people.people import Asked, People
+from lab.experiments.study.people.people import People
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
-from lab.experiments.study.people.tables import headline, summary_of
+from lab.experiments.study.people.tables import headline
 from lab.experiments.study.people.walkers import CONSTANT_VELOCITY, scaled_law
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.scores import crps_s
@@ -129,16 +128,3 @@ def test_bands_of_a_scaled_law_hold_their_share_of_times_that_follow_it():
         held = np.mean([in_band(law, share, time_s) for time_s in drawn])
         assert held == pytest.approx(share, abs=0.03)
     assert crps_s(scaled_law(10.0, np.ones(1), times_s), [12.0]) == pytest.approx(2.0, abs=0.05)
-
-
-def test_forecasts_without_a_median_are_counted():
-    late = ArrivalLaw(np.array([1.0, 2.0]), np.array([0.1, 0.4]), 1.0)
-    asked = [Asked(number, 0, 0.0, 2.0) for number in range(2)]
-    point = ArrivalLaw(np.array([0.0, 2.5]), np.array([0.0, 1.0]), 1.0)
-    arrivals = pd.DataFrame(scored(SERD, asked, [late, point]))
-    moves = pd.DataFrame([{"method": SERD, "log_likelihood": -1.0, "n_moves": 3}])
-    found = summary_of(moves, arrivals).iloc[0]
-    assert found["without_median"] == 1
-    assert found["people"] == 2
-    assert found["median_error_s"] == 0.5
-    assert found["coverage_90"] == 0.5
