@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from serd_bag.quantities import counted
-from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
+from serd_cli.demo.folder import DemoSettings, new_folder, open_folder
 from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
@@ -20,7 +20,7 @@ def demo(
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Parse the options, run the phases and print the report's summary."""
+    """Run the phases and print the report's summary; the message at an error names how to go on."""
     if resume is not None:
         folder, settings = open_folder(resume)
     else:
@@ -28,11 +28,6 @@ def demo(
         absolute = {"scenario": resolved_scenario(options["scenario"])}
         settings = validated(DemoSettings, **(options | absolute))
         folder = new_folder(output, settings)
-    _run(folder, settings, as_json=as_json)
-
-
-def _run(folder: DemoFolder, settings: DemoSettings, *, as_json: bool) -> None:
-    """Run the phases; finished phases stay, and the message at an error names how to continue."""
     progress_console.print(
         f"{counted(settings.demonstrations, 'demonstration')} and"
         f" {counted(settings.episodes, 'episode')} through ROS 2; results go to {folder.root}",

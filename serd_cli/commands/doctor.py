@@ -8,10 +8,9 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, metadata, requires, version
+from importlib.metadata import PackageNotFoundError, distributions, metadata, requires, version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import typer
 from packaging.requirements import Requirement
@@ -29,8 +28,7 @@ _LEAST_FREE_BYTES = 1_000_000_000
 _COLOURS = {"works": "green", "optional": "yellow", "fails": "red"}
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One finding; fix: the command that mends it, empty where nothing is to be mended."""
 
     subject: str
@@ -67,7 +65,7 @@ def packages() -> Iterator[Check]:
             each.name
             for each in found
             if (each.marker is None or each.marker.evaluate({"extra": extra}))
-            and not _installed(each.name)
+            and not any(distributions(name=each.name))
         )
         for extra in ("", *(metadata("serd").get_all("Provides-Extra") or ()))
     }
@@ -79,14 +77,6 @@ def packages() -> Iterator[Check]:
         yield Check(
             "extras", "optional", f"not complete: {partly}", f"pip install 'serd[{partly}]'"
         )
-
-
-def _installed(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:
-        return False
-    return True
 
 
 def ros_client(environment: Mapping[str, str]) -> Check:
@@ -129,7 +119,7 @@ def doctor(as_json: AsJson = False) -> None:
     """Make all checks and print them."""
     found = list(all_checks(os.environ, Path.cwd()))
     if as_json:
-        print_json([asdict(each) for each in found])
+        print_json([each._asdict() for each in found])
     else:
         table = Table(show_header=False)
         table.add_column(no_wrap=True)

@@ -32,8 +32,6 @@ from serd_ros.process.progress import Progress
 from serd_ros.settings import WatchPageConfig
 from serd_sim.scenario.scenario import load_scenario
 
-_NODE = "watch_page"
-
 
 @with_settings(WatchPageConfig)
 def watch(
@@ -53,23 +51,17 @@ def watch(
     settings = validated(WatchPageConfig, **options)
     PageAccess(settings.address, read_token(settings.token_file))
     load_scenario(settings.scenario)
-    _serve(settings, namespace, as_json=as_json)
-
-
-def _serve(settings: WatchPageConfig, namespace: str, *, as_json: bool) -> None:
     environment = ros_environment(os.environ)
     remappings = {"__ns": full} if (full := full_namespace(namespace)) else {}
-    command = node_command(_NODE, settings.model_dump(), remappings, environment)
+    command = node_command("watch_page", settings.model_dump(), remappings, environment)
 
     def take(progress: Progress) -> None:
-        if not progress.address:
-            return
-        if as_json:
+        if progress.address and as_json:
             print_json({"url": progress.address})
             sys.stdout.flush()
-        else:
+        elif progress.address:
             address = progress.address, "bold"
             progress_console.print(Text.assemble("watch at ", address, "   (Ctrl-C ends)"))
 
     with suppress(KeyboardInterrupt):  # the usual end
-        run_alone(_NODE, command, environment, take)
+        run_alone("watch_page", command, environment, take)

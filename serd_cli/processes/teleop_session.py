@@ -93,27 +93,23 @@ def driver_lines(log: Path) -> Iterator[Line]:
 
 
 def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:
-    summary = summarise_session(bag, settings.scenario)
-    command = _decisions_command(settings, folder, bag) if summary and summary.n_kept else None
+    """What was recorded, and the command that makes decisions of it."""
+    summary, command = summarise_session(bag, settings.scenario), None
+    if summary and summary.n_kept:
+        words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
+        if settings.velocity:
+            mapping = folder / "mapping.yaml"
+            atomic_write_text(mapping, model_yaml(_VELOCITIES))
+            words += ["--mapping", str(mapping)]
+        command = shlex.join([*words, "--output", str(folder / "decisions.csv")])
     if as_json:
         recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else asdict(summary)
         print_json({"bag": None if summary is None else bag, **recorded, "decisions": command})
-    elif summary is None:
-        progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)
-    else:
-        progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
-        if command:
-            progress_console.print(f"decisions: {command}", soft_wrap=True)
-
-
-def _decisions_command(settings: TeleopSettings, folder: Path, bag: Path) -> str:
-    """The command that makes decisions of the bag; writes the mapping that it needs."""
-    words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
-    if settings.velocity:
-        mapping = folder / "mapping.yaml"
-        atomic_write_text(mapping, model_yaml(_VELOCITIES))
-        words += ["--mapping", str(mapping)]
-    return shlex.join([*words, "--output", str(folder / "decisions.csv")])
+        return
+    text = f"nothing was recorded in {folder}" if summary is None else f"\n{summary}\nbag: {bag}"
+    progress_console.print(text, soft_wrap=True)
+    if command:
+        progress_console.print(f"decisions: {command}", soft_wrap=True)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(corridor, tmp_path):
 
 @pytest.mark.parametrize("n_files", [1, 2])
 def test_no_person_is_on_both_sides_of_a_fold(corridor, tmp_path, n_files):
-    files = [corridor(f"run{i}", seed=i, n_people=40) for i in range(n_files)]
+    files = [corridor(f"run{i}", seed=i, n_people=60) for i in range(n_files)]
     settings = settings_of(files, tmp_path, "folds: {number: 3, gap_s: 1.5}\n")
     people = People.read(settings)
     folds = folds_of(people.runs, settings.folds)
