@@ -41,13 +41,13 @@ int16 number_of_recoveries
 float32 distance_remaining
 """
 _GOAL = "{}\nstring behavior_tree\n"
+_TO_POSE = _GOAL.format("geometry_msgs/PoseStamped pose") + _RESULT_AND_FEEDBACK
+_THROUGH_POSES = _GOAL.format("geometry_msgs/PoseStamped[] poses") + _RESULT_AND_FEEDBACK
+_THROUGH_POSES += "int16 number_of_poses_remaining\n"
 INTERFACES = {
     "nav2_msgs": {
-        "action/NavigateToPose.action": _GOAL.format("geometry_msgs/PoseStamped pose")
-        + _RESULT_AND_FEEDBACK,
-        "action/NavigateThroughPoses.action": _GOAL.format("geometry_msgs/PoseStamped[] poses")
-        + _RESULT_AND_FEEDBACK
-        + "int16 number_of_poses_remaining\n",
+        "action/NavigateToPose.action": _TO_POSE,
+        "action/NavigateThroughPoses.action": _THROUGH_POSES,
     }
 }
 _SUPPORT = "rosidl_typesupport_fastrtps_c"
@@ -133,8 +133,7 @@ def _generate(package: str, idl_files: list[str], folder: Path) -> None:
             "target_dependencies": [],
             **more,
         }
-        written = folder / f"{generator}.json"
-        written.write_text(json.dumps(values))
+        (written := folder / f"{generator}.json").write_text(json.dumps(values))
         return str(written)
 
     known = [f"{each}:{PREFIX / 'share' / each}" for each in _DEPENDENCIES]

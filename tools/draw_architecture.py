@@ -54,9 +54,7 @@ _LOOK = """
 _NODE_LOOK = 'shape=box, style="filled,bold", fillcolor="#c9deef", margin="0.12,0.09"'
 _TOPIC_LOOK = 'shape=box, style="rounded,filled", fillcolor="#ffffff", margin="0.06,0.04", height=0'
 _OTHER_LOOK = 'shape=box, style="filled,bold,dashed", fillcolor="#f3e3c8", margin="0.12,0.09"'
-_SERVICE_LOOK = (
-    'shape=box, style="rounded,filled,dashed", fillcolor="#ffffff", margin="0.06,0.04", height=0'
-)
+_SERVICE_LOOK = _TOPIC_LOOK.replace("filled", "filled,dashed")
 _PACKAGE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10"'
 _NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1"'
 
@@ -111,20 +109,14 @@ def packages_picture() -> Picture:
 
 def journey_picture() -> Picture:
     """The modules of JOURNEY from top to bottom; each arrow has what is passed on."""
-    names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
-    modules = {
-        name: f"{_PACKAGE_LOOK}, label=<{_label(name, file_of(name).with_suffix('.py'))}>"
-        for name, _ in JOURNEY
-    }
+    modules = [module for module, _ in JOURNEY]
+    names = [JOURNEY_START, *modules, JOURNEY[-1][1]]
+    labels = {name: _label(name, file_of(name).with_suffix(".py")) for name in modules}
+    nodes = dict.fromkeys(names, _TOPIC_LOOK)
+    nodes |= {name: f"{_PACKAGE_LOOK}, label=<{label}>" for name, label in labels.items()}
     edges = tuple(pairwise(names))
-    passed_on = ["", *(data for _, data in JOURNEY[:-1])]
-    *_, (last, result) = JOURNEY
-    return Picture(
-        "TB",
-        {JOURNEY_START: _TOPIC_LOOK, **modules, result: _TOPIC_LOOK},
-        (*edges, (last, result)),
-        labels=dict(zip(edges, passed_on, strict=True)),
-    )
+    passed_on = dict(zip(edges[1:], (data for _, data in JOURNEY[:-1]), strict=False))
+    return Picture("TB", nodes, edges, labels=passed_on)
 
 
 def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -148,10 +148,9 @@ def draw_report_page(path: Path, _kept: Path) -> None:
         folder = Path(name)
         mapping, decisions = folder / "mapping.yaml", folder / "decisions.csv"
         _serd("bag", "suggest", BAG, "--output", mapping)
-        cells = ("--cell-size-m", "1")
-        _serd("demos", BAG, "--mapping", mapping, *cells, "--output", decisions)
-        model = ("--output", folder / "model.yaml", "--report", folder / "report")
-        _serd("learn", decisions, *model)
+        _serd("demos", BAG, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
+        model = folder / "model.yaml"
+        _serd("learn", decisions, "--output", model, "--report", folder / "report")
         view(browser, width=900, height=1140, scheme="light")
         browser.get((folder / "report" / "report.html").as_uri())
         # The time of day is another in each run.
@@ -232,13 +231,12 @@ def _shown_page(
 def _episode_states() -> list[dict[str, Any]]:
     """What a page is sent of an episode that the expert drives in process."""
     states: list[dict[str, Any]] = []
-    grid, began_s, cells = grid_of(HALLWAY), [], CellTracker(grid_of(HALLWAY))
-    n_entered = 0
+    grid, began_s, entered = grid_of(HALLWAY), [], []
+    cells = CellTracker(grid)
 
     def see(observation: Observation, _: Command, action: Action) -> bool:
-        nonlocal n_entered
         began_s.append(observation.time_s)
-        n_entered += len(cells.see(observation.time_s, observation.x_m, observation.y_m))
+        entered.extend(cells.see(observation.time_s, observation.x_m, observation.y_m))
         passed_s = observation.time_s - began_s[0]
         if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
             states.append({
@@ -249,7 +247,7 @@ def _episode_states() -> list[dict[str, Any]]:
                 "waypoint": point(waypoint_of_intent(grid, observation, action)),
                 "episode": {
                     "phase": "running", "outcome": "", "other_driver": "",
-                    "duration_s": round(passed_s, 1), "decisions": n_entered,
+                    "duration_s": round(passed_s, 1), "decisions": len(entered),
                     **dict.fromkeys(("number", "kept", "arrived", "discarded"), 0),
                 },
                 **dict.fromkeys(("next_start", "mux", "guard", "recorder")),
@@ -264,12 +262,10 @@ def _episode_states() -> list[dict[str, Any]]:
 
 @contextmanager
 def _browser() -> Iterator[Chrome]:
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, ExitStack() as ends:
         browser = start_chromium(Path(name))
-        try:
-            yield browser
-        finally:
-            browser.quit()
+        ends.callback(browser.quit)
+        yield browser
 
 
 def _screenshot(browser: Chrome) -> Image.Image:
@@ -304,8 +300,8 @@ DRAWN: dict[str, Draw] = {
 
 def drifted(names: Sequence[str], kept: Path = KEPT) -> list[str]:
     """The pictures that are not what is drawn now."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        found = []
         for name in names:
             DRAWN[name](Path(folder) / name, kept)
             if share_of_other_pixels(Path(folder) / name, PICTURES / name) > MOST_OTHER:
