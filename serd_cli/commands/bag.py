@@ -5,8 +5,12 @@ from typing import Annotated
 
 import typer
 
+from serd_bag.command.commands import convert_bags, recover_bags, show_checks, show_contents
+from serd_bag.files import atomic_write_text
 from serd_bag.formats.mcap.writer import Compression
 from serd_cli.options import AsJson, add_command, arg, opt, option, require_suffix, validated
+from serd_cli.output.bag_pages import RichScreen, print_suggestion, suggestion_values
+from serd_cli.output.terminal import print_json
 from serd_ros.settings import BagReplayConfig
 
 Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
@@ -34,9 +38,6 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     and their faults are listed. Exit code 1 where messages of a bag are known to be lost, or where
     none of a damaged one can be read.
     """
-    from serd_bag.command.commands import show_contents
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json)))
 
 
@@ -47,9 +48,6 @@ def check(bags: Bags, require: Required = None, as_json: AsJson = False) -> None
 
     Exit code 1 where a bag is damaged or lacks a required topic.
     """
-    from serd_bag.command.commands import show_checks
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(show_checks(bags, require or (), RichScreen(as_json=as_json)))
 
 
@@ -61,9 +59,6 @@ def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
     new bag, 1 where messages are known to be lost or had to be left out, 3 where none of a damaged
     bag could be read.
     """
-    from serd_bag.command.commands import recover_bags
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(recover_bags(bags, output, RichScreen(as_json=as_json)))
 
 
@@ -79,9 +74,6 @@ def convert(
     are copied too. Exit code 1 where messages had to be left out, as those that are not CDR, 2
     where the bag is damaged.
     """
-    from serd_bag.command.commands import convert_bags
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
 
 
@@ -97,9 +89,6 @@ def suggest(bag: Bag, output: Mapping = Path("mapping.yaml"), as_json: AsJson = 
     """
     require_suffix(output, ".yaml")
     from serd_app.demonstrations.suggestion.suggest import suggest_mapping
-    from serd_bag.files import atomic_write_text
-    from serd_cli.output.bag_pages import print_suggestion, suggestion_values
-    from serd_cli.output.terminal import print_json
 
     found = suggest_mapping(bag)
     text = found.yaml(output)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from serd_app.places.settings import PlaceSettings
+from serd_bag.files import atomic_write_text
 from serd_cli.errors import UsageError
 from serd_cli.options import (
     AsJson,
@@ -20,10 +21,21 @@ from serd_cli.options import (
     validated,
     with_settings,
 )
+from serd_cli.output.scenarios import (
+    mapped_values,
+    print_list,
+    print_mapped,
+    print_scenario,
+    scenario_values,
+)
+from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.scenario.goal import point_of
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
@@ -46,10 +58,6 @@ At = Annotated[float | None, opt("time of a .png (s), the end when not given", "
 
 def list_scenarios(as_json: AsJson = False) -> None:
     """List the built-in scenarios."""
-    from serd_cli.output.scenarios import print_list, scenario_values
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.names import builtin_scenarios
-    from serd_sim.scenario.scenario import load_scenario
 
     scenarios = {name: load_scenario(name) for name in builtin_scenarios()}
     if as_json:
@@ -70,9 +78,6 @@ def show(
     In metres: walls, cells, start areas, the goal, and the loops that people walk.
     """
     from serd_app.report.pictures import save_plan
-    from serd_cli.output.scenarios import print_scenario, scenario_values
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     picture = output or Path(f"{Path(scenario).stem}.png")
@@ -116,7 +121,6 @@ def film(
     """
     from serd_app.journeys.film import SUFFIXES
     from serd_app.journeys.film import film as drive_and_draw
-    from serd_cli.output.terminal import console, print_json
     from serd_sim.episodes.batch import EpisodeTask
 
     require_suffix(output, *SUFFIXES)
@@ -134,8 +138,6 @@ def film(
 
 
 def _with_bar(ticks: Sequence[int]) -> Iterator[int]:
-    from serd_cli.output.terminal import counting_bar
-
     with counting_bar("frames") as bar:
         yield from bar.track(ticks)
 
@@ -153,9 +155,6 @@ def schema(
     With the YAML extension of VS Code, begin your file with
     # yaml-language-server: $schema=scenario.schema.json
     """
-    from serd_bag.files import atomic_write_text
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.scenario import Scenario
 
     text = json.dumps(Scenario.model_json_schema(), indent=2, ensure_ascii=False) + "\n"
     if output is None:
@@ -181,9 +180,6 @@ def from_map(
 ) -> None:
     """Parse the options, write the scenario and print what was found in the map."""
     from serd_app.journeys.from_map import scenario_from_map
-    from serd_cli.output.scenarios import mapped_values, print_mapped
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.goal import point_of
 
     path = output or Path(f"{ros_map.stem}-scenario.yaml")
     require_suffix(path, ".yaml", ".yml")

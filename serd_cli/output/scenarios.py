@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from serd_app.journeys.from_map import MappedScenario
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from serd_app.journeys.from_map import MappedScenario
 
 
 def print_list(scenarios: Mapping[str, Scenario]) -> None:
@@ -41,7 +43,7 @@ def print_scenario(values: Mapping[str, Any], remark: str) -> None:
     print(f"picture: {values['picture']}")  # in one piece, however long
 
 
-def print_mapped(made: MappedScenario) -> None:
+def print_mapped(made: "MappedScenario") -> None:
     """What is free in the map, and the files."""
     values, map_of = mapped_values(made), ""
     if made.raster is not None:
@@ -60,7 +62,7 @@ def print_mapped(made: MappedScenario) -> None:
         console.print(f"{name}: {values[name]}", soft_wrap=True)
 
 
-def mapped_values(made: MappedScenario) -> dict[str, Any]:
+def mapped_values(made: "MappedScenario") -> dict[str, Any]:
     """The scenario and what was found in its map, as plain values."""
     scenario, raster = made.scenario, made.raster
     reached_m2 = float(scenario.cells.walkable.sum()) * scenario.cell_size_m**2
