@@ -144,8 +144,8 @@ def option(model: "type[BaseModel]", name: str, *flags: str, **changes: Any) -> 
     default = changes.get("default", found.default)
     if default is False and not flags:
         flags = (f"--{name.replace('_', '-')}",)  # no --no-...
-    limited = {"min": limits.get("minimum"), "max": limits.get("maximum")}
-    return typer.Option(default, *flags, help=text, **limited)
+    least, most = limits.get("minimum"), limits.get("maximum")
+    return typer.Option(default, *flags, help=text, min=least, max=most)
 
 
 def with_settings(model: "type[BaseModel]", **flags: str) -> Callable[[Command], Command]:

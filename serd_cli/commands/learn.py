@@ -74,7 +74,7 @@ def learn(
     from serd_cli.output.terminal import print_json
     from serd_sim.scenario.goal import point_of
 
-    read = (*files_beside(table).values(), scenario)
+    read: list[str | Path] = [*files_beside(table).values(), scenario]
     require_apart(output, outcome_files(output).values(), read)
     with fit_progress() as show:
         learned = learn_from_table(

@@ -1,6 +1,5 @@
 """The crowd against measured ones: Weidmann, RiMEA, lanes, and a real corridor."""
 
-
 import numpy as np
 import pytest
 

@@ -115,10 +115,10 @@ def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(b
 
 
 def test_states_alone_are_learned_from_where_no_method_counts_actions(serd, demonstrations):
-    table = demonstrations(n_episodes=40)
+    table = demonstrations(n_episodes=60)
     save_decisions(table, load_decisions(table).with_hidden_actions())
     words = ("learn", table, "--method")
-    values = serd(*words, "mdce_serd_free", "--prior-weight", "1", "--json").values
+    values = serd(*words, "mdce_serd_evidence", "--json").values
     assert abs(values["outcome_probabilities"][0][1] - TRUTH[0, 1]) < 0.1
     assert values["weight.goal"] > 0
     refusal = serd(*words, "policy_matching").refusal
