@@ -74,9 +74,9 @@ def main() -> int:
     if not shutil.which("chromedriver"):
         print("site: not looked at, for there is no Chromium (apt-get install chromium-driver)")
         return 0
-    found = faults(ROOT / "site")
-    print(*found, sep="\n", file=sys.stderr)
-    if not found:
+    if found := faults(ROOT / "site"):
+        print(*found, sep="\n", file=sys.stderr)
+    else:
         n_looks = len(PAGES) * len(SCHEMES) * len(DEVICES)
         print(f"site: axe finds no violation in {n_looks} looks at {len(PAGES)} pages")
     return int(bool(found))

@@ -11,6 +11,7 @@ import subprocess
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from itertools import chain, pairwise, product
 from pathlib import Path
 from typing import Any
@@ -174,7 +175,7 @@ def _package_label(name: str) -> str:
 
 def _label(name: str, module: Path) -> str:
     documentation = ast.get_docstring(ast.parse(module.read_text())) or ""
-    first_line = _escaped(documentation.split("\n")[0].rstrip("."))
+    first_line = escape(documentation.split("\n")[0].rstrip("."), quote=False).replace("`", "")
     lines = "<br/>".join(textwrap.wrap(first_line, 44))
     small = f'<br/><font point-size="11" color="#6b7885">{lines}</font>' if lines else ""
     return f"<b>{name}</b>{small}"
@@ -221,10 +222,6 @@ def _grouped(ends: Ends) -> dict[str, tuple[list[str], list[str]]]:
 
 def _quoted(name: str) -> str:
     return '"' + name.replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("`", "")
 
 
 def main() -> None:

@@ -161,10 +161,7 @@ def draw_report_page(path: Path, _kept: Path) -> None:
         halves = [_screenshot(browser)]
         browser.execute_script("document.querySelector('.maps').scrollIntoView()")
         halves.append(_screenshot(browser))
-    both = Image.new("RGB", (sum(half.width for half in halves), halves[0].height))
-    for number, half in enumerate(halves):
-        both.paste(half, (number * half.width, 0))
-    both.save(path)
+    Image.fromarray(np.hstack([np.asarray(half) for half in halves])).save(path)
 
 
 def draw_teleop_page(path: Path, _kept: Path) -> None:
