@@ -14,7 +14,7 @@ from typer.main import get_command as click_command
 
 from serd_bag.standard_output import written_output
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError, UsageError
-from serd_cli.options import add_command
+from serd_cli.options import add_command, opt
 from serd_cli.output.terminal import progress_console
 from serd_core import __version__
 from serd_files.errors import USER_ERRORS, missing_extra
@@ -73,6 +73,17 @@ def command_named(name: str) -> Any:
     return command
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"serd {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, opt("Print the version and exit.", "--version", callback=_print_version, is_eager=True)
+]
+
+
 def make_app() -> typer.Typer:
     """The command with all its subcommands."""
     app = typer.Typer(
@@ -83,27 +94,12 @@ def make_app() -> typer.Typer:
         suggest_commands=True,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback(help="Learn rewards and dynamics from demonstrations, and navigate with them.")(
-        _options
-    )
+
+    @app.callback(help="Learn rewards and dynamics from demonstrations, and navigate with them.")
+    def _options(version: Version = False) -> None:
+        """Nothing is done without a subcommand."""
+
     return app
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"serd {__version__}")
-        raise typer.Exit
-
-
-def _options(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
-        ),
-    ] = False,
-) -> None:
-    """Nothing is done without a subcommand."""
 
 
 #: After this, an interrupt that Python ignored is repeated.
@@ -121,14 +117,13 @@ def run(app: typer.Typer) -> int:
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
-    except USER_ERRORS as error:
-        progress_console.print(Text.assemble(("serd:", "red"), f" {error}"), soft_wrap=True)
-        return error.exit_code if isinstance(error, RunError) else BAD_INPUT
-    except ModuleNotFoundError as error:
-        if not (sentence := missing_extra(error)):
+    except (*USER_ERRORS, ModuleNotFoundError) as error:
+        missing = missing_extra(error) if isinstance(error, ModuleNotFoundError) else ""
+        if isinstance(error, ModuleNotFoundError) and not missing:
             raise
-        progress_console.print(Text.assemble(("serd:", "red"), f" {sentence}"), soft_wrap=True)
-        return BAD_INPUT
+        sentence = Text.assemble(("serd:", "red"), f" {missing or error}")
+        progress_console.print(sentence, soft_wrap=True)
+        return error.exit_code if isinstance(error, RunError) else BAD_INPUT
     return exit_code
 
 

@@ -1,4 +1,4 @@
-"""Command options made from settings, shared options, and checks of output paths."""
+"""Command options made from settings, shared options, and checks of paths."""
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
@@ -23,19 +23,24 @@ Model = TypeVar("Model", bound="BaseModel")
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
+def opt(text: str, *flags: str, **more: Any) -> Any:
+    """An option with its help."""
+    return typer.Option(*flags, help=text, **more)
+
+
+def arg(text: str, metavar: str | None = None) -> Any:
+    """An argument with its help."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 def present(given: Any) -> Any:
-    """The paths that a command reads, each of which must exist; before its imports, which take
-    longer."""
+    """The paths that a command reads, each of which must exist; FileError for another.
+
+    Checked before the imports of the command, which take longer.
+    """
     for path in _listed(given):
         require_readable(path)
     return given
-
-
-def _listed(given: Any) -> list[Any]:
-    """All values of an option, of which there may be none."""
-    if isinstance(given, list | tuple):
-        return [*given]
-    return [] if given is None else [given]
 
 
 def require_readable(path: Path) -> None:
@@ -50,14 +55,19 @@ def known_scenarios(given: Any) -> None:
     present([scenario_file(each) for each in named])
 
 
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
+def _listed(given: Any) -> list[Any]:
+    """All values of an option, of which there may be none."""
+    if isinstance(given, list | tuple):
+        return [*given]
+    return [] if given is None else [given]
+
+
 #: Where many tasks run by default.
 EXECUTION = Execution()
-Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
-Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]
-Address = Annotated[
-    str, typer.Option(help="of a running Dask scheduler; else a local cluster is started")
-]
+AsJson = Annotated[bool, opt("print JSON instead of text", "--json")]
+Jobs = Annotated[int, opt("processes at a time, -1 for all cores")]
+Backend = Annotated[str, opt(", ".join(BACKENDS))]
+Address = Annotated[str, opt("of a running Dask scheduler; else a local cluster is started")]
 
 
 def _command_class(function: Callable[..., None]) -> type[TyperCommand]:
@@ -73,8 +83,7 @@ def _command_class(function: Callable[..., None]) -> type[TyperCommand]:
         def parse_args(self, ctx: Any, args: list[str]) -> Any:
             texts, _, _ = self.make_parser(ctx).parse_args(list(args))
             for each in self.params:
-                text = texts.get(each.name)
-                if each.name in paths and "" in _listed(text):
+                if each.name in paths and "" in _listed(texts.get(each.name)):
                     is_option = each.param_type_name == "option"
                     name = each.opts[0] if is_option else each.metavar or each.opts[0].upper()
                     raise UsageError(
@@ -90,6 +99,10 @@ def _command_class(function: Callable[..., None]) -> type[TyperCommand]:
             return rest
 
     return EarlyCommand
+
+
+def _is_of_path(kind: Any) -> bool:
+    return kind is Path or any(map(_is_of_path, get_args(kind)))
 
 
 def add_command(
@@ -116,14 +129,10 @@ def add_command(
     )(function)
 
 
-def _is_of_path(kind: Any) -> bool:
-    return kind is Path or any(map(_is_of_path, get_args(kind)))
-
-
 def option(model: "type[BaseModel]", name: str, *flags: str, **changes: Any) -> Any:
     """The setting `name` of a model as a Typer option.
 
-    flags: as `--transfer`, by default from the name; changes: a default or a help text of its own.
+    flags: as `--transfer`, by default from the name; changes: a default of its own.
     """
     from serd_files.settings import settings_of
 
@@ -131,15 +140,12 @@ def option(model: "type[BaseModel]", name: str, *flags: str, **changes: Any) -> 
     limits = found.limits
     # Typer has inclusive limits only; `validated` checks the others.
     exclusive = limits.keys() & {"exclusiveMinimum", "exclusiveMaximum"}
-    default = changes.pop("default", found.default)
+    text = f"{found.description} [{found.range}]" if exclusive else found.description
+    default = changes.get("default", found.default)
     if default is False and not flags:
-        flags = (_flag(name),)  # no --no-...
-    described = {
-        "min": limits.get("minimum"),
-        "max": limits.get("maximum"),
-        "help": f"{found.description} [{found.range}]" if exclusive else found.description,
-    }
-    return typer.Option(default, *flags, **(described | changes))
+        flags = (f"--{name.replace('_', '-')}",)  # no --no-...
+    least, most = limits.get("minimum"), limits.get("maximum")
+    return typer.Option(default, *flags, help=text, min=least, max=most)
 
 
 def with_settings(model: "type[BaseModel]", **flags: str) -> Callable[[Command], Command]:
@@ -149,17 +155,14 @@ def with_settings(model: "type[BaseModel]", **flags: str) -> Callable[[Command],
     another name, as `prior_weights="--prior-weight"`.
     """
 
-    def decorate(command: Command) -> Command:
-        settings = {
-            name: (
-                _option_type(field.annotation),
-                option(model, name, *([flags[name]] if name in flags else [])),
-            )
-            for name, field in model.model_fields.items()
-        }
-        return with_parameters(command, settings)
+    def settings(name: str, kind: Any) -> tuple[Any, Any]:
+        # Typer has no tuple of any length.
+        of_option = GenericAlias(list, get_args(kind)[0]) if get_origin(kind) is tuple else kind
+        return of_option, option(model, name, *([flags[name]] if name in flags else []))
 
-    return decorate
+    fields = model.model_fields.items()
+    more = {name: settings(name, field.annotation) for name, field in fields}
+    return lambda command: with_parameters(command, more)
 
 
 def with_parameters(command: Command, more: Mapping[str, tuple[Any, Any]]) -> Command:
@@ -168,26 +171,18 @@ def with_parameters(command: Command, more: Mapping[str, tuple[Any, Any]]) -> Co
     more: their types and defaults; those that the command has itself are left as they are.
     """
     own = inspect.signature(command, eval_str=True).parameters.values()
-    named = {each.name: each for each in own if each.kind is not inspect.Parameter.VAR_KEYWORD}
-    found = {name: (each.annotation, each.default) for name, each in named.items()}
-    found = {**found, **{name: each for name, each in more.items() if name not in found}}
     only_by_name = inspect.Parameter.KEYWORD_ONLY
-    parameters = [
-        inspect.Parameter(name, only_by_name, default=default, annotation=kind)
-        for name, (kind, default) in found.items()
-    ]
-    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {name: kind for name, (kind, _) in found.items()}
+    found = {
+        each.name: each.replace(kind=only_by_name)
+        for each in own
+        if each.kind is not inspect.Parameter.VAR_KEYWORD
+    }
+    for name, (kind, default) in more.items():
+        given = inspect.Parameter(name, only_by_name, default=default, annotation=kind)
+        found.setdefault(name, given)
+    command.__signature__ = inspect.Signature([*found.values()])  # type: ignore[attr-defined]
+    command.__annotations__ = {name: each.annotation for name, each in found.items()}
     return command
-
-
-def _option_type(kind: Any) -> Any:
-    """list[kind] for a tuple of any length, which Typer does not have."""
-    return GenericAlias(list, get_args(kind)[0]) if get_origin(kind) is tuple else kind
-
-
-def _flag(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
 
 
 def validated(model: type[Model], /, **values: Any) -> Model:

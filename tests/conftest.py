@@ -57,7 +57,6 @@ def _placed(files: list[list[pytest.Item]]) -> Iterator[tuple[float, list[pytest
 
 @pytest.fixture(scope="session")
 def root() -> Path:
-    """The project's folder."""
     return ROOT
 
 
@@ -92,29 +91,34 @@ def model_row(name: str, row: tuple[float, ...]) -> OutcomeModel:
     )  # fmt: skip
 
 
+def model_of(scenario: str = "hallway", **changes: Any) -> ModelFile:
+    """The model file of a fit to a scenario, with any of its fields replaced."""
+    values: dict[str, Any] = {
+        "scenario": scenario,
+        "method": "written by a test",
+        "prior": "none",
+        "discount": 0.99,
+        "beta": 1.0,
+        "patience_s": 4.0,
+        "reward_weights": {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.0},
+        "outcome_names": ("stay", "forward", "right", "back", "left"),
+        "outcome_models": tuple(model_row(name, row) for name, row in OUTCOMES.items()),
+        "grid": GridSummary.of(grid_of(load_scenario(scenario))),
+        "fit": FitRecord(
+            converged=True, message="", n_episodes=1, n_decisions=1, objective=0.0,
+            policy_log_likelihood=0.0, dynamics_log_likelihood=0.0, log_prior=0.0,
+            gradient_norm=0.0, n_steps=1, n_evaluations=1,
+        ),
+    }  # fmt: skip
+    return ModelFile(**(values | changes))
+
+
 @pytest.fixture
 def save_model_of(tmp_path: Path) -> Callable[..., Path]:
-    """Writes a model file for a scenario, as a fit would, with any of its fields replaced."""
+    """Writes such a model file."""
 
     def save(scenario: str = "hallway", name: str = "model.yaml", **changes: Any) -> Path:
-        values: dict[str, Any] = {
-            "scenario": scenario,
-            "method": "written by a test",
-            "prior": "none",
-            "discount": 0.99,
-            "beta": 1.0,
-            "patience_s": 4.0,
-            "reward_weights": {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.0},
-            "outcome_names": ("stay", "forward", "right", "back", "left"),
-            "outcome_models": tuple(model_row(name, row) for name, row in OUTCOMES.items()),
-            "grid": GridSummary.of(grid_of(load_scenario(scenario))),
-            "fit": FitRecord(
-                converged=True, message="", n_episodes=1, n_decisions=1, objective=0.0,
-                policy_log_likelihood=0.0, dynamics_log_likelihood=0.0, log_prior=0.0,
-                gradient_norm=0.0, n_steps=1, n_evaluations=1,
-            ),
-        }  # fmt: skip
-        save_yaml_model(tmp_path / name, ModelFile(**(values | changes)))
+        save_yaml_model(tmp_path / name, model_of(scenario, **changes))
         return tmp_path / name
 
     return save

@@ -14,14 +14,12 @@ from serd_cli import options
 from serd_cli.app import make_app
 
 FOLDERS = ("bags", "docs", "lab", "ros_ws", "serd_core", "sim")
-PICTURES = {".gif", ".png", ".svg"}
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def documents(root: Path) -> list[Path]:
     found = [
         *root.glob("*.md"),
-        root / "bags" / "README.md",
-        root / "serd_core" / "README.md",
         *(path for each in FOLDERS for path in root.glob(f"{each}/**/*.md")),
     ]
     return [path for path in found if not {"build", "install"} & set(path.parts)]
@@ -38,16 +36,13 @@ def links(document: Path) -> list[Path]:
     ]
 
 
-def test_links_and_pictures_of_all_documents_exist(root):
-    named = {document: links(document) for document in documents(root)}
-    assert sum(map(len, named.values())) > 20
-    missing = [
-        (document.relative_to(root), path)
-        for document, paths in named.items()
-        for path in paths
-        if not path.exists()
-    ]
-    assert not missing
+def test_links_and_pictures_of_all_documents_exist_and_each_picture_is_used(root):
+    named = {path for document in documents(root) for path in links(document)}
+    assert len(named) > 20
+    assert not [path for path in named if not path.exists()]
+    files = (root / "docs" / "pictures").iterdir()
+    pictures = {path for path in files if path.suffix in (".gif", ".png", ".svg")}
+    assert not {path.resolve() for path in pictures} - {path.resolve() for path in named}
 
 
 def test_files_that_documents_name_in_code_exist(root):
@@ -58,15 +53,6 @@ def test_files_that_documents_name_in_code_exist(root):
             assert any((folder / name).exists() for folder in folders), (document.name, name)
 
 
-def test_files_of_the_method_exist(root):
-    text = (root / "docs" / "method.md").read_text(encoding="utf-8")
-    rows = re.findall(r"`(serd_core/[\w/.]+\.py)`(?:, `([\w/.]+\.py)`)?", text)
-    assert rows
-    for first, second in rows:
-        assert (root / first).is_file(), first
-        assert not second or (root / "serd_core" / second).is_file(), second
-
-
 #: Pages whose programs are run by tests of their own, or need what is not installed.
 RUN_ELSEWHERE = {
     "docs/library.md",
@@ -75,18 +61,14 @@ RUN_ELSEWHERE = {
 }
 
 
-def programs(root: Path) -> list[str]:
-    return [
-        str(document.relative_to(root))
-        for document in documents(root)
-        if "```python\n" in document.read_text(encoding="utf-8")
-    ]
+PROGRAMS = {
+    str(document.relative_to(ROOT))
+    for document in documents(ROOT)
+    if "```python\n" in document.read_text(encoding="utf-8")
+}
 
 
-ROOT = Path(__file__).resolve().parents[1]
-
-
-@pytest.mark.parametrize("page", sorted(set(programs(ROOT)) - RUN_ELSEWHERE))
+@pytest.mark.parametrize("page", sorted(PROGRAMS - RUN_ELSEWHERE))
 def test_the_programs_of_a_page_run_and_print_what_it_shows(root, page, capsys):
     """A block `text` right after a block `python` is its output."""
     text = (root / page).read_text(encoding="utf-8")
@@ -142,13 +124,6 @@ def parse(command, name, words, parent=None):
         parse(inner, words[0], more, context)
 
 
-@pytest.mark.parametrize("folder", ["docs/pictures"])
-def test_each_picture_is_used(root, folder):
-    shown = {path.resolve() for document in documents(root) for path in links(document)}
-    pictures = {path.resolve() for path in (root / folder).iterdir() if path.suffix in PICTURES}
-    assert pictures <= shown, sorted(path.name for path in pictures - shown)
-
-
 @pytest.mark.parametrize(
     ("file", "line"),
     [
@@ -165,3 +140,13 @@ def test_the_version_is_the_same_everywhere(root, file, line):
     assert found is not None
     assert project is not None
     assert found[1] == project[1]
+
+
+def test_the_readme_is_short_and_its_make_targets_exist(root):
+    readme, makefile = (root / "README.md").read_text("utf-8"), (root / "Makefile").read_text()
+    assert len(readme.split()) <= 900
+    blocks = re.findall(r"```bash\n(.*?)```", readme, re.S)
+    first = [line.split()[:2] for line in blocks[0].splitlines()]
+    assert first == [["make", "demo"], ["make", "test"]]
+    for target in re.findall(r"make (\w+)", "\n".join(blocks)):
+        assert re.search(rf"^{target}:", makefile, re.M), target

@@ -16,24 +16,17 @@ def document(root):
     return (root / "docs" / "scenarios.md").read_text(encoding="utf-8")
 
 
-def test_its_example_is_a_scenario(document, tmp_path):
+def test_its_example_and_its_parameters_of_the_planner_are_a_scenario(document, tmp_path):
     (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
-    path = tmp_path / "room.yaml"
-    path.write_text(example)
-    room = load_scenario(path)
-    assert room.pedestrians.count == 12
-    problem = navigation_problem_of(room, 0.99)
-    table = problem.grid.state_at(4.6, 5.0), problem.grid.state_at(6.0, 5.0)
-    assert table == (-1, -1), "the cells of the table are not walkable"
-    assert problem.grid.n_states == 12 * 10 - 4 * 2
-
-
-def test_its_parameters_of_the_planner_are_some(document, tmp_path):
     (block,) = re.findall(r"```text\n(local_planner:\n.*?)```", document, re.DOTALL)
-    (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
     path = tmp_path / "room.yaml"
     path.write_text(example + block)
-    assert load_scenario(path).local_planner.max_vel_x == 0.8
+    room = load_scenario(path)
+    assert (room.pedestrians.count, room.local_planner.max_vel_x) == (12, 0.8)
+    grid = navigation_problem_of(room, 0.99).grid
+    table = grid.state_at(4.6, 5.0), grid.state_at(6.0, 5.0)
+    assert table == (-1, -1), "the cells of the table are not walkable"
+    assert grid.n_states == 12 * 10 - 4 * 2
 
 
 def test_it_names_every_key(document):

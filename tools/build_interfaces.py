@@ -41,46 +41,25 @@ int16 number_of_recoveries
 float32 distance_remaining
 """
 _GOAL = "{}\nstring behavior_tree\n"
+_TO_POSE = _GOAL.format("geometry_msgs/PoseStamped pose") + _RESULT_AND_FEEDBACK
+_THROUGH_POSES = _GOAL.format("geometry_msgs/PoseStamped[] poses") + _RESULT_AND_FEEDBACK
+_THROUGH_POSES += "int16 number_of_poses_remaining\n"
 INTERFACES = {
     "nav2_msgs": {
-        "action/NavigateToPose.action": _GOAL.format("geometry_msgs/PoseStamped pose")
-        + _RESULT_AND_FEEDBACK,
-        "action/NavigateThroughPoses.action": _GOAL.format("geometry_msgs/PoseStamped[] poses")
-        + _RESULT_AND_FEEDBACK
-        + "int16 number_of_poses_remaining\n",
+        "action/NavigateToPose.action": _TO_POSE,
+        "action/NavigateThroughPoses.action": _THROUGH_POSES,
     }
 }
-_DEPENDENCIES = (
-    "action_msgs",
-    "builtin_interfaces",
-    "geometry_msgs",
-    "service_msgs",
-    "std_msgs",
-    "unique_identifier_msgs",
-)
-_LIBRARIES = (
-    *(
-        f"{package}__rosidl_{part}"
-        for package in _DEPENDENCIES
-        for part in (
-            "generator_c",
-            "generator_py",
-            "typesupport_c",
-            "typesupport_fastrtps_c",
-            "typesupport_introspection_c",
-        )
-    ),
-    "rosidl_runtime_c",
-    "rosidl_typesupport_c",
-    "rosidl_typesupport_fastrtps_c",
-    "rosidl_typesupport_fastrtps_cpp",
-    "rosidl_typesupport_introspection_c",
-    "rmw",
-    "fastcdr",
-    "rcutils",
-)
 _SUPPORT = "rosidl_typesupport_fastrtps_c"
 _INTROSPECTION = "rosidl_typesupport_introspection_c"
+_PARTS = "rosidl_generator_c", "rosidl_generator_py", "rosidl_typesupport_c"
+_MESSAGES = "builtin_interfaces", "geometry_msgs", "std_msgs", "unique_identifier_msgs"
+_DEPENDENCIES = ("action_msgs", "service_msgs", *_MESSAGES)
+_LIBRARIES = (
+    *(f"{name}__{part}" for name in _DEPENDENCIES for part in (*_PARTS, _SUPPORT, _INTROSPECTION)),
+    *("rosidl_runtime_c", "rosidl_typesupport_c", _SUPPORT, f"{_SUPPORT}pp", _INTROSPECTION),
+    *("rmw", "fastcdr", "rcutils"),
+)
 #: The first one's folder gets the headers that control visibility.
 _GENERATORS: dict[str, Callable[[str], object]] = {
     "rosidl_generator_c": partial(generate_c, disable_description_codegen=False),
@@ -98,11 +77,8 @@ def main() -> int:
     missing = [each for each in ("gcc", "g++") if shutil.which(each) is None]
     missing += [] if header.exists() else [str(header)]
     if missing:
-        print(
-            f"the interfaces are compiled, which needs {', '.join(missing)}; "
-            "run: apt-get install g++ python3-dev",
-            file=sys.stderr,
-        )
+        needed = f"the interfaces are compiled, which needs {', '.join(missing)}"
+        print(f"{needed}; run: apt-get install g++ python3-dev", file=sys.stderr)
         return 2
     for package, files in INTERFACES.items():
         if importlib.util.find_spec(package) is not None:
@@ -157,8 +133,7 @@ def _generate(package: str, idl_files: list[str], folder: Path) -> None:
             "target_dependencies": [],
             **more,
         }
-        written = folder / f"{generator}.json"
-        written.write_text(json.dumps(values))
+        (written := folder / f"{generator}.json").write_text(json.dumps(values))
         return str(written)
 
     known = [f"{each}:{PREFIX / 'share' / each}" for each in _DEPENDENCIES]

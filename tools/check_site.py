@@ -10,6 +10,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -39,19 +40,14 @@ class _Quiet(SimpleHTTPRequestHandler):
 def faults(site: Path, pages: Sequence[str] = PAGES) -> list[str]:
     """A sentence for each violation."""
     found = []
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Quiet, directory=str(site)))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        for scheme in SCHEMES:
-            with tempfile.TemporaryDirectory() as folder:  # the theme keeps the scheme
-                browser = start_chromium(Path(folder))
-                try:
-                    found += _faults_in(browser, server.server_port, pages, scheme)
-                finally:
-                    browser.quit()
-    finally:
-        server.shutdown()
-        server.server_close()
+    handler = partial(_Quiet, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server, ExitStack() as ends:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        ends.callback(server.shutdown)
+        for scheme in SCHEMES:  # each with a browser of its own: the theme keeps the scheme
+            browser = start_chromium(Path(ends.enter_context(tempfile.TemporaryDirectory())))
+            ends.callback(browser.quit)
+            found += _faults_in(browser, server.server_port, pages, scheme)
     return found
 
 
@@ -78,9 +74,9 @@ def main() -> int:
     if not shutil.which("chromedriver"):
         print("site: not looked at, for there is no Chromium (apt-get install chromium-driver)")
         return 0
-    found = faults(ROOT / "site")
-    print(*found, sep="\n", file=sys.stderr)
-    if not found:
+    if found := faults(ROOT / "site"):
+        print(*found, sep="\n", file=sys.stderr)
+    else:
         n_looks = len(PAGES) * len(SCHEMES) * len(DEVICES)
         print(f"site: axe finds no violation in {n_looks} looks at {len(PAGES)} pages")
     return int(bool(found))

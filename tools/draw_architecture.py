@@ -9,9 +9,10 @@ unreadable. Run `make pictures` after changing any of them.
 import ast
 import subprocess
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, pairwise
+from html import escape
+from itertools import chain, pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -54,9 +55,7 @@ _LOOK = """
 _NODE_LOOK = 'shape=box, style="filled,bold", fillcolor="#c9deef", margin="0.12,0.09"'
 _TOPIC_LOOK = 'shape=box, style="rounded,filled", fillcolor="#ffffff", margin="0.06,0.04", height=0'
 _OTHER_LOOK = 'shape=box, style="filled,bold,dashed", fillcolor="#f3e3c8", margin="0.12,0.09"'
-_SERVICE_LOOK = (
-    'shape=box, style="rounded,filled,dashed", fillcolor="#ffffff", margin="0.06,0.04", height=0'
-)
+_SERVICE_LOOK = _TOPIC_LOOK.replace("filled", "filled,dashed")
 _PACKAGE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10"'
 _NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1"'
 
@@ -87,62 +86,38 @@ class Picture:
         return f"{_quoted(start)} -> {_quoted(end)}{attributes}"
 
 
-def package_layers(pyproject: Path) -> list[list[str]]:
-    """Packages from the top layer down, as the import-linter contract lists them."""
-    return _layers(pyproject, lambda name: "." not in name)
+def layers_of(package: str = "") -> list[list[str]]:
+    """Packages from the top layer down, as the import-linter contracts list them.
 
-
-def package_parts(pyproject: Path, package: str) -> list[str]:
-    """Subpackages that a layers contract orders, in the order of the data; none without one.
-
-    Those of one layer stand together, as `report, teleop`.
+    package: its subpackages instead; empty where no contract orders them.
     """
-    layers = _layers(pyproject, lambda name: name.startswith(f"{package}."))
-    return [
-        ", ".join(name.removeprefix(f"{package}.") for name in layer) for layer in reversed(layers)
-    ]
-
-
-def _layers(pyproject: Path, is_wanted: Callable[[str], bool]) -> list[list[str]]:
-    """The layers contract whose names are wanted; empty where there is none."""
-    contracts = tomllib.loads(pyproject.read_text())["tool"]["importlinter"]["contracts"]
-    for contract in contracts:
-        if contract["type"] == "layers" and is_wanted(contract["layers"][0].split("|")[0]):
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
+        if contract["type"] == "layers" and contract["layers"][0].rpartition(".")[0] == package:
             return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
     return []
 
 
 def packages_picture() -> Picture:
     """Packages in layers; an arrow goes to each package of the next layer down."""
-    layers = package_layers(ROOT / "pyproject.toml")
-    nodes = {
-        name: f"{_PACKAGE_LOOK}, label=<{_package_label(name)}>"
-        for layer in layers
-        for name in layer
-    }
-    edges = tuple(
-        (upper, lower) for above, below in pairwise(layers) for upper in above for lower in below
-    )
+    layers = layers_of()
+    labels = {name: _package_label(name) for layer in layers for name in layer}
+    nodes = {name: f"{_PACKAGE_LOOK}, label=<{label}>" for name, label in labels.items()}
+    edges = [edge for above, below in pairwise(layers) for edge in product(above, below)]
     caption = "arrow: may import; also everything further down"
-    return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
+    return Picture("TB", nodes, tuple(edges), tuple(map(tuple, layers)), caption)
 
 
 def journey_picture() -> Picture:
     """The modules of JOURNEY from top to bottom; each arrow has what is passed on."""
-    names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
-    modules = {
-        name: f"{_PACKAGE_LOOK}, label=<{_label(name, file_of(name).with_suffix('.py'))}>"
-        for name, _ in JOURNEY
-    }
+    modules = [module for module, _ in JOURNEY]
+    names = [JOURNEY_START, *modules, JOURNEY[-1][1]]
+    labels = {name: _label(name, file_of(name).with_suffix(".py")) for name in modules}
+    nodes = dict.fromkeys(names, _TOPIC_LOOK)
+    nodes |= {name: f"{_PACKAGE_LOOK}, label=<{label}>" for name, label in labels.items()}
     edges = tuple(pairwise(names))
-    passed_on = ["", *(data for _, data in JOURNEY[:-1])]
-    *_, (last, result) = JOURNEY
-    return Picture(
-        "TB",
-        {JOURNEY_START: _TOPIC_LOOK, **modules, result: _TOPIC_LOOK},
-        (*edges, (last, result)),
-        labels=dict(zip(edges, passed_on, strict=True)),
-    )
+    passed_on = dict(zip(edges[1:], (data for _, data in JOURNEY[:-1]), strict=False))
+    return Picture("TB", nodes, edges, labels=passed_on)
 
 
 def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
@@ -180,16 +155,6 @@ def pictures() -> dict[str, Picture]:
     return {"packages": packages_picture(), "journey": journey_picture(), **drawn}
 
 
-def draw(picture: Picture, path: Path) -> None:
-    """Write `path` (.svg) and its DOT source beside it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.with_suffix(".dot").write_text(picture.dot())
-    try:
-        subprocess.run(["dot", "-Tsvg", "-o", str(path), str(path.with_suffix(".dot"))], check=True)
-    except FileNotFoundError:
-        raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
-
-
 def file_of(dotted: str) -> Path:
     """Folder or file, without suffix, of a package or module."""
     package, *inner = dotted.split(".")
@@ -198,25 +163,31 @@ def file_of(dotted: str) -> Path:
 
 
 def _package_label(name: str) -> str:
-    """Name, first line of the package and, where a contract orders them, its subpackages."""
+    """Name, first line of the package and, where a contract orders them, its subpackages.
+
+    These are in the order of the data; those of one layer stand together, as `report, teleop`.
+    """
     label = _label(name, file_of(name) / "__init__.py")
-    parts = " → ".join(package_parts(ROOT / "pyproject.toml", name))
+    layers = [", ".join(each.rpartition(".")[2] for each in layer) for layer in layers_of(name)]
+    parts = " → ".join(reversed(layers))
     return f'{label}<br/><font point-size="12">{parts}</font>' if parts else label
 
 
 def _label(name: str, module: Path) -> str:
     documentation = ast.get_docstring(ast.parse(module.read_text())) or ""
-    first_line = _escaped(documentation.split("\n")[0].rstrip("."))
+    first_line = escape(documentation.split("\n")[0].rstrip("."), quote=False).replace("`", "")
     lines = "<br/>".join(textwrap.wrap(first_line, 44))
     small = f'<br/><font point-size="11" color="#6b7885">{lines}</font>' if lines else ""
     return f"<b>{name}</b>{small}"
 
 
-def _ends(
-    graph: Mapping[str, Mapping[str, list[str]]], *sides: Sequence[str]
-) -> dict[str, tuple[set[str], set[str]]]:
+Listed = Mapping[str, Mapping[str, list[str]]]
+Ends = dict[str, tuple[set[str], set[str]]]
+
+
+def _ends(graph: Listed, *sides: Sequence[str]) -> Ends:
     """{topic or service: (nodes that list it under keys of one side, those of the other side)}."""
-    found: dict[str, tuple[set[str], set[str]]] = {}
+    found: Ends = {}
     for node, listed in graph.items():
         for side, keys in enumerate(sides):
             for name in chain.from_iterable(listed.get(key) or () for key in keys):
@@ -226,18 +197,14 @@ def _ends(
 
 def _stack_graph(described: Mapping[str, Any], stack: str) -> dict[str, dict[str, list[str]]]:
     """The stack's nodes with the names that topics have there."""
-    chosen = described["stacks"][stack]
-    renamed = chosen.get("remappings", {})
-    return {
-        node: {
-            key: [renamed.get(node, {}).get(name, name) for name in names]
-            for key, names in described["nodes"][node].items()
-        }
-        for node in chosen["nodes"]
-    }
+    chosen, found = described["stacks"][stack], {}
+    for node in chosen["nodes"]:
+        renamed, listed = chosen.get("remappings", {}).get(node, {}), described["nodes"][node]
+        found[node] = {key: [renamed.get(name, name) for name in listed[key]] for key in listed}
+    return found
 
 
-def _nav2(graph: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, list[str]]]:
+def _nav2(graph: Listed) -> dict[str, dict[str, list[str]]]:
     """Nav2, which is started apart, and the bridge with the actions that it requests of Nav2."""
     bridge = dict(graph[NAV2_BRIDGE])
     bridge["calls"] = [*bridge.get("calls", ()), _NAV2_ACTIONS]
@@ -245,32 +212,29 @@ def _nav2(graph: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, l
     return {NAV2_BRIDGE: bridge, NAV2: nav2}
 
 
-def _grouped(
-    ends: Mapping[str, tuple[set[str], set[str]]],
-) -> dict[str, tuple[list[str], list[str]]]:
+def _grouped(ends: Ends) -> dict[str, tuple[list[str], list[str]]]:
     """{names with the same ends, one a line: their sorted ends}."""
     groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
     for name, (talkers, hearers) in ends.items():
         groups.setdefault((tuple(sorted(talkers)), tuple(sorted(hearers))), []).append(name)
-    return {
-        "\n".join(names): (list(talkers), list(hearers))
-        for (talkers, hearers), names in groups.items()
-    }
+    return {"\n".join(names): ([*talk], [*hear]) for (talk, hear), names in groups.items()}
 
 
 def _quoted(name: str) -> str:
     return '"' + name.replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("`", "")
-
-
 def main() -> None:
-    """Draw them all."""
+    """Draw them all, each with its DOT source beside it."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures().items():
-        draw(picture, PICTURES / f"{name}.svg")
-        print(f"drawn: {PICTURES / name}.svg")
+        source, path = PICTURES / f"{name}.dot", PICTURES / f"{name}.svg"
+        source.write_text(picture.dot())
+        try:
+            subprocess.run(["dot", "-Tsvg", "-o", str(path), str(source)], check=True)
+        except FileNotFoundError:
+            raise SystemExit("needs Graphviz: apt-get install graphviz") from None
+        print(f"drawn: {path}")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action
 from serd_files.episode_table import load_episodes
 from serd_sim.drivers.catalogue import make_driver
-from serd_sim.drivers.strategy import load_strategy, start_distribution
+from serd_sim.drivers.strategy import Strategy, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.grid import grid_of
@@ -95,16 +95,19 @@ def draw_demo_visitation(path: Path, kept: Path) -> None:
     """Where demonstrations took decisions, and their tracks."""
     rows = np.loadtxt(kept / "tracks.csv", delimiter=",")
     tracks_m = [rows[rows[:, 0] == episode, 1:] for episode in np.unique(rows[:, 0])]
-    grid = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal").problem.grid
+    grid = _strategy(kept).problem.grid
     visits = state_counts(load_decisions(kept / "decisions.csv"), grid.n_states)
     path.write_bytes(png_bytes(draw_visitation(HALLWAY, grid, visits, tracks_m)))
 
 
+def _strategy(kept: Path) -> Strategy:
+    return load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+
+
 def draw_demo_policy(path: Path, kept: Path) -> None:
     """The learned policy on the value of each cell."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
-    policy, goals = strategy.policy, strategy.problem.goal_states
-    grid = strategy.problem.grid
+    strategy = _strategy(kept)
+    policy, grid, goals = strategy.policy, strategy.problem.grid, strategy.problem.goal_states
     traps = trap_states(grid.neighbours, policy.greedy, goals)
     figure = draw_policy_map(HALLWAY, grid, policy.value, policy.greedy, goals, traps)
     path.write_bytes(png_bytes(figure))
@@ -112,7 +115,7 @@ def draw_demo_policy(path: Path, kept: Path) -> None:
 
 def draw_demo_arrival(path: Path, kept: Path) -> None:
     """Predicted and measured time of arrival."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+    strategy = _strategy(kept)
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     rows = load_episodes(kept / "episodes.csv")
     times_s = np.array([row.time_of_arrival_s if row.arrived else np.inf for row in rows])
@@ -145,10 +148,9 @@ def draw_report_page(path: Path, _kept: Path) -> None:
         folder = Path(name)
         mapping, decisions = folder / "mapping.yaml", folder / "decisions.csv"
         _serd("bag", "suggest", BAG, "--output", mapping)
-        cells = ("--cell-size-m", "1")
-        _serd("demos", BAG, "--mapping", mapping, *cells, "--output", decisions)
-        model = ("--output", folder / "model.yaml", "--report", folder / "report")
-        _serd("learn", decisions, *model)
+        _serd("demos", BAG, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
+        model = folder / "model.yaml"
+        _serd("learn", decisions, "--output", model, "--report", folder / "report")
         view(browser, width=900, height=1140, scheme="light")
         browser.get((folder / "report" / "report.html").as_uri())
         # The time of day is another in each run.
@@ -159,10 +161,7 @@ def draw_report_page(path: Path, _kept: Path) -> None:
         halves = [_screenshot(browser)]
         browser.execute_script("document.querySelector('.maps').scrollIntoView()")
         halves.append(_screenshot(browser))
-    both = Image.new("RGB", (sum(half.width for half in halves), halves[0].height))
-    for number, half in enumerate(halves):
-        both.paste(half, (number * half.width, 0))
-    both.save(path)
+    Image.fromarray(np.hstack([np.asarray(half) for half in halves])).save(path)
 
 
 def draw_teleop_page(path: Path, _kept: Path) -> None:
@@ -180,7 +179,7 @@ def draw_teleop_page(path: Path, _kept: Path) -> None:
 
 def draw_watch_page(path: Path, kept: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
-    strategy = load_strategy(str(kept / "model.yaml"), HALLWAY, "optimal")
+    strategy = _strategy(kept)
     scene = watched_scene_of(HALLWAY, grid_of(HALLWAY))
     layers = overlay_message(overlay_of(strategy))
     with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
@@ -229,13 +228,12 @@ def _shown_page(
 def _episode_states() -> list[dict[str, Any]]:
     """What a page is sent of an episode that the expert drives in process."""
     states: list[dict[str, Any]] = []
-    grid, began_s, cells = grid_of(HALLWAY), [], CellTracker(grid_of(HALLWAY))
-    n_entered = 0
+    grid, began_s, entered = grid_of(HALLWAY), [], []
+    cells = CellTracker(grid)
 
     def see(observation: Observation, _: Command, action: Action) -> bool:
-        nonlocal n_entered
         began_s.append(observation.time_s)
-        n_entered += len(cells.see(observation.time_s, observation.x_m, observation.y_m))
+        entered.extend(cells.see(observation.time_s, observation.x_m, observation.y_m))
         passed_s = observation.time_s - began_s[0]
         if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
             states.append({
@@ -244,9 +242,12 @@ def _episode_states() -> list[dict[str, Any]]:
                 "is_stale": False,
                 "choice": action.name.lower(),
                 "waypoint": point(waypoint_of_intent(grid, observation, action)),
-                "episode": _episode_values(passed_s, n_entered),
-                "next_start": None,
-                "mux": None, "guard": None, "recorder": None,
+                "episode": {
+                    "phase": "running", "outcome": "", "other_driver": "",
+                    "duration_s": round(passed_s, 1), "decisions": len(entered),
+                    **dict.fromkeys(("number", "kept", "arrived", "discarded"), 0),
+                },
+                **dict.fromkeys(("next_start", "mux", "guard", "recorder")),
             })  # fmt: skip
         return passed_s < _SHOWN_S
 
@@ -256,28 +257,12 @@ def _episode_states() -> list[dict[str, Any]]:
     return states
 
 
-def _episode_values(passed_s: float, n_decisions: int) -> dict[str, Any]:
-    return {
-        "phase": "running",
-        "number": 0,
-        "outcome": "",
-        "duration_s": round(passed_s, 1),
-        "decisions": n_decisions,
-        "other_driver": "",
-        "kept": 0,
-        "arrived": 0,
-        "discarded": 0,
-    }
-
-
 @contextmanager
 def _browser() -> Iterator[Chrome]:
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, ExitStack() as ends:
         browser = start_chromium(Path(name))
-        try:
-            yield browser
-        finally:
-            browser.quit()
+        ends.callback(browser.quit)
+        yield browser
 
 
 def _screenshot(browser: Chrome) -> Image.Image:
@@ -312,8 +297,8 @@ DRAWN: dict[str, Draw] = {
 
 def drifted(names: Sequence[str], kept: Path = KEPT) -> list[str]:
     """The pictures that are not what is drawn now."""
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        found = []
         for name in names:
             DRAWN[name](Path(folder) / name, kept)
             if share_of_other_pixels(Path(folder) / name, PICTURES / name) > MOST_OTHER:
@@ -325,9 +310,8 @@ def keep_few_colours(path: Path) -> None:
     """Write a PNG with 256 colours, which takes a third and stays within what the check allows."""
     if path.suffix == ".png":
         with Image.open(path) as picture:
-            few = picture.convert("RGB").quantize(
-                256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
-            )
+            kind = Image.Quantize.MAXCOVERAGE
+            few = picture.convert("RGB").quantize(256, kind, dither=Image.Dither.NONE)
         few.save(path, optimize=True)
 
 
@@ -339,9 +323,8 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="draw nothing, fail where one drifted")
     given = parser.parse_args()
     if given.demo and not DemoFolder(given.demo).model.exists():
-        parser.error(
-            f"--demo must be the folder of a finished demo, got {given.demo}; run serd demo"
-        )
+        got = f"got {given.demo}; run serd demo"
+        parser.error(f"--demo must be the folder of a finished demo, {got}")
     names = given.names or [*(OF_DEMO if given.demo else DRAWN)]
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(folder) if given.demo and given.check else KEPT
@@ -350,9 +333,8 @@ def main() -> int:
         if given.check:
             found = drifted(names, kept)
             for name in found:
-                print(
-                    f"docs/pictures/{name} is not what is drawn now: make pictures", file=sys.stderr
-                )
+                sentence = "is not what is drawn now: make pictures"
+                print(f"docs/pictures/{name} {sentence}", file=sys.stderr)
             return int(bool(found))
     for name in names:
         DRAWN[name](PICTURES / name, KEPT)

@@ -13,7 +13,8 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
-_LONGEST_CELL_S = 1800
+#: Of a cell.
+_LONGEST_S = 1800
 
 
 def executed(path: Path) -> Any:
@@ -26,11 +27,7 @@ def executed(path: Path) -> Any:
     os.environ["COLUMNS"] = "100"
     where = {"metadata": {"path": str(path.parent)}}
     NotebookClient(
-        notebook,
-        timeout=_LONGEST_CELL_S,
-        kernel_name="python3",
-        resources=where,
-        record_timing=False,
+        notebook, timeout=_LONGEST_S, kernel_name="python3", resources=where, record_timing=False
     ).execute()
     return notebook
 

@@ -18,28 +18,15 @@ from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMappin
 from serd_files.settings import Setting, settings_of
 from serd_ros.graph.graph import NodeEndpoints, config_of, load_graph
 from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario import settings as parts
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.scenario.settings import (
-    LidarSettings,
-    Loop,
-    Obstacle,
-    OdometrySettings,
-    PedestrianSettings,
-    RobotSettings,
-)
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH = 100
 #: Models whose tables stand in docs/scenarios.md, each after a comment `<!-- keys: NAME -->`.
 SCENARIO_PARTS: tuple[type[BaseModel], ...] = (
-    Scenario,
-    Obstacle,
-    PedestrianSettings,
-    Loop,
-    RobotSettings,
-    LidarSettings,
-    OdometrySettings,
-    PlannerSettings,
+    *(Scenario, parts.Obstacle, parts.PedestrianSettings, parts.Loop, parts.RobotSettings),
+    *(parts.LidarSettings, parts.OdometrySettings, PlannerSettings),
 )
 #: Likewise of docs/sources.md; a table leaves out the keys of those that its model extends.
 MAPPING_PARTS: tuple[type[BaseModel], ...] = (BagMapping, DriveMapping, TableMapping)
@@ -75,9 +62,7 @@ def nodes_yaml() -> str:
     for node, settings in parameters().items():
         lines += [f"{node}:", "  ros__parameters:"]
         for setting, default in settings:
-            about = (
-                f"{setting.description}; {setting.range}" if setting.range else setting.description
-            )
+            about = "; ".join(filter(None, (setting.description, setting.range)))
             lines += [f"    # {line}" for line in textwrap.wrap(about, WIDTH - 6)]
             lines.append(f"    {setting.name}: {plain(default)}")
     return "\n".join(lines) + "\n"
@@ -93,12 +78,12 @@ def nodes_page() -> str:
     return "\n".join(sections)
 
 
-def page_of_keys(name: str, parts: Sequence[type[BaseModel]]) -> str:
+def page_of_keys(name: str, models: Sequence[type[BaseModel]]) -> str:
     """A page of docs with its tables of keys written anew."""
     page = (ROOT / "docs" / name).read_text(encoding="utf-8")
-    for part in parts:
+    for part in models:
         # Keys that hold a model have a table of their own.
-        inherited = {key for base in part.__bases__ if base in parts for key in base.model_fields}
+        inherited = {key for base in part.__bases__ if base in models for key in base.model_fields}
         keys = [
             (each, each.default)
             for each in settings_of(part)
@@ -112,18 +97,13 @@ def page_of_keys(name: str, parts: Sequence[type[BaseModel]]) -> str:
 
 def settings_table(head: str, settings: list[tuple[Setting, Any]]) -> str:
     """A Markdown table of settings with their defaults."""
-    rows = "\n".join(
-        f"| `{each.name}` | {default_cell(default)} | {each.range} | {cell(each.description)} |"
-        for each, default in settings
-    )
-    return f"| {head} | default | range | meaning |\n| --- | --- | --- | --- |\n{rows}\n"
-
-
-def default_cell(default: Any) -> str:
-    """A default as code; empty where the value follows from another setting."""
-    if default is PydanticUndefined:
-        return "required"
-    return "" if default is None else f"`{plain(default)}`"
+    rows = []
+    for each, default in settings:
+        shown = "required" if default is PydanticUndefined else f"`{plain(default)}`"
+        shown = "" if default is None else shown  # where it follows from another setting
+        about = each.description.replace("|", "\\|")
+        rows.append(f"| `{each.name}` | {shown} | {each.range} | {about} |\n")
+    return f"| {head} | default | range | meaning |\n| --- | --- | --- | --- |\n{''.join(rows)}"
 
 
 def parameters() -> dict[str, list[tuple[Setting, Any]]]:
@@ -151,11 +131,6 @@ def plain(value: Any) -> str:
     value = list(value) if isinstance(value, tuple) else value
     text = yaml.safe_dump(value, default_flow_style=True, width=1000).strip()
     return text.removesuffix("...").strip()
-
-
-def cell(text: str) -> str:
-    """Text in a cell of a Markdown table."""
-    return text.replace("|", "\\|")
 
 
 if __name__ == "__main__":

@@ -5,36 +5,26 @@ from typing import Annotated
 
 import typer
 
+from serd_bag.command.commands import convert_bags, recover_bags, show_checks, show_contents
+from serd_bag.files import atomic_write_text
 from serd_bag.formats.mcap.writer import Compression
-from serd_cli.options import AsJson, add_command, option, require_suffix, validated
+from serd_cli.options import AsJson, add_command, arg, opt, option, require_suffix, validated
+from serd_cli.output.bag_pages import RichScreen, print_suggestion, suggestion_values
+from serd_cli.output.terminal import print_json
 from serd_ros.settings import BagReplayConfig
 
-Bags = Annotated[
-    list[Path],
-    typer.Argument(metavar="BAG", help="bag folders, or .mcap, .db3 or .bag files"),
-]
-Bag = Annotated[
-    Path,
-    typer.Argument(metavar="BAG", help="bag folder, or .mcap, .db3 or .bag file"),
-]
-Output = Annotated[
-    Path | None, typer.Option(help="folder of the new bag, which must be empty or not exist")
-]
+Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
+Bag = Annotated[Path, arg("bag folder, or .mcap, .db3 or .bag file", "BAG")]
+Output = Annotated[Path | None, opt("folder of the new bag, which must be empty or not exist")]
+Texts = list[str] | None
 Required = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="topic that must have messages: /whole/name, or name in any namespace; repeat"
-    ),
+    Texts, opt("topic that must have messages: /whole/name, or name in any namespace; repeat")
 ]
-Mapping = Annotated[Path, typer.Option(help="mapping file to write, ending in .yaml")]
-Topics = Annotated[list[str] | None, typer.Option(help="play this one; repeat for more")]
-Remap = Annotated[
-    list[str] | None, typer.Option(metavar="FROM:=TO", help="play into another topic")
-]
-WaitFor = Annotated[
-    list[str] | None, typer.Option(metavar="NODE", help="start when this node subscribes")
-]
-Clock = Annotated[bool, typer.Option(help="publish bag time on /clock")]
+Mapping = Annotated[Path, opt("mapping file to write, ending in .yaml")]
+Topics = Annotated[Texts, opt("play this one; repeat for more")]
+Remap = Annotated[Texts, opt("play into another topic", metavar="FROM:=TO")]
+WaitFor = Annotated[Texts, opt("start when this node subscribes", metavar="NODE")]
+Clock = Annotated[bool, opt("publish bag time on /clock")]
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
@@ -48,9 +38,6 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     and their faults are listed. Exit code 1 where messages of a bag are known to be lost, or where
     none of a damaged one can be read.
     """
-    from serd_bag.command.commands import show_contents
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json)))
 
 
@@ -61,9 +48,6 @@ def check(bags: Bags, require: Required = None, as_json: AsJson = False) -> None
 
     Exit code 1 where a bag is damaged or lacks a required topic.
     """
-    from serd_bag.command.commands import show_checks
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(show_checks(bags, require or (), RichScreen(as_json=as_json)))
 
 
@@ -75,16 +59,13 @@ def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
     new bag, 1 where messages are known to be lost or had to be left out, 3 where none of a damaged
     bag could be read.
     """
-    from serd_bag.command.commands import recover_bags
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(recover_bags(bags, output, RichScreen(as_json=as_json)))
 
 
 def convert(
     bags: Bags,
     output: Output = None,
-    compression: Annotated[Compression, typer.Option(help="compression of the new bag")] = "none",
+    compression: Annotated[Compression, opt("compression of the new bag")] = "none",
     as_json: AsJson = False,
 ) -> None:
     """Write any sound rosbag2 as MCAP.
@@ -93,9 +74,6 @@ def convert(
     are copied too. Exit code 1 where messages had to be left out, as those that are not CDR, 2
     where the bag is damaged.
     """
-    from serd_bag.command.commands import convert_bags
-    from serd_cli.output.bag_pages import RichScreen
-
     raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
 
 
@@ -111,9 +89,6 @@ def suggest(bag: Bag, output: Mapping = Path("mapping.yaml"), as_json: AsJson = 
     """
     require_suffix(output, ".yaml")
     from serd_app.demonstrations.suggestion.suggest import suggest_mapping
-    from serd_bag.files import atomic_write_text
-    from serd_cli.output.bag_pages import print_suggestion, suggestion_values
-    from serd_cli.output.terminal import print_json
 
     found = suggest_mapping(bag)
     text = found.yaml(output)
@@ -144,7 +119,7 @@ def play(
 
     Ctrl-C ends. Services pause and step, and parameter rate, of the node bag_replay steer it.
     """
-    from serd_cli.processes.stack_run import become_replay, parse_remappings, print_replayed
+    from serd_cli.processes.stack_run import parse_remappings, replay
 
     settings = validated(
         BagReplayConfig,
@@ -159,19 +134,8 @@ def play(
         wait_s=wait,
         **({} if clock else {"clock_hz": 0.0}),
     )
-    remappings = parse_remappings(remap or ())
-    if as_json:
-        print_replayed(settings, remappings)
-    else:
-        become_replay(settings, remappings)
+    replay(settings, parse_remappings(remap or ()), as_json=as_json)
 
 
-for name, function in (
-    ("info", info),
-    ("check", check),
-    ("suggest", suggest),
-    ("recover", recover),
-    ("convert", convert),
-    ("play", play),
-):
-    add_command(group, name, function)
+for function in (info, check, suggest, recover, convert, play):
+    add_command(group, function.__name__, function)

@@ -9,10 +9,8 @@ from itertools import product, starmap
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from serd_cli.errors import UsageError
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, opt
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.execution import Execution
 from serd_sim.planning.catalogue import planner_names
@@ -21,32 +19,20 @@ from serd_sim.scenario.names import scenario_suite, suite_names
 #: All episodes of a table are listed in memory before the first is run.
 MOST_SEEDS = 100_000
 
+Texts = list[str] | None
 Scenarios = Annotated[
-    list[str],
-    typer.Option(
-        help=f"built-in scenario, YAML file, or suite: {', '.join(suite_names())}; repeat"
-    ),
+    list[str], opt(f"built-in scenario, YAML file, or suite: {', '.join(suite_names())}; repeat")
 ]
-Policies = Annotated[
-    list[str] | None,
-    typer.Option(help=f"{', '.join(driver_names())} or a learned model's file; repeat"),
-]
-Planners = Annotated[list[str] | None, typer.Option(help=f"{', '.join(planner_names())}; repeat")]
-People = Annotated[
-    list[int] | None, typer.Option(help="number of people, else the scenario's own; repeat")
-]
-StartAreas = Annotated[
-    list[str] | None, typer.Option(help="where the robot starts, default train; repeat")
-]
-Sources = Annotated[
-    list[str] | None,
-    typer.Option(help="given: people as they are; scan: from the lidar alone; repeat"),
-]
-Guard = Annotated[bool, typer.Option(help="whether commands pass the guard, as they do on a robot")]
+Policies = Annotated[Texts, opt(f"{', '.join(driver_names())} or a learned model's file; repeat")]
+Planners = Annotated[Texts, opt(f"{', '.join(planner_names())}; repeat")]
+People = Annotated[list[int] | None, opt("number of people, else the scenario's own; repeat")]
+StartAreas = Annotated[Texts, opt("where the robot starts, default train; repeat")]
+Sources = Annotated[Texts, opt("given: people as they are; scan: from the lidar alone; repeat")]
+Guard = Annotated[bool, opt("whether commands pass the guard, as they do on a robot")]
 
 
 def batch(
-    output: Annotated[Path, typer.Option(help="table of episodes, ending in .csv")],
+    output: Annotated[Path, opt("table of episodes, ending in .csv")],
     scenario: Scenarios,
     policy: Policies = None,
     planner: Planners = None,
@@ -54,8 +40,8 @@ def batch(
     start_area: StartAreas = None,
     people_from: Sources = None,
     guard: Guard = True,
-    seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
-    first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
+    seeds: Annotated[int, opt("episodes of each, seeds first-seed and up")] = 20,
+    first_seed: Annotated[int, opt("seed of the first episode")] = 1,
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
     address: Address = EXECUTION.address,

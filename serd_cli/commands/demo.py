@@ -3,13 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from serd_bag.quantities import counted
-from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
+from serd_cli.demo.folder import DemoSettings, new_folder, open_folder
 from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
-from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import stack_environment
 from serd_sim.scenario.scenario import load_scenario
@@ -17,16 +15,12 @@ from serd_sim.scenario.scenario import load_scenario
 
 @with_settings(DemoSettings)
 def demo(
-    output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
-        "demo_output"
-    ),
-    resume: Annotated[
-        Path | None, typer.Option(help="continue this run-N folder; its settings count")
-    ] = None,
+    output: Annotated[Path, opt("folder that gets a run-N folder")] = Path("demo_output"),
+    resume: Annotated[Path | None, opt("continue this run-N folder; its settings count")] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Parse the options, run the phases and print the report's summary."""
+    """Run the phases and print the report's summary; the message at an error names how to go on."""
     if resume is not None:
         folder, settings = open_folder(resume)
     else:
@@ -34,11 +28,6 @@ def demo(
         absolute = {"scenario": resolved_scenario(options["scenario"])}
         settings = validated(DemoSettings, **(options | absolute))
         folder = new_folder(output, settings)
-    _run(folder, settings, as_json=as_json)
-
-
-def _run(folder: DemoFolder, settings: DemoSettings, *, as_json: bool) -> None:
-    """Run the phases; finished phases stay, and the message at an error names how to continue."""
     progress_console.print(
         f"{counted(settings.demonstrations, 'demonstration')} and"
         f" {counted(settings.episodes, 'episode')} through ROS 2; results go to {folder.root}",

@@ -34,45 +34,36 @@ import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
-
-from serd_cli.options import AsJson, present, require_apart, require_suffix
+from serd_cli.options import AsJson, arg, opt, present, require_apart, require_suffix
 
 Bags = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="BAG", help="bag folders, .mcap, .db3 or .bag files, or tables of trajectories"
-    ),
+    list[Path], arg("bag folders, .mcap, .db3 or .bag files, or tables of trajectories", "BAG")
 ]
-ScenarioName = Annotated[
-    str,
-    typer.Option(help="built-in scenario or YAML file they were recorded in"),
-]
+ScenarioName = Annotated[str, opt("built-in scenario or YAML file they were recorded in")]
 CellSize = Annotated[
     float | None,
-    typer.Option(
-        help="without a scenario: side of the cells of a grid fitted to where the robot was; by"
+    opt(
+        "without a scenario: side of the cells of a grid fitted to where the robot was; by"
         " default as it moves"
     ),
 ]
 Area = Annotated[
     Path | None,
-    typer.Option(
-        help="without a scenario: walkable area in place of where the robot was, .wkt or .geojson"
-        " in metres"
+    opt(
+        "without a scenario: walkable area in place of where the robot was, .wkt or .geojson in"
+        " metres"
     ),
 ]
 Mapping = Annotated[
     Path | None,
-    typer.Option(
-        help="YAML file that maps the topics of a bag or the columns of a table", callback=present
-    ),
+    opt("YAML file that maps the topics of a bag or the columns of a table", callback=present),
 ]
 Actions = Annotated[
     Literal["auto", "hidden"],
-    typer.Option(help="auto: as recorded, hidden where there are poses alone; hidden: all"),
+    opt("auto: as recorded, hidden where there are poses alone; hidden: all"),
 ]
-Tolerant = Annotated[bool, typer.Option("--tolerant", help="use what damaged bags still hold")]
+Tolerant = Annotated[bool, opt("use what damaged bags still hold", "--tolerant")]
+Table = Annotated[Path, opt("table to write, ending in .csv")]
 
 
 def demos(
@@ -80,9 +71,7 @@ def demos(
     scenario: ScenarioName = "",
     cell_size_m: CellSize = None,
     area: Area = None,
-    output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
-        "decisions.csv"
-    ),
+    output: Table = Path("decisions.csv"),
     mapping: Mapping = None,
     actions: Actions = "auto",
     tolerant: Tolerant = False,

@@ -8,10 +8,9 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, metadata, requires, version
+from importlib.metadata import PackageNotFoundError, distributions, metadata, requires, version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import typer
 from packaging.requirements import Requirement
@@ -22,15 +21,14 @@ from serd_bag.recorder_settings import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.discovery import lidar_report, processes_discover_each_other
+from serd_cli.processes.discovery import processes_discover_each_other
 from serd_cli.processes.workspace import ros_environment
 
 _LEAST_FREE_BYTES = 1_000_000_000
 _COLOURS = {"works": "green", "optional": "yellow", "fails": "red"}
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One finding; fix: the command that mends it, empty where nothing is to be mended."""
 
     subject: str
@@ -44,10 +42,7 @@ def all_checks(environment: Mapping[str, str], folder: Path) -> Iterator[Check]:
     ros = ros_environment(environment)
     yield python()
     yield from packages()
-    yield ros_client(ros)
-    yield discovery(ros)
-    yield lidar(ros)
-    yield disk(folder)
+    yield from (ros_client(ros), discovery(ros), disk(folder))
 
 
 def python() -> Check:
@@ -70,7 +65,7 @@ def packages() -> Iterator[Check]:
             each.name
             for each in found
             if (each.marker is None or each.marker.evaluate({"extra": extra}))
-            and not _installed(each.name)
+            and not any(distributions(name=each.name))
         )
         for extra in ("", *(metadata("serd").get_all("Provides-Extra") or ()))
     }
@@ -84,24 +79,10 @@ def packages() -> Iterator[Check]:
         )
 
 
-def _installed(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:
-        return False
-    return True
-
-
 def ros_client(environment: Mapping[str, str]) -> Check:
     """Rclpy can be imported and started."""
-    program = "import rclpy; rclpy.init(); rclpy.shutdown()"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=dict(environment),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [sys.executable, "-c", "import rclpy; rclpy.init(); rclpy.shutdown()"]
+    done = subprocess.run(words, env=dict(environment), capture_output=True, text=True, check=False)
     if done.returncode == 0:
         distribution = environment.get("ROS_DISTRO", "ROS wheels of this environment")
         return Check("rclpy", "works", distribution)
@@ -116,25 +97,9 @@ def discovery(environment: Mapping[str, str]) -> Check:
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if processes_discover_each_other(environment):
         return Check("DDS discovery", "works", f"two processes meet in domain {domain}")
-    return Check(
-        "DDS discovery",
-        "fails",
-        f"two processes do not meet in domain {domain}",
-        "allow UDP on loopback and unset ROS_DISCOVERY_SERVER and FASTRTPS_DEFAULT_PROFILES_FILE",
-    )
-
-
-def lidar(environment: Mapping[str, str]) -> Check:
-    """What the lidar that runs now means by ranges of 0, which the guard must be told."""
-    report = lidar_report(environment)
-    if not report.n_scans:
-        return Check("lidar", "optional", "no scan is published now")
-    finding = f"{report.n_scans} scans, {100.0 * report.zero_share:.0f} % of their ranges are 0"
-    if report.zero is None:
-        return Check("lidar", "works", finding)
-    finding = f"{finding}, which seems to mean {report.zero}"
-    fix = "" if report.zero == "unknown" else f"serd launch guard zero_is:={report.zero}"
-    return Check("lidar", "works", finding, fix)
+    variables = "ROS_DISCOVERY_SERVER and FASTRTPS_DEFAULT_PROFILES_FILE"
+    fix = f"allow UDP on loopback and unset {variables}"
+    return Check("DDS discovery", "fails", f"two processes do not meet in domain {domain}", fix)
 
 
 def disk(folder: Path) -> Check:
@@ -154,7 +119,7 @@ def doctor(as_json: AsJson = False) -> None:
     """Make all checks and print them."""
     found = list(all_checks(os.environ, Path.cwd()))
     if as_json:
-        print_json([asdict(each) for each in found])
+        print_json([each._asdict() for each in found])
     else:
         table = Table(show_header=False)
         table.add_column(no_wrap=True)

@@ -8,10 +8,9 @@ import os
 import sys
 from typing import Annotated
 
-import typer
 from rich.text import Text
 
-from serd_cli.options import AsJson
+from serd_cli.options import AsJson, arg
 from serd_cli.output.terminal import console, print_json
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_cli.processes.stack_run import require_free_domain
@@ -21,16 +20,20 @@ from serd_ros.graph.graph import find_stack, full_namespace, load_graph
 
 
 def launch(
-    stack: Annotated[str, typer.Argument(help="stack to start; without one all are listed")] = "",
+    stack: Annotated[str, arg("stack to start; without one all are listed")] = "",
     assignments: Annotated[
-        list[str] | None,
-        typer.Argument(help="name:=value, node.name:=value or namespace:=name"),
+        list[str] | None, arg("name:=value, node.name:=value or namespace:=name")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Parse the assignments and run the stack, or list all."""
+    stacks = load_graph().stacks
+    if not stack and as_json:
+        print_json({name: each.model_dump() for name, each in stacks.items()})
+    for name, each in stacks.items() if not (stack or as_json) else ():
+        console.print(Text.assemble((name, "bold"), f": {each.about}"))
+        console.print(f"  {', '.join(each.nodes)}", style="dim")
     if not stack:
-        _list_stacks(as_json=as_json)
         return
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
@@ -38,17 +41,6 @@ def launch(
     found = find_stack(stack)
     processes = stack_processes(found, given, environment, namespace)
     require_free_domain(found, environment, namespace)
-    run_together(processes, environment, _print_line)
-
-
-def _list_stacks(*, as_json: bool) -> None:
-    if as_json:
-        print_json({name: stack.model_dump() for name, stack in load_graph().stacks.items()})
-        return
-    for name, stack in load_graph().stacks.items():
-        console.print(Text.assemble((name, "bold"), f": {stack.about}"))
-        console.print(f"  {', '.join(stack.nodes)}", style="dim")
-
-
-def _print_line(name: str, line: str) -> None:
-    print(f"{name:>15} | {line}", file=sys.stderr)
+    run_together(
+        processes, environment, lambda name, line: print(f"{name:>15} | {line}", file=sys.stderr)
+    )

@@ -26,38 +26,32 @@ from serd_app.learning.settings import FlowSource, LearningSettings
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import (
     AsJson,
+    arg,
+    opt,
     require_apart,
     require_suffix,
     validated,
     with_settings,
 )
 
-_FLAGS = {
-    "prior_weights": "--prior-weight",
-    "reirl_threshold_shares": "--reirl-threshold-share",
-}
-
-Table = Annotated[
-    Path,
-    typer.Argument(metavar="TABLE", help="table of decisions that 'serd demos' wrote"),
-]
-Model = Annotated[Path, typer.Option(help="model file to write, ending in .yaml")]
-OtherScenario = Annotated[
-    str,
-    typer.Option(help="scenario or YAML file, in place of the one the table names"),
-]
+Table = Annotated[Path, arg("table of decisions that 'serd demos' wrote", "TABLE")]
+Model = Annotated[Path, opt("model file to write, ending in .yaml")]
+OtherScenario = Annotated[str, opt("scenario or YAML file, in place of the one the table names")]
 Flow = Annotated[
-    FlowSource,
-    typer.Option(help="way people walk; auto: the scenario's, else as recorded, else none"),
+    FlowSource, opt("way people walk; auto: the scenario's, else as recorded, else none")
 ]
 Goals = Annotated[
     list[str] | None,
-    typer.Option(help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"),
+    opt("x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"),
 ]
-Page = Annotated[Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")]
+Page = Annotated[Path | None, opt("folder for an HTML page as of 'serd report'")]
 
 
-@with_settings(LearningSettings, **_FLAGS)
+@with_settings(
+    LearningSettings,
+    prior_weights="--prior-weight",
+    reirl_threshold_shares="--reirl-threshold-share",
+)
 def learn(
     table: Table,
     output: Model = Path("model.yaml"),
@@ -69,7 +63,9 @@ def learn(
     **options: Any,
 ) -> None:
     """Parse the options, learn and print what was learned."""
-    _require_table(table)
+    if table.is_dir() or table.suffix in (".mcap", ".db3", ".bag"):
+        fix = "of a bag 'serd demos' makes one"
+        raise UsageError(f"TABLE must be a table of decisions, got {table}; {fix}")
     require_suffix(output, ".yaml", ".yml")
     from serd_app.demonstrations.recorded import files_beside
     from serd_app.journeys.learn import learn_from_table
@@ -91,16 +87,6 @@ def learn(
             report=report,
             on_progress=show,
         )
-    if as_json:
-        print_json(learned_values(learned))
-    else:
-        print_learned(learned)
+    print_json(learned_values(learned)) if as_json else print_learned(learned)
     if not learned.outcome.fit.converged:
         raise typer.Exit(FAILED)
-
-
-def _require_table(path: Path) -> None:
-    if path.is_dir() or path.suffix in (".mcap", ".db3", ".bag"):
-        raise UsageError(
-            f"TABLE must be a table of decisions, got {path}; of a bag 'serd demos' makes one"
-        )

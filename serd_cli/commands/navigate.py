@@ -7,33 +7,20 @@ from os.path import realpath
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from serd_app.navigation.settings import DriveSettings
-from serd_cli.options import (
-    AsJson,
-    resolved_scenario,
-    validated,
-    with_settings,
+from serd_cli.options import AsJson, arg, opt, resolved_scenario, validated, with_settings
+
+Model = Annotated[Path, arg("file of a learned model")]
+ScenarioName = Annotated[str, opt("built-in scenario or YAML file, the model's own when not given")]
+ThroughRos = Annotated[bool, opt("through ROS nodes, not in process", "--ros")]
+Output = Annotated[Path | None, opt("folder for tables and arrival.png, else nothing is kept")]
+
+
+@with_settings(
+    DriveSettings,
+    patience_decisions="--patience",
+    minimum_arrival_probability="--minimum-probability",
 )
-
-_FLAGS = {
-    "patience_decisions": "--patience",
-    "minimum_arrival_probability": "--minimum-probability",
-}
-
-Model = Annotated[Path, typer.Argument(help="file of a learned model")]
-ScenarioName = Annotated[
-    str,
-    typer.Option(help="built-in scenario or YAML file, the model's own when not given"),
-]
-ThroughRos = Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")]
-Output = Annotated[
-    Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
-]
-
-
-@with_settings(DriveSettings, **_FLAGS)
 def navigate(
     model: Model,
     scenario: ScenarioName = "",

@@ -9,32 +9,22 @@ The page needs nothing but itself; its figures and tables lie beside it.
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
-from serd_cli.options import AsJson, option, present
+from serd_cli.options import AsJson, arg, opt, option, present
 
-Model = Annotated[Path, typer.Argument(help="file of a learned model")]
+Model = Annotated[Path, arg("file of a learned model")]
 Demonstrations = Annotated[
     list[Path] | None,
-    typer.Option(
-        help="table of decisions, or bag or table of trajectories to score, repeat",
-        callback=present,
-    ),
+    opt("table of decisions, or bag or table of trajectories to score, repeat", callback=present),
 ]
 Mapping = Annotated[
-    Path | None,
-    typer.Option(help="YAML file as for 'serd demos', not for decisions", callback=present),
+    Path | None, opt("YAML file as for 'serd demos', not for decisions", callback=present)
 ]
 Episodes = Annotated[
-    Path | None,
-    typer.Option(help="episodes.csv that 'serd navigate --output' wrote", callback=present),
+    Path | None, opt("episodes.csv that 'serd navigate --output' wrote", callback=present)
 ]
-OtherScenario = Annotated[
-    str,
-    typer.Option(help="scenario or YAML file, in place of the one the model keeps"),
-]
-Starts = Annotated[list[str] | None, typer.Option(help="x,y (m) of a forecast's start, repeat")]
+OtherScenario = Annotated[str, opt("scenario or YAML file, in place of the one the model keeps")]
+Starts = Annotated[list[str] | None, opt("x,y (m) of a forecast's start, repeat")]
 
 
 def report(
@@ -45,7 +35,7 @@ def report(
     scenario: OtherScenario = "",
     start: Starts = None,
     policy: PolicyKind = option(NavigationSettings, "policy"),
-    output: Annotated[Path, typer.Option(help="folder of the page")] = Path("report"),
+    output: Annotated[Path, opt("folder of the page")] = Path("report"),
     as_json: AsJson = False,
 ) -> None:
     """Parse the options, write the page and print its summary."""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from serd_cli.options import AsJson
+from serd_cli.options import AsJson, arg
 from serd_cli.output.terminal import console, print_json
 from serd_cli.processes.node_commands import all_executables, find_command
 from serd_cli.processes.workspace import ros_environment
@@ -17,23 +17,19 @@ from serd_cli.processes.workspace import ros_environment
 
 def run(
     context: typer.Context,
-    package: Annotated[str, typer.Argument(help="ROS package, for example serd_ros")] = "",
-    executable: Annotated[str, typer.Argument(help="its executable, for example hallway_sim")] = "",
+    package: Annotated[str, arg("ROS package, for example serd_ros")] = "",
+    executable: Annotated[str, arg("its executable, for example hallway_sim")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Find the executable and become it, or list all."""
     environment = ros_environment(os.environ)
-    if not package:
-        _list(all_executables(environment), as_json=as_json)
-        return
-    command = find_command(package, executable, environment)
-    os.execve(command[0], [*command, *context.args], environment)
-
-
-def _list(found: dict[str, list[str]], *, as_json: bool) -> None:
+    if package:
+        command = find_command(package, executable, environment)
+        os.execve(command[0], [*command, *context.args], environment)
+    found = all_executables(environment)
     if as_json:
         print_json(found)
         return
-    for package, executables in found.items():
-        console.print(package, style="bold")
+    for name, executables in found.items():
+        console.print(name, style="bold")
         console.print(f"  {', '.join(executables)}", style="dim")

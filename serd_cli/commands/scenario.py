@@ -1,47 +1,63 @@
 """`serd scenario`: list, draw and film scenarios, and make them from maps."""
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from serd_app.places.settings import PlaceSettings
-from serd_cli.commands.film import film
+from serd_bag.files import atomic_write_text
+from serd_cli.errors import UsageError
 from serd_cli.options import (
     AsJson,
     add_command,
+    arg,
+    opt,
+    option,
     require_apart,
     require_suffix,
     validated,
     with_settings,
 )
+from serd_cli.output.scenarios import (
+    mapped_values,
+    print_list,
+    print_mapped,
+    print_scenario,
+    scenario_values,
+)
+from serd_cli.output.terminal import console, counting_bar, print_json
+from serd_files.settings import setting
+from serd_files.yaml_config import StrictModel
+from serd_sim.drivers.catalogue import driver_names
+from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.scenario.goal import point_of
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import Scenario, load_scenario
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
-ScenarioName = Annotated[str, typer.Argument(help="built-in scenario or YAML file")]
-Plan = Annotated[Path | None, typer.Option(help="picture to write, default SCENARIO.png here")]
-SchemaFile = Annotated[
-    Path | None, typer.Option(help="file to write, e.g. scenario.schema.json; else printed")
-]
-RosMap = Annotated[
+ScenarioName = Annotated[str, arg("built-in scenario or YAML file")]
+MapFile = Annotated[
     Path,
-    typer.Argument(
-        metavar="MAP",
-        help="map.yaml of nav2_map_server, bag with a map topic, or area as .wkt or .geojson",
-    ),
+    arg("map.yaml of nav2_map_server, bag with a map topic, or area as .wkt or .geojson", "MAP"),
 ]
 NewScenario = Annotated[
-    Path | None,
-    typer.Option(help="scenario to write, ending in .yaml; default MAP-scenario.yaml here"),
+    Path | None, opt("scenario to write, ending in .yaml; default MAP-scenario.yaml here")
 ]
+Policy = Annotated[str, opt(f"{', '.join(driver_names())} or a learned model's file")]
+PeopleFrom = Annotated[str, opt("given: people as they are; scan: from the lidar alone")]
+View = Annotated[
+    Literal["top", "overview", "chase"],
+    opt("from above, the whole in 3-D, or behind the robot in 3-D"),
+]
+At = Annotated[float | None, opt("time of a .png (s), the end when not given", "--at", min=0)]
 
 
 def list_scenarios(as_json: AsJson = False) -> None:
     """List the built-in scenarios."""
-    from serd_cli.output.scenarios import print_list, scenario_values
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.names import builtin_scenarios
-    from serd_sim.scenario.scenario import load_scenario
 
     scenarios = {name: load_scenario(name) for name in builtin_scenarios()}
     if as_json:
@@ -50,7 +66,11 @@ def list_scenarios(as_json: AsJson = False) -> None:
         print_list(scenarios)
 
 
-def show(scenario: ScenarioName, output: Plan = None, as_json: AsJson = False) -> None:
+def show(
+    scenario: ScenarioName,
+    output: Annotated[Path | None, opt("picture to write, default SCENARIO.png here")] = None,
+    as_json: AsJson = False,
+) -> None:
     """Draw a scenario from above and list its contents.
 
     serd scenario show hallway
@@ -58,9 +78,6 @@ def show(scenario: ScenarioName, output: Plan = None, as_json: AsJson = False) -
     In metres: walls, cells, start areas, the goal, and the loops that people walk.
     """
     from serd_app.report.pictures import save_plan
-    from serd_cli.output.scenarios import print_scenario, scenario_values
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     picture = output or Path(f"{Path(scenario).stem}.png")
@@ -73,7 +90,64 @@ def show(scenario: ScenarioName, output: Plan = None, as_json: AsJson = False) -
         print_scenario(values, loaded.patience_remark)
 
 
-def schema(output: SchemaFile = None, as_json: AsJson = False) -> None:
+class MovieSettings(StrictModel):
+    """How fast an episode is shown."""
+
+    speed: float = setting(4.0, "times real time", gt=0, le=1000)
+
+
+def film(
+    output: Annotated[Path, opt("file to write: .mp4, .gif or .png")],
+    scenario: ScenarioName = "hallway",
+    policy: Policy = "expert",
+    planner: str = option(WorldSettings, "planner"),
+    people_from: PeopleFrom = "given",
+    seed: int = option(EpisodeSettings, "seed", default=1),
+    episode: Annotated[int, opt("number of the episode", min=0)] = 0,
+    people: int | None = option(WorldSettings, "people"),
+    start_area: str = option(WorldSettings, "start_area"),
+    view: View = "top",
+    speed: float = option(MovieSettings, "speed"),
+    at_s: At = None,
+    as_json: AsJson = False,
+) -> None:
+    """Drive one episode and write it as a movie, or one moment of it as a picture.
+
+    serd scenario film crossing --output episode.mp4
+
+    serd scenario film --view chase --at 20 --output episode.png
+
+    The same seed and policy give the same drive as in serd batch.
+    """
+    from serd_app.journeys.film import SUFFIXES
+    from serd_app.journeys.film import film as drive_and_draw
+    from serd_sim.episodes.batch import EpisodeTask
+
+    require_suffix(output, *SUFFIXES)
+    validated(MovieSettings, speed=speed)
+    if at_s is not None and output.suffix.lower() != ".png":
+        raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
+    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
+    done = drive_and_draw(task, output, view=view, speed=speed, at_s=at_s, track=_with_bar)
+    picture = str(output.resolve())
+    if as_json:
+        print_json({"outcome": done.outcome, "duration_s": done.duration_s, "picture": picture})
+    else:
+        console.print(f"{done.outcome} after {done.duration_s:.1f} s")
+        print(f"picture: {picture}")
+
+
+def _with_bar(ticks: Sequence[int]) -> Iterator[int]:
+    with counting_bar("frames") as bar:
+        yield from bar.track(ticks)
+
+
+def schema(
+    output: Annotated[
+        Path | None, opt("file to write, e.g. scenario.schema.json; else printed")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Write the JSON schema of scenario files, for editors that check while you type.
 
     serd scenario schema --output scenario.schema.json
@@ -81,11 +155,6 @@ def schema(output: SchemaFile = None, as_json: AsJson = False) -> None:
     With the YAML extension of VS Code, begin your file with
     # yaml-language-server: $schema=scenario.schema.json
     """
-    import json
-
-    from serd_bag.files import atomic_write_text
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.scenario import Scenario
 
     text = json.dumps(Scenario.model_json_schema(), indent=2, ensure_ascii=False) + "\n"
     if output is None:
@@ -101,23 +170,16 @@ def schema(output: SchemaFile = None, as_json: AsJson = False) -> None:
 
 @with_settings(PlaceSettings)
 def from_map(
-    ros_map: RosMap,
+    ros_map: MapFile,
     output: NewScenario = None,
-    goal: Annotated[
-        str, typer.Option(help="x,y (m) in the goal; default: far from the start")
-    ] = "",
-    start: Annotated[
-        str, typer.Option(help="x,y (m) of the start; default: far from the goal")
-    ] = "",
-    topic: Annotated[str, typer.Option(help="topic of the map in a bag")] = "map",
+    goal: Annotated[str, opt("x,y (m) in the goal; default: far from the start")] = "",
+    start: Annotated[str, opt("x,y (m) of the start; default: far from the goal")] = "",
+    topic: Annotated[str, opt("topic of the map in a bag")] = "map",
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Write a scenario from the map that a robot navigates by; see FROM_MAP."""
+    """Parse the options, write the scenario and print what was found in the map."""
     from serd_app.journeys.from_map import scenario_from_map
-    from serd_cli.output.scenarios import mapped_values, print_mapped
-    from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.goal import point_of
 
     path = output or Path(f"{ros_map.stem}-scenario.yaml")
     require_suffix(path, ".yaml", ".yml")
@@ -149,11 +211,7 @@ scenario and a plan of it are written; docs/maps.md has all of it.
 A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
 place in which people were tracked.
 """
-for name, function, about in (
-    ("list", list_scenarios, None),
-    ("show", show, None),
-    ("film", film, None),
-    ("schema", schema, None),
-    ("from-map", from_map, FROM_MAP),
-):
-    add_command(group, name, function, about)
+add_command(group, "list", list_scenarios)
+for function in (show, film, schema):
+    add_command(group, function.__name__, function)
+add_command(group, "from-map", from_map, FROM_MAP)

@@ -21,7 +21,7 @@ from rich.text import Text
 
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import run_alone
@@ -32,14 +32,12 @@ from serd_ros.process.progress import Progress
 from serd_ros.settings import WatchPageConfig
 from serd_sim.scenario.scenario import load_scenario
 
-_NODE = "watch_page"
-
 
 @with_settings(WatchPageConfig)
 def watch(
     bag: Annotated[Path | None, typer.Argument(hidden=True)] = None,
     namespace: Annotated[
-        str, typer.Option(help="of the robot that is shown, as robot1; / for topics without one")
+        str, opt("of the robot that is shown, as robot1; / for topics without one")
     ] = "",
     as_json: AsJson = False,
     **options: Any,
@@ -53,23 +51,17 @@ def watch(
     settings = validated(WatchPageConfig, **options)
     PageAccess(settings.address, read_token(settings.token_file))
     load_scenario(settings.scenario)
-    _serve(settings, namespace, as_json=as_json)
-
-
-def _serve(settings: WatchPageConfig, namespace: str, *, as_json: bool) -> None:
     environment = ros_environment(os.environ)
     remappings = {"__ns": full} if (full := full_namespace(namespace)) else {}
-    command = node_command(_NODE, settings.model_dump(), remappings, environment)
+    command = node_command("watch_page", settings.model_dump(), remappings, environment)
 
     def take(progress: Progress) -> None:
-        if not progress.address:
-            return
-        if as_json:
+        if progress.address and as_json:
             print_json({"url": progress.address})
             sys.stdout.flush()
-        else:
+        elif progress.address:
             address = progress.address, "bold"
             progress_console.print(Text.assemble("watch at ", address, "   (Ctrl-C ends)"))
 
     with suppress(KeyboardInterrupt):  # the usual end
-        run_alone(_NODE, command, environment, take)
+        run_alone("watch_page", command, environment, take)

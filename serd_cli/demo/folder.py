@@ -49,10 +49,8 @@ class DemoFolder:
 
     def demonstrated(self, settings: DemoSettings) -> bool:
         """Whether all demonstrations are recorded and their bag is closed."""
-        return (
-            len(self.episodes(self.demonstrations)) >= settings.demonstrations
-            and (self.bag / "metadata.yaml").is_file()
-        )
+        n_driven = len(self.episodes(self.demonstrations))
+        return n_driven >= settings.demonstrations and (self.bag / "metadata.yaml").is_file()
 
     def learned(self) -> bool:
         """Whether the model is there."""

@@ -42,40 +42,19 @@ class Phase:
 
 def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
     """An expert drives and is recorded, a model is learned, and it drives in another world."""
-    return (
-        _demonstrate(folder, settings),
-        _learn(folder, settings),
-        _navigate(folder, settings),
-    )
-
-
-def _demonstrate(folder: DemoFolder, settings: DemoSettings) -> Phase:
-    parameters = {
-        "scenario": settings.scenario,
-        "seed": settings.seed,
+    here = {"scenario": settings.scenario, "seed": settings.seed}
+    demonstrate = {
         "scripted_expert.episodes": settings.demonstrations,
         "timeout_s": settings.timeout_s,
         "scripted_expert.output": str(folder.demonstrations),
         "demo_recorder.output": str(folder.bag),
     }
-    n_parts, drives = settings.demonstrations, folder.demonstrations
-    return Phase("demonstrate", lambda: folder.demonstrated(settings), parameters, n_parts, drives)
-
-
-def _learn(folder: DemoFolder, settings: DemoSettings) -> Phase:
-    parameters = {
-        "scenario": settings.scenario,
-        "seed": settings.seed,
+    learn = {
         "bag": str(folder.bag),
         "learner.output": str(folder.model),
         "decisions": str(folder.decisions),
     }
-    return Phase("learn", folder.learned, parameters, 1)
-
-
-def _navigate(folder: DemoFolder, settings: DemoSettings) -> Phase:
-    parameters = {
-        "scenario": settings.scenario,
+    navigate = {
         "seed": settings.navigation_seed,
         "model": str(folder.model),
         "policy": settings.policy,
@@ -83,8 +62,23 @@ def _navigate(folder: DemoFolder, settings: DemoSettings) -> Phase:
         "timeout_s": settings.timeout_s,
         "strategy.output": str(folder.navigation),
     }
-    n_parts, drives = settings.episodes, folder.navigation
-    return Phase("navigate", lambda: folder.navigated(settings), parameters, n_parts, drives)
+    return (
+        Phase(
+            "demonstrate",
+            lambda: folder.demonstrated(settings),
+            here | demonstrate,
+            settings.demonstrations,
+            folder.demonstrations,
+        ),
+        Phase("learn", folder.learned, here | learn, 1),
+        Phase(
+            "navigate",
+            lambda: folder.navigated(settings),
+            here | navigate,
+            settings.episodes,
+            folder.navigation,
+        ),
+    )
 
 
 class LivePage:
@@ -110,10 +104,7 @@ class LivePage:
 
 
 def run_phases(
-    folder: DemoFolder,
-    settings: DemoSettings,
-    environment: Mapping[str, str],
-    page: LivePage,
+    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str], page: LivePage
 ) -> list[PhaseTiming]:
     """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if not folder.demonstrated(settings):
@@ -124,29 +115,24 @@ def run_phases(
     for phase in phases:
         if phase.is_done():
             continue
-        began_s = time.monotonic()
-        shown = page if phase.drives is not None else None
+        began_s, is_shown = time.monotonic(), phase.drives is not None
         run_stack(
             phase.name,
-            {**phase.parameters, **(shown.parameters() if shown is not None else {})},
+            {**phase.parameters, **(page.parameters() if is_shown else {})},
             environment,
             total=phase.n_parts,
             logs=folder.logs,
-            on_address=shown.show if shown is not None else None,
+            on_address=page.show if is_shown else None,
         )
         if not phase.is_done():  # a node ended early, even without an error of its own
             raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")
         folder.note_wall_time(phase.name, time.monotonic() - began_s)
-    wall_s = folder.wall_times_s()
+    wall_s, simulated_s = folder.wall_times_s(), {}
+    for phase in phases:
+        if phase.drives is not None:
+            simulated_s[phase.name] = sum(row.duration_s for row in folder.episodes(phase.drives))
     return [
-        PhaseTiming(phase.name, wall_s[phase.name], _simulated_s(phase))
+        PhaseTiming(phase.name, wall_s[phase.name], simulated_s.get(phase.name))
         for phase in phases
         if phase.name in wall_s
     ]
-
-
-def _simulated_s(phase: Phase) -> float | None:
-    """What the episodes of a phase lasted in all, None where it drove none."""
-    if phase.drives is None:
-        return None
-    return sum(episode.duration_s for episode in DemoFolder.episodes(phase.drives))

@@ -32,7 +32,7 @@ from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
 from serd_sim.drivers.strategy import load_strategy
-from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.observation import People
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
@@ -94,7 +94,14 @@ def report_inputs(
         predicted=predicted_law(strategy, "train"),
         timeout_s=settings.timeout_s,
         snapshot=busy_moment(folder.bag, recording),
-        run=_facts(settings, scenario, phases),
+        run=RunFacts(
+            command=shlex.join(["serd", *sys.argv[1:]]),
+            how=f"ROS 2 nodes in lock-step, {scenario.pedestrians.count} pedestrians",
+            finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
+            phases=tuple(phases),
+            seeds={"demonstrations": settings.seed, "navigation": settings.navigation_seed},
+            versions={name: version(name) for name in _PACKAGES},
+        ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         discretised=report_of_table(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
@@ -103,17 +110,6 @@ def report_inputs(
         recorded=recorded_times(
             strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)
         ),
-    )
-
-
-def _facts(settings: DemoSettings, scenario: Scenario, phases: Sequence[PhaseTiming]) -> RunFacts:
-    return RunFacts(
-        command=shlex.join(["serd", *sys.argv[1:]]),
-        how=f"ROS 2 nodes in lock-step, {scenario.pedestrians.count} pedestrians",
-        finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
-        phases=tuple(phases),
-        seeds={"demonstrations": settings.seed, "navigation": settings.navigation_seed},
-        versions={name: version(name) for name in _PACKAGES},
     )
 
 
@@ -131,14 +127,14 @@ class Recording:
 
 def read_recording(bag: Path) -> Recording:
     """All robot poses of a bag; the clock jumps between episodes."""
-    times, poses = [], []
-    for _, message in messages_of(bag, [topics.ROBOT_POSE]):
-        times.append(stamp_ns(message.header.stamp) * 1e-9)
-        poses.append(from_pose(message.pose))
-    time_s, pose = np.array(times), np.array(poses)
-    time_s, first = np.unique(time_s, return_index=True)
-    cuts = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
-    return Recording(tuple(np.split(time_s, cuts)), tuple(np.split(pose[first], cuts)))
+    rows = [
+        (stamp_ns(message.header.stamp) * 1e-9, *from_pose(message.pose))
+        for _, message in messages_of(bag, [topics.ROBOT_POSE])
+    ]
+    _, first = np.unique([row[0] for row in rows], return_index=True)
+    found = np.array(rows)[first]
+    cuts = np.flatnonzero(np.diff(found[:, 0]) > LONGEST_GAP_S) + 1
+    return Recording(tuple(np.split(found[:, 0], cuts)), tuple(np.split(found[:, 1:], cuts)))
 
 
 def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
@@ -146,7 +142,11 @@ def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
     middle = len(recording.poses) // 2
     times_s, poses = recording.times_s[middle], recording.poses[middle]
     at_s = times_s[0] + _MOMENT * (times_s[-1] - times_s[0])
-    people = _people_between(bag, at_s - _TRAIL_S, at_s)
+    people: dict[int, People] = {}  # by stamp in ns
+    for _, message in messages_of(bag, [topics.PEDESTRIANS]):
+        time_ns = stamp_ns(message.header.stamp)
+        if at_s - _TRAIL_S <= time_ns * 1e-9 <= at_s:
+            _, people[time_ns] = from_people_message(message)
     kept = [index for index, time_s in enumerate(times_s) if round(time_s * 1e9) in people]
     seen = [people[round(times_s[index] * 1e9)] for index in kept]
     return CrowdSnapshot(
@@ -157,13 +157,3 @@ def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
         people_trail_m=np.array([each.position_m for each in seen]),
         robot_trail_m=poses[kept, :2],
     )
-
-
-def _people_between(bag: Path, first_s: float, last_s: float) -> dict[int, People]:
-    """People by stamp (ns) in a span of simulated time."""
-    found: dict[int, People] = {}
-    for _, message in messages_of(bag, [topics.PEDESTRIANS]):
-        time_ns = stamp_ns(message.header.stamp)
-        if first_s <= time_ns * 1e-9 <= last_s:
-            _, found[time_ns] = from_people_message(message)
-    return found

@@ -62,11 +62,9 @@ def remarks(found: Comparison, patience_remark: str) -> list[str]:
         f"{counted(found.n_episodes, 'episode')}: {endings}; contacts: robot into people "
         f"{found.robot_on_person}, people into robot {found.person_on_robot}, walls "
         f"{found.robot_on_wall}",
-    ]
-    lines.append(
         f"driven among {found.n_people} people; the model does not keep among how many it was "
-        "learned: give --people where they were more or fewer"
-    )
+        "learned: give --people where they were more or fewer",
+    ]
     if found.transferred:
         lines.append("the model was learned on another grid")
     if found.no_prediction_because:

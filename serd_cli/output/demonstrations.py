@@ -56,8 +56,7 @@ def values_of(done: Demonstrated) -> dict[str, Any]:
 
 def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
     """One row per bag."""
-    names = ("decisions", "without outcome", "dropped", "episodes")
-    table = table_of("Decisions", "bag", names)
+    table = table_of("Decisions", "bag", ("decisions", "without outcome", "dropped", "episodes"))
     for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
         report = each.report
         counts = report.n_decisions, report.n_censored, report.n_dropped, report.n_episodes
@@ -72,24 +71,27 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
     every = joined_reports([each.report for each in found])
     if every.fault_share:
         yield every.faults
-    left_out = (
-        ("pose", "with a number that is not finite", "n_bad_poses"),
-        ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),
-        ("velocity command", "with a number that is not finite", "n_bad_commands"),
-    )
-    for what, why, name in left_out:
-        count = sum(getattr(each.report, name) for each in found)
-        if count:
+    for what, why, name in _LEFT_OUT:
+        if count := sum(getattr(each.report, name) for each in found):
             yield f"left out {counted(count, what)} {why}"
     for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
-        for line in (
-            *_damage(each.recording),
-            *_pieces(each.recording),
-            *_place(each),
-            *_waits(each),
-            *_hidden(each),
-        ):
-            yield f"{name}: {line}"
+        lines = (*_damage(each.recording), *_pieces(each.recording), *_decisions(each))
+        yield from (f"{name}: {line}" for line in lines)
+
+
+_LEFT_OUT = (
+    ("pose", "with a number that is not finite", "n_bad_poses"),
+    ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),
+    ("velocity command", "with a number that is not finite", "n_bad_commands"),
+)
+#: Where drives without marks are cut: what is counted, and more about it.
+_CUTS = {
+    GAP: ("gap", " of more than {gap_s:.2g} s between poses"),
+    BUTTON: ("press", " of the button"),
+    GOAL: ("goal", ""),
+    STOP: ("stop", ""),
+    TURN: ("end", " of the ways of round trips"),
+}
 
 
 def _damage(recording: Recording) -> Iterable[str]:
@@ -108,34 +110,27 @@ def _pieces(recording: Recording) -> Iterable[str]:
     if not cuts:
         return
     gap_s = max(drive.longest_gap_s for drive in recording.drives)
-    kinds = {
-        GAP: ("gap", f" of more than {gap_s:.2g} s between poses"),
-        BUTTON: ("press", " of the button"),
-        GOAL: ("goal", ""),
-        STOP: ("stop", ""),
-        TURN: ("end", " of the ways of round trips"),
-    }
-    where = [counted(cuts[kind], what) + more for kind, (what, more) in kinds.items() if cuts[kind]]
+    where = " and ".join(
+        counted(cuts[kind], what) + more.format(gap_s=gap_s)
+        for kind, (what, more) in _CUTS.items()
+        if cuts[kind]
+    )
     n_episodes = sum(len(drive.episodes) for drive in recording.drives)
     yield (
-        f"cut into {counted(n_episodes, 'episode')} at {' and '.join(where)}; button_topic,"
-        " goals_m, goal_area_m, stop_s, round_trips and longest_gap_s in the mapping set others,"
+        f"cut into {counted(n_episodes, 'episode')} at {where}; button_topic, goals_m,"
+        " goal_area_m, stop_s, round_trips and longest_gap_s in the mapping set others,"
         " 'serd learn --goal' the goal"
     )
 
 
-def _place(found: RecordedDemonstrations) -> Iterable[str]:
-    outside = found.report.dropped.get(OFF_GRID, 0)
-    taken = outside + found.report.n_decisions
-    if outside > _MANY_OUTSIDE * taken:
-        yield (
-            f"{outside} of {counted(taken, 'decision')} with the robot off the grid; is it this"
-            " scenario?"
-        )
-
-
-def _waits(found: RecordedDemonstrations) -> Iterable[str]:
+def _decisions(found: RecordedDemonstrations) -> Iterable[str]:
+    """Decisions of another place, waits of a robot that moves, and hidden actions."""
     report = found.report
+    outside = report.dropped.get(OFF_GRID, 0)
+    taken = outside + report.n_decisions
+    if outside > _MANY_OUTSIDE * taken:
+        of_all = f"{outside} of {counted(taken, 'decision')}"
+        yield f"{of_all} with the robot off the grid; is it this scenario?"
     if report.n_moving_waits > MOST_MOVING_WAITS * report.n_decisions:
         yield (
             f"{report.n_moving_waits} of {counted(report.n_decisions, 'decision')} wait while the"
@@ -143,13 +138,9 @@ def _waits(found: RecordedDemonstrations) -> Iterable[str]:
             f" {found.bag}' finds how long it follows a command, or set action_from: motion in the"
             " mapping"
         )
-
-
-def _hidden(found: RecordedDemonstrations) -> Iterable[str]:
-    count = int(found.decisions.hidden.sum())
-    if count:
+    if n_hidden := int(found.decisions.hidden.sum()):
         yield (
-            f"{counted(count, 'decision')} without action, as poses alone are used: 'serd learn'"
+            f"{counted(n_hidden, 'decision')} without action, as poses alone are used: 'serd learn'"
             " learns from the states"
         )
 
@@ -159,19 +150,13 @@ def flow_values(found: FlowField | None, own: IntArray | None) -> dict[str, int]
     if found is None:
         return None
     known = found.flow != NO_FLOW
-    values = {
-        "n_cells": len(known),
-        "n_known": int(known.sum()),
-        "n_sightings": int(found.count.sum()),
-    }
-    if own is None:
-        return values
-    both = known & (own != NO_FLOW)
-    return values | {
-        "n_compared": int(both.sum()),
-        "n_as_scenario": int((both & (found.flow == own)).sum()),
-        "n_opposite": int((both & (np.abs(found.flow - own) == 2)).sum()),
-    }
+    values = {"n_cells": len(known), "n_known": known.sum(), "n_sightings": found.count.sum()}
+    if own is not None:
+        both = known & (own != NO_FLOW)
+        values["n_compared"] = both.sum()
+        values["n_as_scenario"] = (both & (found.flow == own)).sum()
+        values["n_opposite"] = (both & (np.abs(found.flow - own) == 2)).sum()
+    return {name: int(count) for name, count in values.items()}
 
 
 def flow_in_words(found: FlowField | None, own: IntArray | None) -> str:
@@ -179,16 +164,10 @@ def flow_in_words(found: FlowField | None, own: IntArray | None) -> str:
     values = flow_values(found, own)
     if values is None:
         return "flow of people: none was recorded"
-    line = (
-        f"flow of people: known in {values['n_known']} of {values['n_cells']} cells"
-        f" from {values['n_sightings']} sightings"
-    )
-    if own is None:
-        return line
-    return (
-        f"{line}; {values['n_as_scenario']} of {values['n_compared']} as in the scenario,"
-        f" {values['n_opposite']} opposite"
-    )
+    line = "flow of people: known in {n_known} of {n_cells} cells from {n_sightings} sightings"
+    if own is not None:
+        line += "; {n_as_scenario} of {n_compared} as in the scenario, {n_opposite} opposite"
+    return line.format(**values)
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:

@@ -21,7 +21,6 @@ from serd_bag.quantities import counted
 from serd_cli.output.terminal import WorkProgress, console, finite, progress_console, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.fit_result import FitResult
 
 
 @contextmanager
@@ -55,7 +54,11 @@ def print_learned(learned: Learned) -> None:
     if learned.missing:
         progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files), soft_wrap=True)
-    console.print(_weights_table(outcome.fit, certainty))
+    table = table_of("Reward weights", "feature", ("weight", "standard error"))
+    for row, name in enumerate(outcome.fit.feature_names):
+        error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
+        table.add_row(in_words(name), f"{outcome.fit.reward_weights[row]:+.2f}", _number(error))
+    console.print(table)
     console.print(_outcomes_table(outcome, certainty))
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
@@ -99,10 +102,9 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "validation_log_likelihoods": dict(outcome.validation),
         "mean_dwell_s": {each.name: each.mean_s for each in outcome.model.outcome_models},
         "outcome_probabilities": [each.learned for each in outcome.model.outcome_models],
-        "standard_errors": None if errors is None else [finite(each) for each in errors.reward],
-        "outcome_standard_errors": None
-        if errors is None
-        else [[finite(each) for each in row] for row in errors.outcome_probabilities],
+        "standard_errors": errors and [finite(each) for each in errors.reward],
+        "outcome_standard_errors": errors
+        and [[finite(each) for each in row] for row in errors.outcome_probabilities],
         "identified_without_prior": None if found is None else found.identified,
         "open_directions": [] if found is None else [str(each) for each in found.null],
         "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
@@ -116,15 +118,6 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "model": str(learned.model.resolve()),
         **page,
     }
-
-
-def _weights_table(fit: FitResult, certainty: Certainty) -> Table:
-    """One row per feature."""
-    table = table_of("Reward weights", "feature", ("weight", "standard error"))
-    for row, name in enumerate(fit.feature_names):
-        error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
-        table.add_row(in_words(name), f"{fit.reward_weights[row]:+.2f}", _number(error))
-    return table
 
 
 def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
@@ -147,19 +140,15 @@ def _remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
     """Why there are no standard errors, and which numbers the prior alone determines."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
-    if numbers := "; ".join(_open_numbers(problem, certainty)):
-        yield f"not determined by the decisions alone, so the prior decides: {numbers}"
-
-
-def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
-    if certainty.open_temperature:
-        yield "log temperature"
-    yield from (in_words(f"reward {name}") for name in sorted(certainty.open_rewards))
-    used = set(problem.used_models.tolist())
+    numbers = ["log temperature"] if certainty.open_temperature else []
+    numbers += [in_words(f"reward {name}") for name in sorted(certainty.open_rewards)]
     for model, group in groupby(certainty.open_dynamics, key=itemgetter(0)):
-        if model in used:
+        if model in problem.used_models:
             names = ", ".join(name for _, name in group)
-            yield f"{in_words(problem.model_names[model])} ({names})"
+            numbers.append(f"{in_words(problem.model_names[model])} ({names})")
+    if numbers:
+        open_numbers = "; ".join(numbers)
+        yield f"not determined by the decisions alone, so the prior decides: {open_numbers}"
 
 
 def _number(value: float, digits: int = 2) -> str:

@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from serd_app.journeys.from_map import MappedScenario
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console
 from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.occupancy import OccupancyRaster
 from serd_sim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from serd_app.journeys.from_map import MappedScenario
 
 
 def print_list(scenarios: Mapping[str, Scenario]) -> None:
@@ -34,23 +35,34 @@ def print_scenario(values: Mapping[str, Any], remark: str) -> None:
     table.add_column(overflow="fold")
     for name, value in values.items():
         if name != "picture":
-            table.add_row(name.replace("_", " "), _text(value))
+            text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+            table.add_row(name.replace("_", " "), text)
     console.print(table)
     if remark:
         console.print(remark, soft_wrap=True)
     print(f"picture: {values['picture']}")  # in one piece, however long
 
 
-def print_mapped(made: MappedScenario) -> None:
+def print_mapped(made: "MappedScenario") -> None:
     """What is free in the map, and the files."""
-    values = mapped_values(made)
-    map_of = "" if made.raster is None else _map_of(made.raster)
-    console.print(f"{map_of}{_sentence(values)}", soft_wrap=True)
+    values, map_of = mapped_values(made), ""
+    if made.raster is not None:
+        rows, columns = made.raster.cells.shape
+        degrees = math.degrees(made.raster.yaw_rad)
+        turned = f", turned by {degrees:.1f} degrees" if degrees else ""
+        map_of = f"map of {columns} x {rows} cells{turned}: "
+    console.print(
+        f"{map_of}a free area of {values['free_area_m2']:g} m2"
+        f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
+        f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
+        f" {values['cells_area_m2']:g} m2; a patience of {values['patience_s']:g} s",
+        soft_wrap=True,
+    )
     for name in ("file", "picture"):
         console.print(f"{name}: {values[name]}", soft_wrap=True)
 
 
-def mapped_values(made: MappedScenario) -> dict[str, Any]:
+def mapped_values(made: "MappedScenario") -> dict[str, Any]:
     """The scenario and what was found in its map, as plain values."""
     scenario, raster = made.scenario, made.raster
     reached_m2 = float(scenario.cells.walkable.sum()) * scenario.cell_size_m**2
@@ -63,21 +75,6 @@ def mapped_values(made: MappedScenario) -> dict[str, Any]:
         "file": str(made.file.resolve()),
         "picture": str(made.picture.resolve()),
     }
-
-
-def _map_of(raster: OccupancyRaster) -> str:
-    rows, columns = raster.cells.shape
-    turned = f", turned by {math.degrees(raster.yaw_rad):.1f} degrees" if raster.yaw_rad else ""
-    return f"map of {columns} x {rows} cells{turned}: "
-
-
-def _sentence(values: dict[str, Any]) -> str:
-    return (
-        f"a free area of {values['free_area_m2']:g} m2"
-        f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
-        f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
-        f" {values['cells_area_m2']:g} m2; a patience of {values['patience_s']:g} s"
-    )
 
 
 def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
@@ -97,7 +94,3 @@ def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
         "wait_s": scenario.wait_s,
         "episode_timeout_s": scenario.episode_timeout_s,
     }
-
-
-def _text(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

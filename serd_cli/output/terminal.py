@@ -41,9 +41,8 @@ def finite(value: float) -> float | None:
 
 def finite_values(values: dict[str, Any]) -> dict[str, Any]:
     """The values with None for floats that are not finite."""
-    return {
-        name: finite(value) if isinstance(value, float) else value for name, value in values.items()
-    }
+    floats = {name: finite(value) for name, value in values.items() if isinstance(value, float)}
+    return values | floats
 
 
 def table_of(title: str, first: str, numbers: Iterable[str], **options: Any) -> Table:

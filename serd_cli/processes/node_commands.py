@@ -17,7 +17,7 @@ from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
 from serd_files.moved_names import where_or_near
 from serd_files.yaml_text import read_yaml
-from serd_ros.graph.graph import PACKAGE, PlacedNode, Stack, load_graph, placed_nodes
+from serd_ros.graph.graph import PACKAGE, Stack, load_graph, placed_nodes
 
 _MARKERS = "share/ament_index/resource_index/packages"
 
@@ -27,7 +27,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
 
     Raises UsageError with the nearest right name.
     """
-    prefixes = _prefixes(environment)
+    prefixes = map(Path, paths_in(environment, PREFIXES))
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
     if prefix is None and package == PACKAGE:
         _require_known(package, executable, sorted(load_graph().nodes))
@@ -42,7 +42,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
 def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
     """Executables by package, of the packages that have any; our own nodes among them."""
     found = {PACKAGE: sorted(load_graph().nodes)}
-    for prefix in reversed(_prefixes(environment)):
+    for prefix in map(Path, reversed(paths_in(environment, PREFIXES))):
         for marker in (prefix / _MARKERS).glob("*"):
             if executables := executables_of(prefix, marker.name):
                 found[marker.name] = executables
@@ -62,10 +62,6 @@ def executables_of(prefix: Path, package: str) -> list[str]:
     return sorted(path.name for path in files if path.is_file() and os.access(path, os.X_OK))
 
 
-def _prefixes(environment: Mapping[str, str]) -> list[Path]:
-    return [Path(each) for each in paths_in(environment, PREFIXES)]
-
-
 def parse_assignment(text: str) -> tuple[str, Any]:
     """`name:=value` as a name and a YAML value that a ROS parameter can have."""
     name, separator, written = text.partition(":=")
@@ -81,21 +77,16 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def stack_processes(
-    stack: Stack,
-    given: Mapping[str, Any],
-    environment: Mapping[str, str],
-    namespace: str = "",
+    stack: Stack, given: Mapping[str, Any], environment: Mapping[str, str], namespace: str = ""
 ) -> list[Process]:
     """The processes of a stack, with their parameters; namespace: in full."""
-    return [
-        Process(each.node, node_command(each.node, each.parameters, _remappings(each), environment))
-        for each in placed_nodes(stack, given, namespace)
-    ]
-
-
-def _remappings(placed: PlacedNode) -> dict[str, str]:
-    own = {"__ns": placed.namespace} if placed.namespace else {}
-    return {**placed.remappings, **own}
+    found = []
+    for placed in placed_nodes(stack, given, namespace):
+        own = {"__ns": placed.namespace} if placed.namespace else {}
+        topics = {**placed.remappings, **own}
+        command = node_command(placed.node, placed.parameters, topics, environment)
+        found.append(Process(placed.node, command))
+    return found
 
 
 def node_command(
@@ -105,12 +96,10 @@ def node_command(
     environment: Mapping[str, str],
 ) -> list[str]:
     """Executable and arguments of one node of ours."""
-    command = [*find_command(PACKAGE, node, environment), "--ros-args"]
-    for name, topic in remappings.items():
-        command += ["-r", f"{name}:={topic}"]
+    names = [word for name, topic in remappings.items() for word in ("-r", f"{name}:={topic}")]
     for name, value in parameters.items():
-        command += ["-p", f"{name}:={_as_ros(value)}"]
-    return command
+        names += ["-p", f"{name}:={_as_ros(value)}"]
+    return [*find_command(PACKAGE, node, environment), "--ros-args", *names]
 
 
 def _is_ros_value(value: Any) -> bool:

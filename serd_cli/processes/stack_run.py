@@ -1,5 +1,4 @@
-"""Runs nodes: a stack to its end with a progress bar in a ROS domain of its own, one alone, or a
-replay in place of this process."""
+"""Runs nodes: a stack to its end with a progress bar, one alone, or one that plays a bag."""
 
 import os
 import socket
@@ -84,28 +83,7 @@ def run_stack(
     stack = find_stack(name) if on_address is None else _watched(find_stack(name))
     require_free_domain(stack, environment)
     processes = stack_processes(stack, parameters, environment)
-    bar = _stack_bar()
-    task = bar.add_task(name, total=total, text="starting the nodes")
-    with log_of_nodes(logs / f"{name}.log") as log, bar:
-
-        def take(node: str, line: str) -> None:
-            progress = parse_progress(line)
-            if progress is None:
-                log(node, line)
-                return
-            if progress.address and on_address is not None:
-                on_address(progress.address)
-                return
-            text = progress.text
-            short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-            bar.update(task, text=escape(short), completed=progress.done)
-
-        run_together(processes, environment, take)
-        bar.update(task, completed=total)
-
-
-def _stack_bar() -> WorkProgress:
-    return WorkProgress(
+    bar = WorkProgress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=20),
         TaskProgressColumn(),
@@ -113,6 +91,21 @@ def _stack_bar() -> WorkProgress:
         TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
         expand=True,
     )
+    task = bar.add_task(name, total=total, text="starting the nodes")
+    with log_of_nodes(logs / f"{name}.log") as log, bar:
+
+        def take(node: str, line: str) -> None:
+            if (progress := parse_progress(line)) is None:
+                log(node, line)
+            elif progress.address and on_address is not None:
+                on_address(progress.address)
+            else:
+                text = progress.text
+                short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+                bar.update(task, text=escape(short), completed=progress.done)
+
+        run_together(processes, environment, take)
+        bar.update(task, completed=total)
 
 
 def _watched(stack: Stack) -> Stack:
@@ -132,8 +125,7 @@ def run_alone(
     """Run one node; take: called with its reports. Its other lines go to stderr."""
 
     def take_line(_: str, line: str) -> None:
-        progress = parse_progress(line)
-        if progress is None:
+        if (progress := parse_progress(line)) is None:
             print(line, file=sys.stderr, flush=True)
         else:
             take(progress)
@@ -149,44 +141,36 @@ def log_of_nodes(path: Path) -> Iterator[Line]:
         yield lambda node, line: print(f"{node:>15} | {line}", file=file)
 
 
-_NODE = "bag_replay"
+def replay(
+    settings: BagReplayConfig, remappings: Mapping[str, str], *, as_json: bool = False
+) -> None:
+    """Run the node that plays a bag in place of this process.
 
-
-def become_replay(settings: BagReplayConfig, remappings: Mapping[str, str]) -> None:
-    """Run the node in place of this process; RunError where another node publishes the clock."""
-    command, environment = _prepared(settings, remappings)
-    os.execve(command[0], command, environment)
-
-
-def print_replayed(settings: BagReplayConfig, remappings: Mapping[str, str]) -> None:
-    """Run the node to its end, and print as JSON how many messages it played."""
-    command, environment = _prepared(settings, remappings)
-    played = [0]
-    run_alone(_NODE, command, environment, lambda progress: played.append(progress.n_messages or 0))
-    print_json({"bag": settings.bag, "messages": max(played)})
-
-
-def _prepared(
-    settings: BagReplayConfig, remappings: Mapping[str, str]
-) -> tuple[list[str], dict[str, str]]:
-    selected_topics(
-        BagReader(Path(settings.bag)).topics, [name for name in settings.topics if name]
-    )
+    as_json: to its end instead, and print how many messages it played. RunError where another node
+    publishes the clock.
+    """
+    names = [name for name in settings.topics if name]
+    selected_topics(BagReader(Path(settings.bag)).topics, names)
     environment = ros_environment(os.environ)
     parameters = settings.model_dump(exclude_unset=True)
-    command = node_command(_NODE, parameters, remappings, environment)
+    command = node_command("bag_replay", parameters, remappings, environment)
     if settings.clock_hz:
         played_clock = remappings.get("/clock", remappings.get("clock", "/clock"))
         require_free(environment, f"/{played_clock.lstrip('/')}")
-    return command, environment
+    if not as_json:
+        os.execve(command[0], command, environment)
+        return
+    n_played = [0]
+    run_alone(
+        "bag_replay", command, environment, lambda each: n_played.append(each.n_messages or 0)
+    )
+    print_json({"bag": settings.bag, "messages": max(n_played)})
 
 
 def parse_remappings(pairs: Sequence[str]) -> dict[str, str]:
     """FROM:=TO as a dictionary; UsageError for another form."""
-    found = {}
     for pair in pairs:
-        before, separator, after = pair.partition(":=")
-        if not (before and separator and after):
+        before, _, after = pair.partition(":=")
+        if not (before and after):
             raise UsageError(f"--remap must be written FROM:=TO, got {pair!r}")
-        found[before] = after
-    return found
+    return {before: after for before, _, after in (pair.partition(":=") for pair in pairs)}

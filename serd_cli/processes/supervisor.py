@@ -10,10 +10,8 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
@@ -26,14 +24,12 @@ from serd_ros.process.progress import parse_progress
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
 _ENDING_S = 25.0
-_LOOK_PERIOD_S = 0.5
 #: How long (s) a node may take to end by itself after the command was killed.
 _GRACE_S = 0.8
 _PR_SET_PDEATHSIG = 1
 
 
-@dataclass(frozen=True)
-class Process:
+class Process(NamedTuple):
     """One process of a stack."""
 
     name: str
@@ -50,23 +46,15 @@ class _Tap:
         self._on_line = on_line
 
     def write(self, message: Message) -> None:
-        data = (
-            message.data.decode(errors="replace")
-            if isinstance(message.data, bytes)
-            else message.data
-        )
-        for line in data.splitlines():
-            if message.name == SYSTEM_PRINTER_NAME:
-                continue
-            if parse_progress(line) is None:
-                self.take(message.name, line)
-            else:  # it would displace the lines that name what failed
-                self._on_line(message.name, line)
-
-    def take(self, name: str, line: str) -> None:
-        """Keep and pass on a line about a process."""
-        self.tails.setdefault(name, deque(maxlen=_KEPT_LINES)).append(line)
-        self._on_line(name, line)
+        if message.name == SYSTEM_PRINTER_NAME:
+            return
+        data = message.data
+        for line in (
+            data.decode(errors="replace") if isinstance(data, bytes) else data
+        ).splitlines():
+            if parse_progress(line) is None:  # it would displace the lines that name what failed
+                self.tails.setdefault(message.name, deque(maxlen=_KEPT_LINES)).append(line)
+            self._on_line(message.name, line)
 
 
 def _signal_at_death_of(parent: int, number: signal.Signals) -> None:
@@ -110,14 +98,6 @@ class _Keeper(Keeper):
         os._exit(FAILED)  # the lines that are left are not read
 
 
-def _is_stopped(pid: int) -> bool:
-    """Whether a process is in the state T of /proc."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T"
-    except OSError:
-        return False
-
-
 class _Manager(Manager):
     """honcho's manager that survives a signal before all processes have started.
 
@@ -125,7 +105,6 @@ class _Manager(Manager):
     """
 
     _stop_when_started = False
-    _looked_s = 0.0
     _ending_since_s: float | None = None
 
     def __init__(self, printer: _Tap) -> None:
@@ -151,31 +130,12 @@ class _Manager(Manager):
         started = bool(super()._all_started())
         if started and self._stop_when_started:
             super().terminate()
-        if started and time.monotonic() - self._looked_s > _LOOK_PERIOD_S:
-            self._looked_s = time.monotonic()
-            self._name_stopped()
         return started
 
-    def _name_stopped(self) -> None:
-        """Print which processes were stopped by a signal, as SIGSTOP, and which were continued."""
-        for name, process in self._processes.items():
-            is_stopped = "returncode" not in process and _is_stopped(process["pid"])
-            if is_stopped != process.get("is_stopped", False):
-                process["is_stopped"] = is_stopped
-                sentence = (
-                    f"was stopped by a signal; continue it with: kill -CONT {process['pid']}"
-                    if is_stopped
-                    else "was continued"
-                )
-                self._printer.take(name, f"{name} {sentence}")
-
     def exit_codes(self) -> dict[str, int]:
-        """Exit code of each process, in the order they ended."""
-        return {
-            name: process["returncode"]
-            for name, process in self._processes.items()
-            if "returncode" in process
-        }
+        """Exit codes of the processes that have ended."""
+        ended = self._processes.items()
+        return {name: each["returncode"] for name, each in ended if "returncode" in each}
 
 
 def run_together(
@@ -201,13 +161,10 @@ def run_together(
             signal.signal(number, handler)
     if manager.returncode in {entry["rc"] for entry in SIGNALS.values()}:
         raise KeyboardInterrupt
-    if manager.returncode:
-        sentence = _what_failed(manager.exit_codes(), manager.returncode, tap.tails)
-        raise RunError(sentence, BAD_INPUT if manager.returncode == BAD_INPUT else FAILED)
-
-
-def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:
-    name = next(name for name, each in codes.items() if each == code)
+    if not (code := manager.returncode):
+        return
+    name = next(name for name, each in manager.exit_codes().items() if each == code)
     ending = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-    lines = [f"{name} {ending}; its last output:", *tails.get(name, ())]
-    return f"{os.linesep}  ".join(lines) if len(lines) > 1 else f"{name} {ending}"
+    lines = tap.tails.get(name, ())
+    last = f"{os.linesep}  ".join(["; its last output:", *lines]) if lines else ""
+    raise RunError(f"{name} {ending}{last}", BAD_INPUT if code == BAD_INPUT else FAILED)

@@ -5,7 +5,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -18,12 +18,12 @@ from serd_app.drives.sessions import read_drives
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
+from serd_cli.commands.teleop import TeleopSettings
 from serd_cli.errors import UsageError
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import stack_processes
 from serd_cli.processes.stack_run import log_of_nodes, port_fault, require_free_domain
 from serd_cli.processes.supervisor import Line, run_together
-from serd_cli.processes.teleop_settings import TeleopSettings
 from serd_cli.processes.workspace import ros_environment
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import model_yaml
@@ -53,10 +53,8 @@ def run_session(settings: TeleopSettings, folder: Path, *, as_json: bool) -> Non
     require_free_domain(stack, environment)
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
-        with driver_lines(folder / "logs" / "nodes.log") as take:
+        with suppress(KeyboardInterrupt), driver_lines(folder / "logs" / "nodes.log") as take:
             run_together(processes, environment | {VARIABLE: "1"}, take)
-    except KeyboardInterrupt:
-        pass  # the usual end
     finally:
         _print_recorded(settings, folder, bag, as_json=as_json)
 
@@ -95,27 +93,23 @@ def driver_lines(log: Path) -> Iterator[Line]:
 
 
 def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:
-    summary = summarise_session(bag, settings.scenario)
-    command = _decisions_command(settings, folder, bag) if summary and summary.n_kept else None
+    """What was recorded, and the command that makes decisions of it."""
+    summary, command = summarise_session(bag, settings.scenario), None
+    if summary and summary.n_kept:
+        words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
+        if settings.velocity:
+            mapping = folder / "mapping.yaml"
+            atomic_write_text(mapping, model_yaml(_VELOCITIES))
+            words += ["--mapping", str(mapping)]
+        command = shlex.join([*words, "--output", str(folder / "decisions.csv")])
     if as_json:
         recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else asdict(summary)
         print_json({"bag": None if summary is None else bag, **recorded, "decisions": command})
-    elif summary is None:
-        progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)
-    else:
-        progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
-        if command:
-            progress_console.print(f"decisions: {command}", soft_wrap=True)
-
-
-def _decisions_command(settings: TeleopSettings, folder: Path, bag: Path) -> str:
-    """The command that makes decisions of the bag; writes the mapping that it needs."""
-    words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
-    if settings.velocity:
-        mapping = folder / "mapping.yaml"
-        atomic_write_text(mapping, model_yaml(_VELOCITIES))
-        words += ["--mapping", str(mapping)]
-    return shlex.join([*words, "--output", str(folder / "decisions.csv")])
+        return
+    text = f"nothing was recorded in {folder}" if summary is None else f"\n{summary}\nbag: {bag}"
+    progress_console.print(text, soft_wrap=True)
+    if command:
+        progress_console.print(f"decisions: {command}", soft_wrap=True)
 
 
 @dataclass(frozen=True)
@@ -132,10 +126,10 @@ class SessionSummary:
 
     def __str__(self) -> str:
         """The counts in words."""
-        kept = sorted(
-            (name.replace("_", " "), n) for name, n in self.outcomes.items() if name != DISCARDED
-        )
-        how = ", ".join(f"{count} {name}" for name, count in kept)
+        named = {
+            name.replace("_", " "): n for name, n in self.outcomes.items() if name != DISCARDED
+        }
+        how = ", ".join(f"{n} {name}" for name, n in sorted(named.items()))
         return (
             f"{counted(self.n_kept, 'episode')} kept{f' ({how})' if how else ''}, "
             f"{self.outcomes.get(DISCARDED, 0)} discarded; "

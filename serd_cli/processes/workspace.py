@@ -7,7 +7,7 @@ wheels are installed in. colcon describes what each package adds in `share/<pack
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -17,38 +17,28 @@ _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
-def workspace_install() -> Path:
-    """The install folder: $SERD_WORKSPACE/install, else that of the project's own ros_ws."""
-    workspace = os.environ.get("SERD_WORKSPACE")
-    return (Path(workspace) if workspace else PROJECT / "ros_ws") / "install"
-
-
 def ros_environment(base: Mapping[str, str]) -> dict[str, str]:
     """`base` with the packages of the workspace and of the wheels, and loopback-only DDS.
 
-    The profile allows UDP on loopback only: as fast as shared memory here, and a killed process
-    leaves no segment behind. The discovery range must be SYSTEM_DEFAULT for it, since LOCALHOST
-    makes rmw_fastrtps add shared memory again. Where `base` sets either, both are left alone.
+    The workspace is $SERD_WORKSPACE, else the project's own ros_ws. The profile allows UDP on
+    loopback only: as fast as shared memory here, and a killed process leaves no segment behind. The
+    discovery range must be SYSTEM_DEFAULT for it, since LOCALHOST makes rmw_fastrtps add shared
+    memory again. Where `base` sets either, both are left alone.
     """
     environment = dict(base)
-    for variable, value in _added(workspace_install()):
-        _add(environment, variable, value)
+    install = Path(os.environ.get("SERD_WORKSPACE") or PROJECT / "ros_ws") / "install"
+    for hook in sorted(install.glob("*/share/*/hook/*.dsv")):
+        for line in hook.read_text(encoding="utf-8").splitlines():
+            kind, _, rest = line.partition(";")
+            variable, _, path = rest.partition(";")
+            if kind == "prepend-non-duplicate":
+                _add(environment, variable, str(hook.parents[3] / path))
     if (Path(sys.prefix) / "share/ament_index").is_dir():
         _add(environment, PREFIXES, sys.prefix, last=True)
     if not {_RANGE, _PROFILE} & environment.keys():
         environment |= {_RANGE: "SYSTEM_DEFAULT", _PROFILE: str(LOOPBACK_PROFILE)}
     environment.setdefault("PYTHONUNBUFFERED", "1")
     return environment
-
-
-def _added(install: Path) -> Iterator[tuple[str, str]]:
-    for hook in sorted(install.glob("*/share/*/hook/*.dsv")):
-        prefix = hook.parents[3]
-        for line in hook.read_text(encoding="utf-8").splitlines():
-            kind, _, rest = line.partition(";")
-            variable, _, path = rest.partition(";")
-            if kind == "prepend-non-duplicate":
-                yield variable, str(prefix / path) if path else str(prefix)
 
 
 def _add(environment: dict[str, str], variable: str, path: str, *, last: bool = False) -> None:

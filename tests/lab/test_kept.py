@@ -5,14 +5,12 @@ import tarfile
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 from PIL import Image
 
 from lab.__main__ import main
 from lab.experiments.running.provenance import recorded
-from lab.kept import KEPT, keep, small_picture
 
 
 @pytest.fixture
@@ -52,17 +50,6 @@ def test_what_is_kept_is_compared_and_a_change_is_found(results, capsys):
     assert "10000 steps of gradient ascent" in Path("docs/thesis.md").read_text()
 
 
-def test_results_that_are_not_there_leave_what_is_kept(results, tmp_path):
-    documents = tmp_path / "documents"
-    written = keep(results, documents)
-    assert [path.name for path in written] == ["ascents.csv", "ascents.png", "speed.png"]
-    before = {path.name: path.read_bytes() for path in documents.iterdir()}
-    for path in (results / "ascents").iterdir():
-        path.unlink()
-    assert [path.name for path in keep(results, documents)] == ["speed.png"]
-    assert {path.name: path.read_bytes() for path in documents.iterdir()} == before
-
-
 def test_an_archive_has_all_results_and_how_it_was_made(results, tmp_path, capsys):
     assert main(["archive", "out.tar.xz"]) == 0
     assert capsys.readouterr().out == f"4 files: {tmp_path / 'out.tar.xz'}\n"
@@ -74,50 +61,3 @@ def test_an_archive_has_all_results_and_how_it_was_made(results, tmp_path, capsy
     assert provenance["files"] == len(content) == 4
     for name, packed in content.items():
         assert packed == (results.parent / name).read_bytes()
-
-
-def test_a_kept_picture_looks_like_the_drawn_one(results):
-    small = results / "small.png"
-    small.write_bytes(small_picture(results / "speed.png"))
-    with Image.open(small) as kept, Image.open(results / "speed.png") as drawn:
-        assert kept.size == drawn.size
-        apart = np.abs(np.asarray(kept.convert("RGB"), float) - np.asarray(drawn, float))
-    assert apart.mean() < 4
-
-
-def test_the_documents_keep_a_table_and_a_figure_of_each_study(root):
-    named = {
-        f"{kept.name}{suffix}"
-        for kept in KEPT
-        for suffix, file in ((".csv", kept.table), (".png", kept.figure))
-        if file
-    }
-    files = {path.name for path in (root / "docs" / "results").iterdir()}
-    assert files == named | {"provenance.yaml"}
-    noted = yaml.safe_load((root / "docs" / "results" / "provenance.yaml").read_text())
-    assert set(noted) == {kept.name for kept in KEPT if kept.table}
-
-
-#: Learners of the table by their names in the kept one.
-LEARNERS = {
-    "SERD, averaged": "SERD, averaged",
-    "SERD, evidence": "SERD, evidence",
-    "MDCE SERD, no prior": "MDCE SERD",
-    "MDCE IRL": "MDCE IRL",
-    "REIRL": "REIRL",
-}
-
-
-@pytest.mark.parametrize("page", ["chapter_4.md", "results.md"])
-def test_the_log_likelihoods_on_a_page_are_those_of_the_kept_table(root, page):
-    table = pd.read_csv(root / "docs" / "results" / "gridworld.csv")
-    table = table[table["measure"] == "log_likelihood"]
-    lines = (root / "docs" / page).read_text().splitlines()
-    for shown, learner in LEARNERS.items():
-        # Below the first table another one has some of the learners again.
-        line = next(line for line in lines if line.startswith(f"| {shown} | "))
-        texts = [cell.strip(" *") for cell in line.split("|")[2:-1]]
-        medians = table[table["learner"] == learner].sort_values("size")["median"]
-        for text, median in zip(texts, medians, strict=True):
-            digits = len(text.partition(".")[2])
-            assert round(median, digits) == float(text), (shown, text, median)

@@ -2,8 +2,6 @@
 
 import re
 
-import pytest
-
 from lab.catalogue import NAMES
 from lab.thesis import NUMBERS, PAGE, filled, rows_of
 
@@ -19,12 +17,6 @@ def test_the_numbers_of_the_page_are_those_of_the_kept_tables(root):
     assert filled(wrong, root / "docs" / "results") == page
 
 
-@pytest.fixture
-def rows(root):
-    """Cells of the rows of the page."""
-    return rows_of((root / PAGE).read_text())
-
-
 def numbers_of(kind, rows):
     """Of figures or tables in the rows, as (4, 12); ranges are spelt out."""
     found = set()
@@ -38,14 +30,12 @@ def numbers_of(kind, rows):
     return found
 
 
-@pytest.mark.parametrize(("kind", "counts"), [("Fig", N_FIGURES), ("Table", N_TABLES)])
-def test_every_figure_and_table_of_the_thesis_has_a_row(kind, counts, rows):
-    assert numbers_of(kind, rows) == {
-        (chapter, number + 1) for chapter, count in counts.items() for number in range(count)
-    }
-
-
-def test_each_row_has_a_command_that_exists_or_says_what_there_is_in_its_place(rows):
+def test_every_figure_and_table_has_a_row_with_a_command_or_what_there_is_in_its_place(root):
+    rows = rows_of((root / PAGE).read_text())
+    for kind, counts in (("Fig", N_FIGURES), ("Table", N_TABLES)):
+        assert numbers_of(kind, rows) == {
+            (chapter, number + 1) for chapter, count in counts.items() for number in range(count)
+        }
     assert set(NUMBERS) <= {item for item, *_ in rows}
     for item, _, command, number, differs in rows:
         words = command.strip("`").removeprefix("python -m lab ").split()

@@ -1,6 +1,5 @@
 """The command as a person types it, and small recordings to give it."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,9 +8,8 @@ import pytest
 
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
-from serd_cli.main import main
 from support.bag_messages import DIAGNOSTICS, POSE, VECTOR, Messages
-from support.commands import Ended, work_in_empty_folder
+from support.commands import Ended, run_serd, work_in_empty_folder
 from support.foreign_bags import ForeignBag, Robot, key_presses
 from support.people_messages import CLOUD, PeopleMessages
 
@@ -22,66 +20,62 @@ _START_S = 100.0
 _STEP_S = 0.1
 
 
+@pytest.fixture(autouse=True)
+def _pictures(quick_pictures: None) -> None:
+    """Commands draw several."""
+
+
 @pytest.fixture
 def serd(monkeypatch, capsys, tmp_path) -> Callable[..., Ended]:
     """Runs `serd` with some words in an empty folder."""
     work_in_empty_folder(monkeypatch, tmp_path)
+    return lambda *words: Ended(run_serd(*words), *capsys.readouterr())
 
-    def run(*words: str | Path) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["serd", *map(str, words)])
-        try:
-            code = main()
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        return Ended(code, *capsys.readouterr())
 
-    return run
+def write_drive(folder, *, intents=True, x_m=4.5, pose="/robot_pose", intent="/intent"):
+    """A bag of a robot that drives north one cell per decision, for five decisions."""
+    with BagWriter(folder) as writer:
+        writer.add_topic(pose, POSE)
+        writer.add_topic(intent, VECTOR)
+        writer.add_topic("/episode", DIAGNOSTICS)
+        writer.write("/episode", _mark(_START_S, "start"), _ns(_START_S))
+        for step in range(101):
+            time_s = _START_S + _STEP_S * step
+            writer.write(pose, _MADE.pose(time_s, x_m, 1.5 + 0.05 * step), _ns(time_s))
+            if intents and step % 20 == 0 and step < 100:
+                writer.write(intent, _MADE.intent(time_s, 0.0, 1.0), _ns(time_s))
+            if step % 10 == 9:
+                writer.flush()
+        writer.write("/episode", _mark(time_s, "end"), _ns(time_s))
+    return folder
+
+
+def copied_bag(bag, target, kept=None, people=()):
+    """A copy with the messages that are kept, and with people at some times."""
+    messages, topics = [*filter(kept, BagReader(bag).messages())], BagReader(bag).topics
+    with BagWriter(target) as writer:
+        for name in sorted({message.topic for message in messages}):
+            writer.add_topic(name, topics[name].type_name)
+        for message in messages:
+            writer.write(message.topic, message.data, message.log_time_ns)
+        if len(people):
+            writer.add_topic("/pedestrians", CLOUD)
+        for time_s in people:
+            writer.write("/pedestrians", _PEOPLE.encode(CLOUD, time_s, *_WALKERS), _ns(time_s))
+    return target
 
 
 @pytest.fixture
 def drive_bag(tmp_path) -> Callable[..., Path]:
-    """Makes a bag of a robot driving north one cell per decision, for five decisions."""
-
-    def make(name: str = "drive", *, intents: bool = True, x_m: float = 4.5, **topics: str) -> Path:
-        pose, intent = topics.get("pose", "/robot_pose"), topics.get("intent", "/intent")
-        with BagWriter(tmp_path / name) as writer:
-            writer.add_topic(pose, POSE)
-            writer.add_topic(intent, VECTOR)
-            writer.add_topic("/episode", DIAGNOSTICS)
-            writer.write("/episode", _mark(_START_S, "start"), _ns(_START_S))
-            for step in range(101):
-                time_s = _START_S + _STEP_S * step
-                writer.write(pose, _MADE.pose(time_s, x_m, 1.5 + 0.05 * step), _ns(time_s))
-                if intents and step % 20 == 0 and step < 100:
-                    writer.write(intent, _MADE.intent(time_s, 0.0, 1.0), _ns(time_s))
-                if step % 10 == 9:
-                    writer.flush()
-            writer.write("/episode", _mark(time_s, "end"), _ns(time_s))
-        return tmp_path / name
-
-    return make
+    """Makes a bag of a drive, by its name."""
+    return lambda name="drive", **options: write_drive(tmp_path / name, **options)
 
 
 @pytest.fixture
-def people_bag(drive_bag, tmp_path) -> Callable[[], Path]:
+def people_bag(drive_bag, tmp_path) -> Path:
     """A drive during which one person walks north and another across the hallway to the east."""
-
-    def make() -> Path:
-        drive = drive_bag("before")
-        with BagWriter(tmp_path / "people") as writer:
-            writer.add_topic("/pedestrians", CLOUD)
-            for topic in BagReader(drive).topics.values():
-                writer.add_topic(topic.name, topic.type_name)
-            for message in BagReader(drive).messages():
-                writer.write(message.topic, message.data, message.log_time_ns)
-            for step in range(30):
-                time_s = _START_S + _STEP_S * step
-                people = _PEOPLE.encode(CLOUD, time_s, *_WALKERS)
-                writer.write("/pedestrians", people, _ns(time_s))
-                writer.flush()
-        return tmp_path / "people"
-
-    return make
+    times_s = _START_S + _STEP_S * np.arange(30)
+    return copied_bag(drive_bag("before"), tmp_path / "people", people=times_s)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The command itself: help without imports, version, completion, near names, closed pipes."""
+"""The command itself: help without imports, version, completion, closed pipes, options."""
 
 import os
 import subprocess
@@ -6,26 +6,19 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from serd_app.learning.settings import LearningSettings
 from serd_cli.app import COMMANDS, command_named
+from serd_cli.errors import UsageError
+from serd_cli.options import validated, with_settings
+from serd_cli.output import terminal
 from serd_core import __version__
 
 #: Libraries that the overview needs not, and those that no help needs.
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
 HEAVIEST = ("pandas", "matplotlib", "pybullet", "rclpy", "joblib")
-
-
-def serd(*words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
-    program = "import sys; from serd_cli.main import main; sys.argv[0] = 'serd'; sys.exit(main())"
-    return subprocess.run(
-        [sys.executable, "-c", program, *words],
-        env={**os.environ, **environment},
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        preexec_fn=preexec_fn,
-        text=True,
-        check=False,
-    )
 
 
 def all_commands():
@@ -38,8 +31,8 @@ def all_commands():
     return found
 
 
-def imported(lines, libraries=HEAVY, **environment):
-    """Whether one process, which runs several commands, imports none of the libraries by each."""
+def importing(lines, libraries):
+    """Those of the command lines, run in one process, by which a library was imported."""
     program = (
         "import sys\n"
         "from serd_cli.main import main\n"
@@ -49,42 +42,20 @@ def imported(lines, libraries=HEAVY, **environment):
         "    except SystemExit: pass\n"
         f"    print(line, [name for name in {libraries} if name in sys.modules], file=sys.stderr)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return {line: f"{line} []" in done.stderr.splitlines() for line in lines}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    return [line for line in lines if f"{line} []" not in done.stderr.splitlines()]
 
 
-def test_the_overview_and_the_version_import_no_library():
-    lines = ("", "-h", "--version", "bagg")
-    found = imported(lines)
-    assert [line for line in lines if not found[line]] == []
+def test_the_overview_and_a_missing_table_import_no_library():
+    assert importing(["", "-h", "--version", "bagg", "learn nowhere.csv"], HEAVY) == []
 
 
-def test_helps_and_errors_of_usage_import_no_large_library():
+def test_helps_errors_of_usage_and_missing_inputs_import_no_large_library():
     commands = all_commands()
     assert len(commands) > 20
     lines = [f"{words} --help" for words in commands]
     lines += [f"{words} --misspelt" for words in commands if words != "run"]
-    found = imported(lines, HEAVIEST)
-    assert [line for line in lines if not found[line]] == []
-
-
-def test_the_overview_fits_a_screen_with_whole_sentences():
-    for words in ([], ["bag"], ["scenario"]):
-        shown = serd(*words, "--help", COLUMNS="80").stdout
-        assert len(shown.splitlines()) <= 40
-        assert "…" not in shown
-        assert all(f"{about} " in shown for about in (COMMANDS.values() if not words else ()))
-
-
-def test_inputs_that_are_not_there_are_refused_before_a_large_library_is_imported():
-    lines = (
-        "learn nowhere.csv",
+    lines += [
         f"demos {__file__} --mapping nowhere.yaml",
         f"report {__file__} --demonstrations nowhere.csv",
         f"report {__file__} --episodes nowhere.csv",
@@ -93,18 +64,23 @@ def test_inputs_that_are_not_there_are_refused_before_a_large_library_is_importe
         "scenario film hallwy --output picture.png",
         "batch --scenario hallwy --output runs.csv",
         "demo --scenario hallwy",
-    )
-    found = imported(lines, HEAVIEST)
-    assert [line for line in lines if not found[line]] == []
+    ]
+    assert importing(lines, HEAVIEST) == []
 
 
-def test_a_missing_table_is_refused_before_any_library_is_imported():
-    assert imported(["learn nowhere.csv"]) == {"learn nowhere.csv": True}
+def test_the_overview_fits_a_screen_with_whole_sentences(serd, monkeypatch):
+    assert serd("--version").out == f"serd {__version__}\n"
+    monkeypatch.setenv("COLUMNS", "80")
+    for words in ([], ["bag"], ["scenario"]):
+        shown = serd(*words, "--help").out
+        assert 10 < len(shown.splitlines()) <= 40
+        assert "…" not in shown
+        assert all(f"{about} " in shown for about in (COMMANDS.values() if not words else ()))
 
 
 def test_each_module_of_commands_defines_the_command_of_its_name(root):
     files = (root / "serd_cli" / "commands").glob("[!_]*.py")
-    assert {path.stem for path in files} - {"film"} == set(COMMANDS)
+    assert {path.stem for path in files} == set(COMMANDS)
 
 
 def test_each_command_prints_its_result_as_json_on_request():
@@ -112,97 +88,109 @@ def test_each_command_prints_its_result_as_json_on_request():
         assert "--json" in [opt for each in command.params for opt in each.opts], words
 
 
-@pytest.mark.parametrize(
-    ("words", "name"),
-    [
-        (["learn", ""], "TABLE"),
-        (["learn", "a", "--output", ""], "--output"),
-        (["bag", "info", "a", ""], "BAG"),
-        (["bag", "recover", "a", "--output="], "--output"),
-    ],
-)
-def test_an_empty_path_is_refused(words, name):
-    done = serd(*words)
-    assert done.returncode == 2
-    assert f"{name} must name a file or folder, got an empty text; write . for" in done.stderr
+def serd_process(words, stdout=subprocess.PIPE, **options):
+    program = "import sys; from serd_cli.main import main; sys.argv[0] = 'serd'; sys.exit(main())"
+    words = [sys.executable, "-c", program, *words.split()]
+    return subprocess.run(words, stdout=stdout, stderr=subprocess.PIPE, text=True, **options)
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (("bga",), "No such command 'bga'. Did you mean 'bag'?"),
-        (("bag", "nfo"), "No such command 'nfo'. Did you mean 'info'?"),
-        (("xyz",), "No such command 'xyz'."),
-    ],
+    ("line", "number", "word"), [("serd na", 1, "navigate"), ("serd demos --", 2, "--scenario")]
 )
-def test_near_names_are_suggested_and_others_are_not(words, sentence):
-    done = serd(*words)
-    assert done.returncode == 2
-    assert f"│ {sentence} " in done.stderr
+def test_a_line_is_completed_by_commands_and_by_their_options(line, number, word):
+    words = {"_SERD_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(number)}
+    assert word in serd_process("", env={**os.environ, **words}).stdout.split()
 
 
-def test_the_version():
-    assert serd("--version").stdout == f"serd {__version__}\n"
-
-
-def test_completion_offers_subcommands_and_their_options():
-    def completed(words, number):
-        environment = {"COMP_WORDS": words, "COMP_CWORD": str(number)}
-        return serd(_SERD_COMPLETE="complete_bash", **environment).stdout.split()
-
-    assert completed("serd na", 1) == ["navigate"]
-    assert "--scenario" in completed("serd demos --", 2)
-
-
-@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize(
-    ("words", "code"),
-    [("scenario schema", 0), ("scenario list", 0), ("--help", 0), ("bag info none", 2)],
+    ("words", "unbuffered", "code"),
+    [("scenario schema", "", 0), ("--help", "1", 0), ("bag info none", "1", 2)],
 )
-def test_a_reader_that_ends_early_changes_no_exit_code(words, code, unbuffered):
+def test_a_reader_that_ends_early_changes_no_exit_code(words, unbuffered, code):
     reader, writer = os.pipe()
     os.close(reader)
-    done = serd(*words.split(), stdout=writer, PYTHONUNBUFFERED=unbuffered)
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    done = serd_process(words, stdout=writer, env=environment)
     os.close(writer)
     assert done.returncode == code, done.stderr
     assert (done.stderr == "") == (code == 0)
 
 
-FULL = Path("/dev/full")
-
-
-@pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
-@pytest.mark.parametrize(
-    "words", ["--help", "--version", "scenario schema", "scenario list", "doctor --help"]
-)
+@pytest.mark.parametrize("words", ["--version", "scenario list"])
 def test_a_full_disk_under_the_output_gets_a_sentence(words):
-    with FULL.open("w") as full:
-        done = serd(*words.split(), stdout=full)
+    with Path("/dev/full").open("w") as full:
+        done = serd_process(words, stdout=full)
     assert done.returncode == 2
-    assert done.stderr == (
-        "serd: cannot write the output: the disk is full; free some space or choose another"
-        " folder\n"
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("loop", "serd: cannot read loop: Too many levels of symbolic links; check the path and"),
-        ("x" * 300, "x: the name is too long; choose a shorter one"),
-    ],
-)
-def test_a_path_that_no_file_can_have_gets_a_sentence(tmp_path, monkeypatch, name, sentence):
-    (tmp_path / "loop").symlink_to("loop")
-    monkeypatch.chdir(tmp_path)
-    for words in (["learn"], ["navigate"], ["bag", "info"]):
-        done = serd(*words, name)
-        assert done.returncode == 2
-        assert sentence in done.stderr or (words[0] == "bag" and "check the path" in done.stderr)
+    sentence = "the disk is full; free some space or choose another folder"
+    assert done.stderr == f"serd: cannot write the output: {sentence}\n"
 
 
 def test_a_closed_output_gets_a_sentence():
-    done = serd("scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
+    done = serd_process("scenario list", preexec_fn=lambda: os.close(1), stdout=None)
     assert done.returncode == 2
     sentence = "the output must be open, got a closed one; redirect it to /dev/null"
     assert done.stderr == f"serd: {sentence}\n"
+
+
+def test_a_path_that_no_file_can_have_gets_a_sentence(serd, tmp_path):
+    (tmp_path / "here" / "loop").symlink_to("loop")
+    levels = "serd: cannot read loop: Too many levels of symbolic links; check the path and"
+    for name, sentence in (
+        ("loop", levels),
+        ("x" * 300, "x: the name is too long; choose a shorter one"),
+    ):
+        for words in (["learn"], ["navigate"]):
+            assert sentence in serd(*words, name).refusal
+        assert "check the path" in serd("bag", "info", "loop").refusal
+
+
+def app_with(given):
+    app = typer.Typer()
+
+    @app.command()
+    @with_settings(LearningSettings, prior_weights="--prior-weight")
+    def command(output: str = "here", seed: int = 7, **options):
+        given.update(options, output=output, seed=seed)
+
+    return app
+
+
+def test_every_setting_is_an_option_with_its_default():
+    given = {}
+    assert CliRunner().invoke(app_with(given), []).exit_code == 0
+    assert (given.pop("output"), given.pop("seed")) == ("here", 7)
+    assert given.keys() == LearningSettings.model_fields.keys() - {"seed"}
+    assert validated(LearningSettings, **given) == LearningSettings()
+    with pytest.raises(UsageError, match="discount must be less than 1, got 1"):
+        validated(LearningSettings, discount=1.0)
+
+
+def test_options_of_lists_are_repeated_and_have_the_given_flag():
+    given = {}
+    line = ["--prior-weight", "2", "--prior-weight", "3", "--reirl-smoothing", "0.5"]
+    assert CliRunner().invoke(app_with(given), line).exit_code == 0
+    assert given["prior_weights"] == [2.0, 3.0]
+    assert given["reirl_smoothing"] == [0.5]
+
+
+def test_progress_without_a_terminal_is_a_line_every_half_minute_and_else_a_bar(
+    monkeypatch, capsys
+):
+    now_s = [100.0]
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now_s[0])
+    bar = terminal.WorkProgress("{task.description} {task.completed} of {task.total}")
+    with bar:
+        task = bar.add_task("episodes", total=9)
+        for done in range(1, 7):
+            now_s[0] += 11.0
+            bar.update(task, completed=done)
+        lines = capsys.readouterr().err.split("\n")
+    assert [text for line in lines if (text := line.strip())] == [
+        "episodes 3 of 9",
+        "episodes 6 of 9",
+    ]
+    capsys.readouterr()
+    monkeypatch.setattr(terminal.progress_console, "_force_terminal", True)
+    now_s[0] += 60.0
+    bar.update(task, completed=7)
+    assert capsys.readouterr().err == ""

@@ -24,17 +24,10 @@ _SLOW = "import time\nprint('importing', flush=True)\nwhile True:\n    time.slee
 )
 def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
     (tmp_path / f"{library}.py").write_text(_SLOW)
-    environment = {
-        **os.environ,
-        "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.getenv('PYTHONPATH', root)}",
-    }
-    with subprocess.Popen(
-        [sys.executable, "-m", *words],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
+    path = f"{tmp_path}{os.pathsep}{os.getenv('PYTHONPATH', root)}"
+    words, pipe = [sys.executable, "-m", *words], subprocess.PIPE
+    environment = {**os.environ, "PYTHONPATH": path}
+    with subprocess.Popen(words, env=environment, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE_S)
@@ -49,8 +42,7 @@ def test_afterwards_ctrl_c_is_what_it_was_before():
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_closed_standard_errors_take_what_libraries_write(root):
-    program = """
+CLOSED_ERRORS = """
 import os, sys
 os.close(2)
 sys.stderr = None
@@ -59,11 +51,7 @@ with starting():
     sys.stderr.flush()
     os.write(2, b"of a library")
 """
-    subprocess.run([sys.executable, "-c", program], cwd=root, check=True, timeout=PATIENCE_S)
-
-
-def test_ctrl_c_in_a_finaliser_ends_the_command():
-    program = """
+INTERRUPTED_FINALISER = """
 import os, signal, sys, time
 from serd_cli.app import run
 
@@ -80,11 +68,14 @@ def command(standalone_mode):
 
 sys.exit(run(command))
 """
-    ended = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )
-    assert (ended.returncode, ended.stderr) == (130, "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("program", "ended"),
+    [(CLOSED_ERRORS, (0, "")), (INTERRUPTED_FINALISER, (130, "interrupted\n"))],
+    ids=["closed standard errors take what libraries write", "an interrupt of a finaliser counts"],
+)
+def test_it_ends_as_it_should(program, ended):
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (done.returncode, done.stderr) == ended

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from serd_app.learning.learning_files import read_learning_files
 from serd_sim.drivers.strategy import load_strategy
@@ -41,24 +40,17 @@ def laps(n_laps, rng):
     return np.stack([time_s, x, y, yaw, np.full(len(time_s), SPEED_MPS)], axis=1)
 
 
-@pytest.fixture
-def place(serd, tmp_path):
-    """The scenario of the map, the bag of six laps and its mapping."""
+def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, tmp_path):
     path = write_map(tmp_path, "rooms", two_rooms(), origin="[0.0, 0.0, 0.0]")
     points = ("--start", "1.0,1.0", "--goal", "6.7,3.9")
     robot = ("--robot-radius-m", 0.2, "--max-speed-mps", 0.5)
     made = serd("scenario", "from-map", path, *points, *robot)
     assert made.code == 0, made.err
-    bag = ForeignBag(Messages())
+    bag, scenario = ForeignBag(Messages()), Path("rooms-scenario.yaml")
     bag.add_odometry("/odom", laps(6, np.random.default_rng(0)))
-    (tmp_path / "here" / "mapping.yaml").write_text(MAPPING)
-    return Path("rooms-scenario.yaml"), bag.write(tmp_path / "bag")
-
-
-def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, place):
-    scenario, bag = place
+    Path("mapping.yaml").write_text(MAPPING)
     words = ("--mapping", "mapping.yaml", "--scenario", scenario, "--json")
-    read = serd("demos", bag, *words).values
+    read = serd("demos", bag.write(tmp_path / "bag"), *words).values
     (counts,) = read["bags"]
     assert counts["n_episodes"] == 6
     assert counts["dropped"]["on the way back from the goal"] >= 6  # commands, of each lap

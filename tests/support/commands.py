@@ -1,11 +1,15 @@
 """Commands that tests run in their own process."""
 
+import io
 import json
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
+from serd_cli.main import main
 from serd_cli.output import terminal
 
 
@@ -24,9 +28,28 @@ class Ended(NamedTuple):
 
     @property
     def refusal(self) -> str:
-        """The sentence by which it refused its input; it must have ended with 2."""
+        """The sentence in one line by which it refused its input; it must have ended with 2."""
         assert self.code == 2, self.err
-        return self.err
+        return " ".join(self.err.split())
+
+
+def run_serd(*words: str | Path) -> int:
+    """The exit code of `serd` with some words."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["serd", *map(str, words)])
+        try:
+            return main()
+        except SystemExit as ended:
+            return int(ended.code or 0)
+
+
+def printed_in(folder: Path, *words: str | Path) -> str:
+    """What `serd` prints with some words in a folder; it must end well."""
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+        patch.chdir(folder)
+        assert run_serd(*words) == 0
+    return printed.getvalue()
 
 
 def work_in_empty_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

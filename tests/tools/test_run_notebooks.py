@@ -24,11 +24,6 @@ def test_another_number_is_a_difference_and_named_with_its_cell():
     assert TOOL["differences"](shown, found)[-2:] == ["-cell 2: weight 3.2", "+cell 2: weight 3.3"]
 
 
-def test_a_stream_may_be_divided_anywhere():
-    divided = notebook(stream("a"), stream("\nb"), stream("\n"))
-    assert TOOL["differences"](notebook(stream("a\nb\n")), divided) == []
-
-
 def test_a_picture_is_compared_by_its_description_and_lines_however_they_are_stored():
     picture = {"data": {"image/png": "iVBORw0KGgo", "text/plain": ["<Figure>"]}}
     shown = notebook(stream(["a\n", "b\n"]), picture)

@@ -1,27 +1,18 @@
 """The crowd against measured ones: Weidmann, RiMEA, lanes, and a real corridor."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from lab.crowd.corridor_measures import (
     Corridor,
-    corridor_of,
     measure_recording,
-    measure_simulation,
 )
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
-from serd_files.trajectories.read import Track, read_trajectories
-from serd_sim.crowd.crowd import Crowd, start_crowd
+from serd_files.trajectories.read import Track
+from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.routes import Routes
 from serd_sim.crowd.social_force import model_named, model_names
 from serd_sim.scenario.polygon import contains, edges_of
-from serd_sim.scenario.scenario import load_scenario
-
-REAL_CORRIDOR = (
-    Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"
-)
 
 
 def mean_speed_mps(crowd, settle_steps=400, steps=600):
@@ -33,9 +24,7 @@ def mean_speed_mps(crowd, settle_steps=400, steps=600):
     return float(np.mean(speeds))
 
 
-@pytest.mark.parametrize(
-    ("density_pm2", "bias_mps"), [(0.5, -0.08), (1.0, 0.01), (1.5, 0.07), (2.0, 0.03)]
-)
+@pytest.mark.parametrize(("density_pm2", "bias_mps"), [(0.5, -0.08), (1.5, 0.07)])
 def test_walking_speed_falls_with_density_as_weidmann_measured(density_pm2, bias_mps):
     """Within 0.1 m/s for every seed, with a bias that is the model's own: it varies by 0.01 m/s."""
     excess_mps = [
@@ -63,12 +52,6 @@ def lane_order(across_m, along_mps, strip_m=0.4):
     return float(np.mean(share**2))
 
 
-def shuffled_lane_order(across_m, along_mps, rng, n_shuffles=20):
-    """Mean order of the same people with shuffled directions: the baseline."""
-    orders = [lane_order(across_m, rng.permutation(along_mps)) for _ in range(n_shuffles)]
-    return float(np.mean(orders))
-
-
 def test_people_who_walk_both_ways_sort_into_lanes_better_than_chance():
     orders, baselines = [], []
     for seed in (1, 2, 3):
@@ -80,29 +63,11 @@ def test_people_who_walk_both_ways_sort_into_lanes_better_than_chance():
             crowd.step(0.05)
             if step >= 600 and step % 60 == 0:
                 orders.append(lane_order(crowd.y_m, crowd.velocity_x_mps))
-                baselines.append(shuffled_lane_order(crowd.y_m, crowd.velocity_x_mps, rng))
+                for _ in range(20):
+                    shuffled = rng.permutation(crowd.velocity_x_mps)
+                    baselines.append(lane_order(crowd.y_m, shuffled))
     assert np.mean(orders) > 2.0 * np.mean(baselines)
-
-
-def test_perfect_lanes_have_order_one():
     assert lane_order(np.array([1.0, 1.1, 3.0, 3.1]), np.array([1.0, 1.2, -1.0, -0.9])) == 1.0
-
-
-@pytest.mark.parametrize("model", model_names())
-def test_people_in_the_hallway_never_jam(model):
-    """For 100 s the 24 people of the scenario keep walking, round corners and past each other."""
-    hallway = load_scenario("hallway")
-    people = hallway.pedestrians.model_copy(update={"model": model})
-    crowd = start_crowd(
-        people, hallway.directed_loops, hallway.wall_segments_m, np.random.default_rng(1)
-    )
-    speeds = []
-    for step in range(2000):
-        crowd.step(0.05)
-        if step >= 1000:
-            speeds.append(np.hypot(crowd.velocity_x_mps, crowd.velocity_y_mps))
-    assert np.mean(speeds) > 0.7
-    assert np.mean(speeds, axis=0).min() > 0.1
 
 
 @pytest.mark.parametrize(
@@ -133,9 +98,8 @@ def test_twenty_people_go_round_a_corner_and_nobody_through_the_wall(model, n_ar
     assert (crowd.y_m > 11.9).sum() >= n_arrive
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", model_names())
-def test_nobody_passes_a_wall_in_twenty_thousand_steps_at_3_people_per_square_metre(model):
+def test_nobody_passes_a_wall_in_three_thousand_steps_at_3_people_per_square_metre(model):
     crowd = ring_corridor_crowd(
         width_m=2.0,
         length_m=4.0,
@@ -144,79 +108,34 @@ def test_nobody_passes_a_wall_in_twenty_thousand_steps_at_3_people_per_square_me
         model_name=model,
         rng=np.random.default_rng(4),
     )
-    for _ in range(20_000):
+    for _ in range(3000):
         crowd.step(0.05)
         if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
             pytest.fail(f"a person is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
 
 
-@pytest.fixture(scope="module")
-def recorded():
-    if not REAL_CORRIDOR.exists():
-        pytest.skip(f"no recording of a real corridor at {REAL_CORRIDOR}")
+def measured(frame):
+    """Two people pass each other at 1 m/s, 0.8 m apart; one of them is recorded twice."""
+    along_m = (np.arange(150.0) - 75.0) / 25.0
+    tracks = [
+        Track(f"{side} {sign}", frame / 25.0, np.stack([sign * along_m, 0 * along_m + side], 1))
+        for sign, side in ((1.0, 0.4), (-1.0, -0.4), (1.0, 0.4))
+    ]
+    return measure_recording(tracks, Corridor(0, (0.0, 0.0), 4.0))
+
+
+def test_measures_of_a_recording_made_by_hand():
+    """They share the corridor up to 0.1 m beyond the farthest place, 3.08 m to either side."""
     pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
-    corridor = Corridor(axis=0, middle_m=(0.0, 2.0), width_m=4.0)
-    return measure_recording(read_trajectories(REAL_CORRIDOR).tracks, corridor)
-
-
-@pytest.mark.parametrize("density_pm2", [0.75, 1.0, 1.25])
-def test_people_who_predict_collisions_walk_as_fast_as_recorded_ones(density_pm2, recorded):
-    """Within one standard deviation of the recorded speeds, also where the other models jam."""
-    real = recorded.near_density(density_pm2)
-    simulated = measure_simulation(density_pm2, model_name="collision_prediction")
-    assert len(real.person_speed_mps) > 100
-    assert abs(simulated.speed_mps.mean() - real.speed_mps.mean()) < real.person_speed_mps.std()
-
-
-@pytest.mark.parametrize("density_pm2", [0.75, 1.0, 1.25])
-def test_two_way_traffic_is_as_fast_and_passes_as_close_as_in_a_real_corridor(
-    density_pm2, recorded
-):
-    """BaSiGo corridor of 4 m: speed within 0.15 m/s, median passing distance within 0.25 m."""
-    real = recorded.near_density(density_pm2)
-    simulated = measure_simulation(density_pm2)
-    assert simulated.speed_mps.mean() == pytest.approx(real.speed_mps.mean(), abs=0.15)
-    passing = np.nanmedian(simulated.passing_distance_m)
-    assert passing == pytest.approx(np.nanmedian(real.passing_distance_m), abs=0.25)
-
-
-def test_measures_of_a_recording_made_by_hand(tmp_path):
-    """Two people pass each other at 1 m/s, 0.8 m apart, in the middle of the corridor.
-
-    They share it up to 0.1 m beyond the farthest place, 3.08 m to either side.
-    """
-    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
-    frames = np.arange(150)
-    along = (frames - 75) / 25.0
-    rows = [[1, f, 100 * x, 40, 176] for f, x in zip(frames, along, strict=True)]
-    rows += [[2, f, -100 * x, -40, 176] for f, x in zip(frames, along, strict=True)]
-    path = tmp_path / "two.txt"
-    np.savetxt(path, rows, header="framerate: 25\nid frame x/cm y/cm z/cm")
-    tracks = read_trajectories(path).tracks
-    assert corridor_of(tracks).flow == "two ways"
-    measures = measure_recording(tracks, corridor_of(tracks, width_m=4.0))
+    measures = measured(np.arange(150.0))
     assert measures.density_pm2 == pytest.approx(2 / (4.0 * 2 * 3.1), rel=1e-6)
     assert measures.speed_mps == pytest.approx(1.0)
     assert measures.person_speed_mps == pytest.approx(1.0)
     assert measures.passing_distance_m.min() == pytest.approx(0.8)
     assert measures.nearest_m.min() == pytest.approx(0.8)
-
-
-def test_a_recording_may_begin_half_a_frame_later_and_hold_a_person_twice():
-    """Half frames were rounded to even ones, so that people were twice in these."""
-    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
-    frame = np.arange(150.0)
-    along_m = (frame - 75.0) / 25.0
-
-    def measured(frame):
-        tracks = [
-            Track(f"{side} {sign}", frame / 25.0, np.stack([sign * along_m, y_m], axis=1))
-            for sign, side in ((1.0, 0.4), (-1.0, -0.4), (1.0, 0.4))
-            for y_m in [np.full_like(along_m, side)]
-        ]
-        return measure_recording(tracks, Corridor(0, (0.0, 0.0), 4.0))
-
-    np.testing.assert_allclose(measured(frame + 0.5).density_pm2, measured(frame).density_pm2)
+    # Half frames were rounded to even ones, so that people were twice in these.
+    later = measured(np.arange(150.0) + 0.5)
+    np.testing.assert_allclose(later.density_pm2, measures.density_pm2)
 
 
 @pytest.mark.parametrize("apart_m", [0.8, 1.0])

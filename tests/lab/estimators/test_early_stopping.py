@@ -14,7 +14,6 @@ from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import TiedBelief
 from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import split_episodes, validation_log_likelihood
-from serd_files.errors import USER_ERRORS
 
 
 def slope(vector):
@@ -31,12 +30,6 @@ def test_the_step_with_the_best_score_is_returned():
     assert len(found.objective_trace) == 7
     assert not found.converged
     assert found.message.startswith("stopped early: best validation score")
-
-
-def test_a_start_without_a_score_is_refused_and_does_not_win():
-    ascent = EarlyStopping(GradientAscent(), lambda _: float("nan"))
-    with pytest.raises(USER_ERRORS, match="score of the start must be a number, got nan"):
-        ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
 
 
 def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridworld):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from lab.estimators.multi_start import multi_start
-from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
@@ -36,18 +35,6 @@ def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a
     assert found.best.objective == max(fit.objective for fit in found.fits)
 
 
-def test_one_optimum_is_one_explanation(gridworld):
-    found = multi_start(
-        lambda rng: fit_mdce_serd(
-            gridworld.problem, gridworld.decisions, rng=rng, prior=KldPrior(1.0)
-        ),
-        3,
-        np.random.default_rng(0),
-    )
-    assert len(found.explanations) == 1
-    assert found.explanations[0].starts == (0, 1, 2)
-
-
 def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
     """Rewards and temperature ten times as large choose alike."""
     prior = GaussianPrior(2.0, Block.REWARD) + GaussianPrior(0.1, Block.POLICY, 1.0)
@@ -65,23 +52,3 @@ def iter_of(*fits):
     """A learner that returns these fits one after the other."""
     remaining = iter(fits)
     return lambda _: next(remaining)
-
-
-def test_fits_that_did_not_converge_are_no_explanations(gridworld):
-    """Half of the starts get one step only, so they end in places of their own."""
-    numbers = iter(range(6))
-
-    def fit(rng):
-        steps = 200 if next(numbers) % 2 else 1
-        return fit_mdce_serd(
-            gridworld.problem,
-            gridworld.decisions,
-            rng=rng,
-            prior=KldPrior(1.0),
-            ascent=TrustRegion(max_steps=steps),
-        )
-
-    found = multi_start(fit, 6, np.random.default_rng(0))
-    assert found.unconverged == (0, 2, 4)
-    assert [one.starts for one in found.explanations] == [(1, 3, 5)]
-    assert found.best.converged

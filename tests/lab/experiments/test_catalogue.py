@@ -12,7 +12,6 @@ from lab.experiments.minimum_example.multi_start import MultiStartConfig
 from lab.experiments.policy_cost import PolicyCostConfig
 from lab.experiments.priors import PriorsConfig
 from lab.experiments.running.experiment import Session
-from lab.experiments.rust import RustConfig
 from serd_sim.episodes.execution import Execution
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "rust1987"
@@ -54,11 +53,3 @@ def test_each_experiment_leaves_its_tables_and_figures(tmp_path, name):
     assert len(summary)
     assert LEFT_BEHIND[name] <= {file.name for file in tmp_path.iterdir()}
     assert calls[-1][0] == calls[-1][1]
-
-
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"Rust's bus data are not there; put them in {DATA}")
-def test_the_table_of_rust_has_estimates_with_errors(tmp_path):
-    session = Session(tmp_path, Execution(n_jobs=1), lambda *_: None)
-    table = BY_NAME["rust"].write(RustConfig(data=DATA), session)
-    assert list(table["name"][:2]) == ["RC", "theta_11"]
-    assert (tmp_path / "estimates.csv").exists()

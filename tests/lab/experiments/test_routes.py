@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from lab.catalogue import experiment_named
-from lab.experiments.routes import RoutesConfig, read_routes
 from lab.experiments.running.experiment import Session
 from lab.routes.network import RouteNetwork
 from lab.routes.recursive_logit import sample_routes
-from serd_files.errors import USER_ERRORS
 from serd_sim.episodes.execution import Execution
 
 WEIGHTS = np.array([-2.0, -0.5, -0.9, -3.0])  # time, constant, left turn, u-turn
@@ -63,17 +61,3 @@ def test_the_weights_that_made_the_trips_are_found(folder, tmp_path):
     away = (found.loc[names, "estimate"] - WEIGHTS) / found.loc[names, "error"]
     assert np.all(np.abs(away) < 3.5)
     assert found["converged"].all()
-
-
-def test_angles_may_be_missing_and_nothing_else(folder, tmp_path):
-    for name in ("linkIncidence.txt", "ATTRIBUTEestimatedtime.txt", "observationsForEstim.txt"):
-        (tmp_path / name).write_text((folder / name).read_text())
-    network, trips = read_routes(RoutesConfig(data=tmp_path))
-    assert network.feature_names == ("time", "link constant")
-    assert len(trips) == 300
-    (tmp_path / "linkIncidence.txt").write_text("1 2\n")
-    with pytest.raises(USER_ERRORS, match=r"must have rows of row, column and value, .* \(1, 2\)"):
-        read_routes(RoutesConfig(data=tmp_path))
-    (tmp_path / "linkIncidence.txt").unlink()
-    with pytest.raises(USER_ERRORS, match=r"must have one \.txt file with 'incidence' in its name"):
-        read_routes(RoutesConfig(data=tmp_path))

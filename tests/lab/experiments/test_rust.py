@@ -25,11 +25,6 @@ def test_a_replacement_resets_the_mileage_and_falls_in_the_month_before():
     np.testing.assert_array_equal(monthly_increments(state, decision), [1, 1, 0, 1])
 
 
-def test_bins_close_at_their_upper_edge():
-    state, _ = states_and_decisions(bus([5000.0, 5000.5]), 5000.0)
-    np.testing.assert_array_equal(state, [0, 1])
-
-
 def test_replacing_goes_on_from_the_first_bin():
     problem = rust_problem(n_bins=6, n_increments=3, discount=0.9)
     successors = problem.mdp.transitions.successors

@@ -13,6 +13,7 @@ from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
 from serd_core.semi_markov.timed_decisions import TimedDecisions
+from support.commands import printed_in
 
 
 def walks(path, y_m, seed, n=30):
@@ -34,20 +35,19 @@ def walks(path, y_m, seed, n=30):
 
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory):
-    """Where the model and its table are made once."""
-    return tmp_path_factory.mktemp("learned")
+    """Learned from people who keep to the southern side."""
+    folder = tmp_path_factory.mktemp("learned")
+    people = walks(folder / "people.csv", 0.5, seed=0)
+    printed_in(folder, "demos", people, "--cell-size-m", 1)
+    printed_in(folder, "learn", "decisions.csv")
+    return folder
 
 
 @pytest.fixture
-def model(serd, learned, tmp_path):
-    """Learned from people who keep to the southern side; this test's own copy, with its table."""
-    table, file = learned / "decisions.csv", learned / "model.yaml"
-    if not file.exists():
-        people = walks(learned / "people.csv", 0.5, seed=0)
-        assert serd("demos", people, "--cell-size-m", 1, "--output", table).code == 0
-        assert serd("learn", table, "--output", file).code == 0
+def model(learned, tmp_path):
+    """This test's own copy of the model, with its table."""
     shutil.copytree(learned, tmp_path, dirs_exist_ok=True)
-    return tmp_path / file.name
+    return tmp_path / "model.yaml"
 
 
 def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, model, tmp_path):
@@ -113,22 +113,17 @@ def test_decisions_that_another_command_ended_are_not_scored(model, tmp_path):
     table = tmp_path / "decisions.csv"
     before, whole = familiarity_of(model, [table]), load_decisions(table)
     second = np.flatnonzero(whole.episode == whole.episodes[0])[1]
-    cut = TimedDecisions(
-        **{
-            name: np.insert(column, second, column[second])
-            for name, column in whole.columns().items()
-        }
+    columns = whole.columns().items()
+    cut = TimedDecisions(**{name: np.insert(each, second, each[second]) for name, each in columns})
+    censored = np.arange(len(cut)) == second
+    ended = replace(
+        cut,
+        time_s=cut.time_s - 0.01 * censored,
+        next_state=np.where(censored, cut.state, cut.next_state),
+        dwell_s=np.where(censored, 0.01, cut.dwell_s),
+        censored=censored,
     )
-    censored, again = np.zeros(len(cut), dtype=bool), cut.state.copy()
-    censored[second] = True
-    next_state = np.where(censored, again, cut.next_state)
-    time_s = cut.time_s.copy()
-    time_s[second] -= 0.01
-    dwell_s = np.where(censored, 0.01, cut.dwell_s)
-    save_decisions(
-        table,
-        replace(cut, time_s=time_s, next_state=next_state, dwell_s=dwell_s, censored=censored),
-    )
+    save_decisions(table, ended)
     found = familiarity_of(model, [table])
     assert len(load_decisions(table)) == len(whole) + 1
     assert len(found.decisions) == len(before.decisions)

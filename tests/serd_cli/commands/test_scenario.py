@@ -1,14 +1,17 @@
-"""`serd scenario`: which places there are, and a picture of one."""
+"""`serd scenario`: which places there are, pictures and movies of them, and places from maps."""
 
 import json
 
+import imageio_ffmpeg
 import pytest
 from PIL import Image
 
+from serd_app.journeys import film
 from serd_files.yaml_config import model_yaml
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import Scenario, load_scenario
+from support.ros_maps import depot, maze, write_map
 
 
 def test_every_built_in_scenario_is_listed(serd):
@@ -23,36 +26,24 @@ def test_every_built_in_scenario_is_listed(serd):
     assert values["hallway"]["cells"] == grid_of(load_scenario("hallway")).n_states
 
 
-def test_showing_a_scenario_draws_it(serd, tmp_path):
+def test_showing_a_scenario_or_a_file_of_one_draws_it(serd, tmp_path):
     ended = serd("scenario", "show", "hallway")
-    picture = tmp_path / "here" / "hallway.png"
-    assert ended.code == 0
-    assert str(picture) in ended.out
-    with Image.open(picture) as image:
-        width, height = image.size
+    assert str(tmp_path / "here" / "hallway.png") in ended.out
+    with Image.open("hallway.png") as image:
         assert image.format == "PNG"
-        assert len(image.getcolors(1 << 20)) > 5
-    assert height > width  # as the hallway is
-
-
-def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
-    file = tmp_path / "mine.yaml"
-    mine = load_scenario("corridor").model_copy(update={"description": "My own corridor."})
-    file.write_text(model_yaml(mine))
+        assert image.size[1] > image.size[0]  # as the hallway is
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 5
+    mine = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.2)
+    mine = mine.model_copy(update={"description": "My own corridor."})
+    (tmp_path / "mine.yaml").write_text(model_yaml(mine))
     picture = tmp_path / "new" / "plan.png"
-    values = serd("scenario", "show", file, "--output", picture, "--json").values
+    words = "scenario", "show", tmp_path / "mine.yaml", "--output", picture
+    values = serd(*words, "--json").values
     assert values["description"] == "My own corridor."
     assert values["picture"] == str(picture)
+    assert values["remark"] == mine.patience_remark
     assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_patience_too_short_for_a_cell_is_remarked(serd, tmp_path):
-    file = tmp_path / "slow.yaml"
-    mine = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.2)
-    file.write_text(model_yaml(mine))
-    words = "scenario", "show", file, "--output", tmp_path / "plan.png"
     assert "drives 0.8 m within patience_s = 4 s, less than a cell of 1 m" in serd(*words).out
-    assert serd(*words, "--json").values["remark"] == mine.patience_remark
 
 
 def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
@@ -65,18 +56,76 @@ def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
     assert json.loads(path.read_text()) == printed
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (("show", "halway"), "did you mean 'hallway'?"),
-        (("show", "none.yaml"), "cannot read none.yaml: it does not exist"),
-        (("show", "hallway", "--output", "plan.jpg"), "--output must end in .png, got plan.jpg"),
-        (("schema", "--output", "s.yaml"), "--output must end in .json, got s.yaml"),
-        (("lst",), "Did you mean 'list'?"),
-    ],
-)
-def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
-    ended = serd("scenario", *words)
-    assert ended.code == 2
-    assert sentence in ended.err
-    assert ended.out == ""
+def test_a_map_becomes_a_scenario_file_and_a_picture(serd, tmp_path):
+    path = write_map(tmp_path, "depot", depot())
+    words = ("scenario", "from-map", path, "--robot-radius-m", 0.18, "--max-speed-mps", 0.4)
+    ended = serd(*words)
+    assert ended.code == 0, ended.err
+    assert "map of 600 x 300 cells: a free area of" in ended.out
+    here = tmp_path / "here"
+    text = (here / "depot-scenario.yaml").read_text()
+    assert text.startswith("# Place of the map depot.yaml.\n")
+    assert (here / "depot-scenario.png").read_bytes().startswith(b"\x89PNG")
+    scenario = load_scenario(here / "depot-scenario.yaml")
+    assert (scenario.name, scenario.cell_size_m, scenario.patience_s) == ("depot", 0.41, 4.0)
+    assert scenario.robot.radius_m == 0.18
+    assert serd("scenario", "show", "depot-scenario.yaml", "--json").values["people"] == 0
+    values = serd(*words, "--output", "again.yaml", "--json").values
+    assert values["file"] == str(here / "again.yaml")
+    assert (values["cell_size_m"], values["patience_s"]) == (0.41, 4.0)
+    assert values["cells_area_m2"] < values["free_area_m2"]
+
+
+def test_an_area_becomes_a_scenario(serd, tmp_path):
+    (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 12 0, 12 4, 4 4, 4 12, 0 12, 0 0))")
+    ended = serd("scenario", "from-map", tmp_path / "hall.wkt", "--cell-size-m", 0.8)
+    assert ended.code == 0, ended.err
+    assert ended.out.startswith("a free area of 80 m2 with 6 walls and 0 solids in it; ")
+    text = (tmp_path / "here" / "hall-scenario.yaml").read_text()
+    assert text.startswith("# Place of the area hall.wkt.\n")
+
+
+def test_an_edited_scenario_is_replaced_only_where_output_names_it(serd, tmp_path):
+    words = ("scenario", "from-map", write_map(tmp_path, "maze", maze(cells=6)))
+    words += ("--cell-size-m", 0.4, "--robot-radius-m", 0.15)
+    assert serd(*words).code == 0
+    assert serd(*words).code == 0
+    file = tmp_path / "here" / "maze-scenario.yaml"
+    generated = file.read_text()
+    edited = generated.replace("count: 0", "count: 0  # nights only")
+    file.write_text(edited)
+    assert "give --output maze-scenario.yaml to replace it" in serd(*words).refusal
+    assert file.read_text() == edited
+    assert serd(*words, "--output", "maze-scenario.yaml").code == 0
+    assert file.read_text() == generated
+
+
+@pytest.fixture
+def film_of(serd, monkeypatch):
+    monkeypatch.setattr(film, "PIXELS_PER_M", 8.0)
+    return lambda *words: serd("scenario", "film", "crossing", "--people", "4", *words)
+
+
+def test_movies_show_the_whole_episode_at_the_speed_asked_for(film_of, tmp_path):
+    path = tmp_path / "episode.mp4"
+    summary = film_of("--output", path, "--speed", "20", "--json").values
+    assert summary["outcome"] == "arrived"
+    assert summary["picture"] == str(path)
+    _, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert seconds == pytest.approx(summary["duration_s"] / 20.0, abs=0.3)
+    assert film_of("--output", tmp_path / "e.gif", "--speed", "40").code == 0
+    with Image.open(tmp_path / "e.gif") as movie:
+        assert movie.n_frames > 3
+
+
+def test_a_picture_shows_the_moment_and_the_view_asked_for(film_of, tmp_path):
+    shown = {}
+    for at, words in {"end": (), "late": ("--at", "999"), "start": ("--at", "0")}.items():
+        ended = film_of(*words, "--output", tmp_path / f"{at}.png")
+        assert "arrived after" in ended.out
+        with Image.open(tmp_path / f"{at}.png") as picture:
+            shown[at] = picture.tobytes()
+    assert shown["late"] == shown["end"] != shown["start"]
+    assert film_of("--output", tmp_path / "e.png", "--view", "overview", "--at", "0").code == 0
+    with Image.open(tmp_path / "e.png") as picture:
+        assert picture.size[0] >= 480

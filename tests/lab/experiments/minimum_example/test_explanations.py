@@ -3,9 +3,7 @@ import pytest
 
 from lab.experiments.minimum_example.explanations import (
     MinimumExampleConfig,
-    demonstrate,
     fit_sets,
-    minimum_example,
 )
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
@@ -36,9 +34,3 @@ def test_what_was_seen_is_learned_by_both(rows):
     for learner in ("MDCE SERD", "MDCE IRL"):
         mean = np.mean([row["moves_on_a"] for row in of(rows, learner)])
         assert mean == pytest.approx(2 / 3, abs=0.08)
-
-
-def test_only_action_a_is_demonstrated():
-    decisions = demonstrate(minimum_example(0.9), 40, 3, np.random.default_rng(0))
-    assert set(decisions.action) == {0}
-    assert np.bincount(decisions.episode).max() <= 3

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lab.experiments.running.tables import quantile, quartiles, read_table, write_table
+from lab.experiments.running.tables import quantile, read_table, write_table
 
 
 @pytest.mark.parametrize("n_values", [1, 2, 5, 12, 50])
@@ -19,14 +19,6 @@ def test_infinite_values_have_their_place():
     assert quantile([-np.inf, -1.0, -2.0, -3.0], 0.25) == -np.inf
     assert quantile([-np.inf, -np.inf, -1.0], 0.25) == -np.inf
     assert quantile([-np.inf, -np.inf, -1.0], 1.0) == -1.0
-
-
-def test_quartiles_are_taken_apart_for_every_combination():
-    table = pd.DataFrame({"size": [1, 2] * 3, "score": np.arange(6.0)})
-    assert quartiles(table, "score", ["size"]).to_dict("records") == [
-        {"size": 1, "n": 3.0, "lower": 1.0, "median": 2.0, "upper": 3.0},
-        {"size": 2, "n": 3.0, "lower": 2.0, "median": 3.0, "upper": 4.0},
-    ]
 
 
 def test_a_table_read_back_has_the_same_bits_and_is_written_alike(tmp_path):

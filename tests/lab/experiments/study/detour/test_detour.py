@@ -1,18 +1,15 @@
 """The detour study in miniature, and its parts."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from lab.experiments.study.detour.decoy import with_forward
-from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD, model_divergences
+from lab.experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD
 from lab.experiments.study.detour.run import run_detour, stages_of
 from lab.experiments.study.detour.settings import DetourStudy, detour_settings
-from lab.experiments.study.detour.tables import decoy_summary, headline
+from lab.experiments.study.detour.tables import headline
 from serd_core.grid.navigation import AGAINST_FLOW
 from serd_sim.episodes.execution import Execution
-from serd_sim.scenario.grid import flow_of, grid_of
-from serd_sim.scenario.scenario import load_scenario
 from support.changed_scenario import changed_scenario
 
 TINY = """
@@ -64,34 +61,8 @@ def test_every_stage_leaves_its_products_from_which_tables_and_the_figure_are_ma
         assert (folder / name).stat().st_size > 100
 
 
-def test_everybody_walks_one_way_and_the_short_way_of_the_transfer_task_is_against_it():
-    scenario = load_scenario("ring")
-    grid = grid_of(scenario)
-    flow = flow_of(scenario, grid)
-    assert np.all(flow >= 0)
-    south = grid.centers_m[:, 1] < 1.0
-    middle = south & (np.abs(grid.centers_m[:, 0] - 8.0) < 3.0)
-    assert set(flow[middle]) == {2}  # east, away from the goal
-    (start, _), (goal, _) = scenario.start_areas_m["transfer"][0], scenario.goal_area_m[1]
-    assert start > goal
-
-
 def test_a_decoy_changes_one_probability_and_scales_its_row():
     truth = np.full((4, 5), 0.2)
     table = with_forward(truth, 0.6)
     np.testing.assert_allclose(table[AGAINST_FLOW], [0.1, 0.6, 0.1, 0.1, 0.1])
     np.testing.assert_array_equal(np.delete(table, AGAINST_FLOW, 0), truth[1:])
-
-
-def test_divergences_are_of_each_model_by_itself():
-    truth, estimate = np.array([[0.5, 0.5], [1.0, 0.0]]), np.array([[0.5, 0.5], [0.25, 0.75]])
-    np.testing.assert_allclose(model_divergences(truth, estimate), [0.0, np.log(4.0)])
-
-
-def test_decoys_are_grouped_by_moves_seen():
-    row = {"truth": 0.5, "converged": True, "lower": 0.1, "median": 0.3, "upper": 0.4}
-    rows = [row | {"moves": moves, "from_choices": 0.0} for moves in (0.0, 3.0, 25.0)]
-    rows[2]["upper"] = 0.6
-    table = decoy_summary(pd.DataFrame(rows)).set_index("moves")
-    assert list(table.index) == ["0", "1–5", "6–25"]
-    assert list(table["coverage"]) == [0.0, 0.0, 1.0]

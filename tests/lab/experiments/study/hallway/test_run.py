@@ -47,28 +47,17 @@ def test_every_stage_leaves_its_products_from_which_tables_and_the_figure_are_ma
     settings, tmp_path
 ):
     folder, calls = tmp_path / "study", []
-    tables = run_study(
-        settings, folder, Execution(n_jobs=1), lambda *progress: calls.append(progress)
-    )
-
-    assert list(dict.fromkeys(name for *_, name in calls)) == [
-        "reference recordings",
-        "demonstrations",
-        "learning",
-        "times of arrival",
-    ]
+    tables = run_study(settings, folder, Execution(n_jobs=1), lambda *each: calls.append(each))
+    stages = ["reference recordings", "demonstrations", "learning", "times of arrival"]
+    assert list(dict.fromkeys(name for *_, name in calls)) == stages
     assert not any(stage.missing for stage in stages_of(Study(settings, folder / "work")))
     assert list(headline(tables)["method"]) == list(METHODS)
     assert set(tables["measures"]["expert"]) == set(EXPERTS)
-    assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
+    rows = [row for row in plain_rows(tables["measured_episodes"]) if row["expert"] == PEOPLE]
+    driven = {
+        method: [(row["seed"], row["episode"]) for row in rows if row["method"] == method]
+        for method in METHODS
+    }
+    assert len({tuple(each) for each in driven.values()}) == 1
     for name in ("figure_5_9.csv", "figure_5_9.png", "figure_5_9.svg", "prior_weights.csv"):
         assert (folder / name).stat().st_size > 100
-
-
-def assert_every_method_drove_the_same_episodes(rows):
-    by_method = {}
-    for row in plain_rows(rows):
-        if row["expert"] == PEOPLE:
-            by_method.setdefault(row["method"], []).append((row["seed"], row["episode"]))
-    assert set(by_method) == set(METHODS)
-    assert len({tuple(each) for each in by_method.values()}) == 1

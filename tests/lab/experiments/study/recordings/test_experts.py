@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from lab.experiments.study.recordings.experts import BELIEFS, planned_policy
+from lab.experiments.study.recordings.reference import ExploringDriver
+from serd_core.grid.grid import Action
 from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
+from support.observations import observation_at
 
 TRUTH = np.array(
     [
@@ -14,14 +17,10 @@ TRUTH = np.array(
 )
 
 
-@pytest.mark.parametrize("name", BELIEFS)
-def test_what_an_expert_believes_is_a_probability(name):
-    belief = BELIEFS[name](TRUTH)
-    assert (belief >= 0).all()
-    np.testing.assert_allclose(belief.sum(axis=1), 1.0)
-
-
-def test_who_errs_errs_about_the_crowd_alone():
+def test_beliefs_are_probabilities_and_err_about_the_crowd_alone():
+    for make in BELIEFS.values():
+        assert (make(TRUTH) >= 0).all()
+        np.testing.assert_allclose(make(TRUTH).sum(axis=1), 1.0)
     for name in ("ignores_crowd", "fears_crowd"):
         belief = BELIEFS[name](TRUTH)
         np.testing.assert_array_equal(belief[[WITH_FLOW, WAITING]], TRUTH[[WITH_FLOW, WAITING]])
@@ -30,11 +29,19 @@ def test_who_errs_errs_about_the_crowd_alone():
 
 
 def test_who_ignores_the_crowd_walks_against_it_more_readily(settings, problem):
-    policies = {
-        name: planned_policy(problem, name, settings.beliefs.reward_weights, TRUTH)
-        for name in BELIEFS
-    }
-    # Lower left: people walk against a robot that goes north.
     against = problem.outcome_models.model_of == AGAINST_FLOW
-    chosen = {name: policy[against].mean() for name, policy in policies.items()}
+    weights = settings.beliefs.reward_weights
+    chosen = {
+        name: planned_policy(problem, name, weights, TRUTH)[against].mean() for name in BELIEFS
+    }
     assert chosen["ignores_crowd"] > chosen["knows"] > chosen["fears_crowd"]
+
+
+def test_an_explorer_takes_every_action_and_none_that_a_wall_blocks(problem):
+    driver, rng = ExploringDriver(problem.grid, seed=1), np.random.default_rng(0)
+    taken = []
+    for state in rng.integers(problem.grid.n_states, size=600):
+        action = driver.decide(observation_at(*problem.grid.centers_m[state]), state)
+        taken.append(action)
+        assert action == Action.WAIT or problem.grid.neighbours[state, action] != state
+    assert set(taken) == set(Action)

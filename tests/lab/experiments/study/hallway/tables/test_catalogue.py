@@ -14,7 +14,6 @@ from lab.experiments.study.hallway.tables.catalogue import (
     arrival_scores,
     beliefs,
     paired_tests,
-    traps,
 )
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 
@@ -31,9 +30,6 @@ class MadeUp:
     """
 
     settings: object
-    problem: object = None
-    starts: object = None
-    greedy: object = None
 
     def methods(self, expert):
         return [OURS, OTHER] if expert == PEOPLE else [BASELINE, ASSUMED]
@@ -57,14 +53,30 @@ class MadeUp:
         predicted = (np.arange(21) >= 11).astype(float)
         return ArrivalTables(np.array([predicted] * N), np.array([arrived] * N), 5, 2.0)
 
-    def models(self, expert, method, name):
-        del expert, method
-        return {"greedy": self.greedy}[name]
-
 
 @pytest.fixture
 def results(settings):
     return MadeUp(settings)
+
+
+def test_beliefs_and_arrivals_are_compared_as_differences_to_irl(results):
+    rows = beliefs(results).to_dict("records")
+    assert {row["expert"] for row in rows} == set(EXPERTS) - {PEOPLE}
+    for row in rows:
+        baseline = row["assumption"] == BASELINE
+        assert row["n"] == N
+        assert row["mean"] == np.mean(range(N)) + (0.0 if baseline else BETTER_BY)
+        assert row["difference"] == (0.0 if baseline else BETTER_BY)
+        assert row["difference_lower"] <= row["difference"] <= row["difference_upper"]
+        expected = np.nan if baseline else 2 / 2**N
+        assert row["p_holm"] == pytest.approx(expected, nan_ok=True)
+    found = {(row["expert"], row["measure"]): row for row in plain_rows(arrival_scores(results))}
+    for expert in EXPERTS:
+        sign = 1.0 if expert == PEOPLE else -1.0
+        # Both predictions are off by one period; ours takes two periods longer.
+        assert found[expert, "crps_s"]["mean_difference"] == 0.0
+        assert found[expert, "measured_mean_s"]["mean_difference"] == sign * 4.0
+        assert found[expert, "measured_mean_s"]["p_holm"] == pytest.approx(2 / 2**N)
 
 
 def test_paired_differences_are_ours_minus_theirs_repetition_by_repetition(results):
@@ -77,51 +89,3 @@ def test_paired_differences_are_ours_minus_theirs_repetition_by_repetition(resul
         # Repetitions scatter by whole numbers, differences within them not at all.
         assert row["mean_difference"] == row["lower"] == row["upper"] == BETTER_BY
         assert row["p_holm"] == row["p_value"] == pytest.approx(2 / 2**N)
-
-
-def test_beliefs_are_compared_as_differences_to_irl(results):
-    rows = beliefs(results).to_dict("records")
-    assert {row["expert"] for row in rows} == set(EXPERTS) - {PEOPLE}
-    for row in rows:
-        baseline = row["assumption"] == BASELINE
-        assert row["n"] == N
-        assert row["mean"] == np.mean(range(N)) + (0.0 if baseline else BETTER_BY)
-        assert row["difference"] == (0.0 if baseline else BETTER_BY)
-        assert row["difference_lower"] <= row["difference"] <= row["difference_upper"]
-        expected = np.nan if baseline else 2 / 2**N
-        assert row["p_holm"] == pytest.approx(expected, nan_ok=True)
-
-
-def test_arrivals_are_compared_by_score_and_by_mean_time(results):
-    found = {(row["expert"], row["measure"]): row for row in plain_rows(arrival_scores(results))}
-    for expert in EXPERTS:
-        sign = 1.0 if expert == PEOPLE else -1.0
-        # Both predictions are off by one period; ours takes two periods longer.
-        assert found[expert, "crps_s"]["mean_difference"] == 0.0
-        assert found[expert, "measured_mean_s"]["mean_difference"] == sign * 4.0
-        assert found[expert, "measured_mean_s"]["p_holm"] == pytest.approx(2 / 2**N)
-
-
-def test_traps_are_counted_by_repetition_and_at_the_start(results, study, problem):
-    to_goal = shortest_moves(problem)
-    stuck = to_goal.copy()
-    stuck[0] = 0
-    results.problem, results.starts = problem, study.starts
-    results.greedy = np.array([to_goal, stuck])
-    ours = traps(results).iloc[0]
-    assert ours["fewest_traps"] == 0
-    assert ours["most_traps"] >= 1
-    assert ours["without_traps"] == ours["start_traps"] == 0.5
-    assert ours["states"] == problem.grid.n_states
-
-
-def shortest_moves(problem):
-    """(S,) an action that comes one cell nearer to the goal, by breadth-first search."""
-    neighbours, moves = problem.grid.neighbours, np.zeros(problem.grid.n_states, dtype=int)
-    near, known = list(problem.goal_states), set(problem.goal_states)
-    for state in near:
-        for other in set(neighbours[state]) - known:
-            moves[other] = int(np.flatnonzero(neighbours[other] == state)[0])
-            near.append(other)
-            known.add(other)
-    return moves

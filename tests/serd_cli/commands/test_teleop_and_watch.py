@@ -1,11 +1,14 @@
-"""What `serd teleop` makes of its options, what it shows, and what it counts."""
+"""What `serd teleop` and `serd watch` make of their options, show and count."""
 
+import json
 import socket
 
 import pytest
 
 from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
+from serd_cli.commands import watch as watch_module
+from serd_cli.commands.teleop import TeleopSettings
 from serd_cli.errors import UsageError
 from serd_cli.options import free_folder
 from serd_cli.processes.node_commands import stack_processes
@@ -15,69 +18,45 @@ from serd_cli.processes.teleop_session import (
     require_page,
     summarise_session,
 )
-from serd_cli.processes.teleop_settings import TeleopSettings
 from serd_ros.graph.graph import find_stack
-from serd_ros.process.progress import VARIABLE, report_address
-
-
-def settings(**changes):
-    values = {
-        "scenario": "hallway",
-        "seed": 3,
-        "start_area": "train",
-        "people": None,
-        "address": "127.0.0.1",
-        "port": 0,
-        "token_file": "",
-        "velocity": False,
-        "driver": "",
-    }
-    return TeleopSettings(**{**values, **changes})
+from serd_ros.process.progress import VARIABLE, Progress, report_address
 
 
 def test_options_become_parameters_of_the_nodes(tmp_path, ros_env):
     stack, bag = find_stack("teleop"), tmp_path / "bag"
-    chosen = settings(velocity=True, driver="anna", people=5, port=9000)
+    chosen = TeleopSettings(velocity=True, driver="anna", people=5, port=9000)
     commands = {
         process.name: " ".join(process.command)
         for process in stack_processes(stack, chosen.parameters(bag), ros_env)
     }
-    assert "mode:='velocity'" in commands["teleop_page"]
-    assert "driver:='anna'" in commands["teleop_page"]
-    assert "port:=9000" in commands["teleop_page"]
+    for words in ("mode:='velocity'", "driver:='anna'", "port:=9000"):
+        assert words in commands["teleop_page"]
     assert "people:=5" in commands["hallway_sim"]
     assert f"output:='{bag}'" in commands["demo_recorder"]
     assert "-r cmd_vel_raw:=cmd_vel_planner" in commands["local_planner"]
 
 
-def test_a_port_in_use_is_refused_before_anything_starts():
+def test_a_page_needs_a_free_port_and_beyond_loopback_a_token(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(UsageError, match=f"port {port}: .*; choose another with --port"):
-            require_page(settings(port=port))
-
-
-def test_any_address_but_loopback_needs_a_token_file(tmp_path):
+        with pytest.raises(UsageError, match=f"port {port}: .*in use; choose another with --port"):
+            require_page(TeleopSettings(port=port))
+    require_page(TeleopSettings(port=port))
     with pytest.raises(TeleopError, match="unless a token is given"):
-        require_page(settings(address="0.0.0.0"))
+        require_page(TeleopSettings(address="0.0.0.0", port=0))
     token = tmp_path / "token"
     token.write_text("a-long-random-token\n")
-    require_page(settings(address="0.0.0.0", token_file=str(token)))
+    require_page(TeleopSettings(address="0.0.0.0", port=0, token_file=str(token)))
 
 
 def test_every_run_gets_a_folder_of_its_own(tmp_path):
     assert free_folder(tmp_path / "out", "session").name == "session-1"
     assert free_folder(tmp_path / "out", "session").name == "session-2"
-    file = tmp_path / "file"
-    file.write_text("")
-    with pytest.raises(FileError, match="is a file, not a folder; check the path"):
-        free_folder(file, "session")
-    link = tmp_path / "link"
-    link.symlink_to("nothing")
+    (tmp_path / "link").symlink_to("nothing")
     with pytest.raises(FileError, match="a file of this name is in the way"):
-        free_folder(link, "session")
+        free_folder(tmp_path / "link", "session")
 
 
 def test_the_driver_sees_its_own_lines_and_everything_goes_into_the_log(
@@ -96,10 +75,9 @@ def test_the_driver_sees_its_own_lines_and_everything_goes_into_the_log(
     printed = capsys.readouterr().err
     assert "drive at http://127.0.0.1:9/" in printed
     assert printed.count("episode 1 arrived") == 1
-    assert "nothing of interest" not in printed
     assert "E-STOP engaged" in printed
-    assert "Exception" not in printed
-    assert "x.py" not in printed
+    for hidden in ("nothing of interest", "Exception", "x.py"):
+        assert hidden not in printed
     assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 6
 
 
@@ -109,3 +87,29 @@ def test_the_summary_counts_kept_and_discarded_episodes(tmp_path):
         "3 episodes kept (2 arrived, 1 cut off), 3 discarded; 17 decisions by directions"
     )
     assert summarise_session(tmp_path / "no bag", "hallway") is None
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_options_of_watch_become_parameters_of_the_page_whose_address_is_printed(
+    serd, monkeypatch, tmp_path, as_json
+):
+    started = []
+
+    def run_alone(node, command, _, take):
+        started.append(" ".join([node, *command]))
+        take(Progress(text="of no page"))
+        take(Progress(text="", address="http://127.0.0.1:9/"))
+
+    monkeypatch.setattr(watch_module, "run_alone", run_alone)
+    token = tmp_path / "here" / "token"
+    token.write_text("a-long-random-token\n")
+    given = ["--namespace", "robot1", "--port", "9", "--token-file", "token", "--json"]
+    ended = serd("watch", *given[: None if as_json else -1])
+    assert ended.code == 0, ended.err
+    (words,) = started
+    for part in ("watch_page ", "__ns:=/robot1", "port:=9", f"token_file:='{token}'"):
+        assert part in words
+    if as_json:
+        assert json.loads(ended.out) == {"url": "http://127.0.0.1:9/"}
+    else:
+        assert "watch at http://127.0.0.1:9/" in ended.err

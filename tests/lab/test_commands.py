@@ -1,0 +1,156 @@
+"""`python -m lab`: its list, the help of everything that it runs, results as files, and faults."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from lab.__main__ import app_of
+from lab.catalogue import BENCHMARKS, EXPERIMENTS, NAMES, STUDIES
+from lab.crowd import comparison, corridor_measures
+from serd_sim.crowd.social_force import model_names
+from tests.serd_cli.conftest import copied_bag
+
+#: Words of a command and of the sentence by which it is refused.
+REFUSED = (
+    ("hallwya", "no experiment or benchmark is named 'hallwya'; did you mean 'hallway'?"),
+    ("bench gradeint", "got 'gradeint'; did you mean 'gradient'?"),
+    ("rust", "--data must be given for rust: the folder of Rust's odometer files"),
+    ("rust --data . --bins many", "n_bins must be an integer, "),
+    ("priors --address tcp://127.0.0.1:8786", "address must be left out with loky, "),
+    ("priors --backend spam", "backend must be one of "),
+    ("gridworld --discount 1", "discount must be less than 1, got '1'"),
+    ("gridworld --temperature hot", "temperature must be a number, "),
+    ("hallway --quick --output afile", "a file of this name is in the way"),
+    ("hallway --config people.yaml --output out", "people"),
+    ("hallway --config arival.yaml --output out", "did you mean 'arrival'"),
+    ("detour --quick --output noted", "holds results of 'python -m lab priors"),
+    ("faults --fault scan_nam --output faults.csv", "did you mean 'scan_nan'"),
+    ("crowd --output crowd.jpg", "--output must end in .png, got crowd.jpg"),
+    ("crowd --recording none.txt", "lab: cannot read none.txt: it does not exist"),
+    ("crowd --output afile/x.png", "cannot write afile: a file of this name is in the way"),
+    ("crowd --recroding none.txt", "No such option"),
+    ("crowd --fps 0", "--fps must be above 0, got 0"),
+    ("crowd --recording one.txt --output crowd.png", "lab: one.txt: "),
+    ("crowd --recording far.txt --output crowd.png", "check the unit"),
+)
+
+
+def test_everything_is_listed_with_a_line_and_has_a_help(lab, root):
+    lines = lab().out.splitlines()
+    for name in NAMES:
+        (line,) = [line for line in lines if line.startswith(f"  {name} ")]
+        assert line.split(name, 1)[1].strip()
+        assert len(line) <= 100
+        shown = CliRunner().invoke(app_of(name), ["--help"])
+        assert shown.exit_code == 0, shown.output
+        # Runs of long work can be sent to other machines.
+        assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults"})
+    defining = {
+        ".".join(path.relative_to(root).with_suffix("").parts)
+        for path in (root / "lab" / "benchmarks").rglob("*.py")
+        if "\ndef run(" in path.read_text()
+    }
+    assert {work.module for work in BENCHMARKS.values()} == defining
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """Eight people in a corridor of 4 m, four each way: half a person per square metre."""
+    along = (np.arange(150) - 75) / 25.0
+    return np.array(
+        [
+            [person, frame, (100 if person % 2 else -100) * x, -150 + 40 * person, 170]
+            for person in range(8)
+            for frame, x in enumerate(along)
+        ]
+    )
+
+
+def save_recording(name, rows, unit="cm"):
+    np.savetxt(name, rows, header=f"framerate: 25\nid frame x/{unit} y/{unit} z/{unit}")
+
+
+def test_what_is_wrong_gets_a_sentence_before_anything_runs(lab, recording, tmp_path):
+    here = tmp_path / "here"
+    (here / "afile").touch()
+    (here / "people.yaml").write_text("people: 0\n")
+    (here / "arival.yaml").write_text("arival: {episodes: 3}\n")
+    save_recording("one.txt", recording[recording[:, 0] == 0])
+    save_recording("far.txt", recording, "mm")
+    assert lab("priors", "--angles", "36", "--output", "noted").code == 0
+    before = set(here.rglob("*"))
+    for line, sentence in REFUSED:
+        ended = lab(*line.split())
+        assert ended.code == 2, line
+        assert sentence in " ".join(ended.err.split())
+        assert set(here.rglob("*")) == before
+
+
+def test_an_experiment_leaves_its_tables_and_the_command_beside_them(lab, tmp_path):
+    words = ("priors", "--n-angles", "36")
+    ended = lab(*words, "--output", "out")
+    folder = tmp_path / "here" / "out"
+    assert (folder / "optimal_distributions.csv").read_text().count("\n") > 4
+    assert ended.out.splitlines()[-1].startswith("results: ")
+    (noted,) = yaml.safe_load((folder / "provenance.yaml").read_text())["runs"]
+    given = (*words, "--jobs", "-1", "--backend", "loky", "--output")
+    assert shlex.split(noted["command"])[:-1] == ["python", "-m", "lab", *given]
+    assert "n_angles=36" in noted["settings"]
+    assert noted["finished"]
+    assert noted["packages"]["numpy"]
+
+
+def test_rows_of_faults_are_written_with_a_picture_and_a_second_run_reuses_them(lab, tmp_path):
+    table = tmp_path / "faults.csv"
+    words = ("faults", "--scenario", "crossing", "--people", "2", "--seeds", "1", "--jobs", "1")
+    words += ("--fault", "scan_nan", "--output", table)
+    without, guarded = json.loads(lab(*words, "--json").out)["faults"]
+    assert (without["n_stood"], guarded["n_stood"]) == (0, 1)
+    assert without["largest_stood_m"] is None
+    assert guarded["largest_stood_m"] < 0.6
+    assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    written = table.read_bytes()
+    assert "scan_nan" in lab(*words).out
+    assert table.read_bytes() == written
+
+
+def test_every_model_of_crowds_is_compared_with_weidmann_and_with_a_recording(
+    lab, recording, monkeypatch
+):
+    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
+    monkeypatch.setattr(comparison, "DENSITIES", (0.5,))
+    quick = corridor_measures.measure_simulation.__kwdefaults__
+    quick = quick | {"settle_s": 5.0, "duration_s": 5.0}
+    monkeypatch.setattr(corridor_measures.measure_simulation, "__kwdefaults__", quick)
+    save_recording("people.txt", recording)
+    ended = lab("crowd", "--recording", "people.txt", "--output", "crowd.png", "--json")
+    rows = json.loads(ended.out)["rows"]
+    assert [(row["model"], row["place"], row["flow"]) for row in rows] == [
+        (model, *place)
+        for model in model_names()
+        for place in (("Weidmann", "one way"), ("people", "two ways"))
+    ]
+    weidmann, people = rows[:2]
+    assert weidmann["measured_speed_mps"] == pytest.approx(1.30, abs=0.01)
+    assert people["measured_speed_mps"] == pytest.approx(1.0, abs=0.01)
+    assert 0.4 <= people["measured_nearest_m"] <= 0.8
+    assert 0.8 < weidmann["speed_mps"] < 1.5
+    assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
+
+
+def test_episodes_of_a_bag_become_a_dataset_and_hidden_actions_none(lab, root, tmp_path):
+    pytest.importorskip("pyarrow")
+    bag = root / "bags" / "data" / "hallway" / "test"
+    ended = lab("lerobot", bag, "--output", tmp_path / "dataset")
+    info = json.loads((tmp_path / "dataset" / "meta" / "info.json").read_text())
+    assert ended.out == f"{info['total_episodes']} episodes: {tmp_path / 'dataset'}\n"
+    assert info["total_episodes"] >= 10
+    assert "must be new or empty" in lab("lerobot", bag, "--output", tmp_path / "dataset").refusal
+    poses = copied_bag(bag, tmp_path / "poses", lambda each: each.topic == "/robot_pose")
+    refusal = lab("lerobot", poses, "--output", tmp_path / "other").refusal
+    assert "a dataset needs actions, which are hidden in" in refusal
+    assert not (tmp_path / "other").exists()
