@@ -23,7 +23,7 @@ Without marks of episodes a lap ends in the goal area of the scenario, at
 a press of a button, at a stop or where it turns; the way back from the
 goal is left out.
 
-A table (CSV or Parquet with named columns, text of TUM, ETH/UCY
+A table (CSV or Parquet with named columns, text of TUM, KITTI, ETH/UCY
 and PeTrack) has time, x and y, and for several agents their id: each
 is a demonstration, and all of them are the people; actions are hidden.
 Where one of them is named robot, it alone demonstrates. The key experts of

@@ -25,10 +25,16 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.special import gammainc
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, require_positive
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    float_array,
+    require_count,
+    require_positive,
+)
 from serd_core.arrival.absorption import probability_of_ever_arriving
 from serd_core.arrival.chain import ArrivalByState, GoalProblem, goal_mask
-from serd_core.errors import SerdError
 from serd_core.mdp.mdp import checked_policy
 from serd_core.memory import require_memory
 from serd_core.semi_markov.models import SemiMarkovModels
@@ -82,8 +88,7 @@ def timed_arrival(
     goal, mdp = goal_mask(problem), problem.mdp
     choice, model = checked_policy("policy", policy, mdp), mdp.transitions
     require_positive("step_s", step_s, "use 0.1")
-    if n_steps < 0:
-        raise SerdError(f"n_steps must not be negative, got {n_steps}; use the time-out's")
+    require_count("n_steps", n_steps, 0, "the time-out's")
     theta = float_array("parameters", parameters, (model.n_parameters,))
     if isinstance(model, SemiMarkovModels):
         laws = model.laws(theta)

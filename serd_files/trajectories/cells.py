@@ -9,7 +9,8 @@ Columns without a name are called by their number. Public layouts state more tha
 | ETH/UCY | 4 numbers: frame, id, x, y; frames in steps of 10 | 25 frames per second, m |
 | Jülich archive | a comment `framerate: 25`, or 5 numbers: id, frame, x, y, z | rate, cm |
 | TUM | timestamp tx ty tz qx qy qz qw, or 8 numbers with a unit quaternion | s, m |
-| NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m, agents |
+| KITTI | rows of 12 numbers, 3 x 4 matrices of camera poses | 10 rows per second, m; x, z |
+| NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m |
 | rostopic echo -p | %time, field.... | ns, m |
 | fields of a ROS message | ...stamp.sec, ...stamp.nanosec | their sum in s |
 """
@@ -39,12 +40,14 @@ _GZIP, _LARGEST_BYTES = b"\x1f\x8b", 2**30
 _ETH, _ETH_STEP = ("frame", "id", "x", "y"), 10
 _JUELICH = ("id", "frame", "x", "y", "z")
 _TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_KITTI = ("1", "2", "3", "x", "5", "6", "7", "8", "9", "10", "11", "y")
 _IN_NS = {"time_unit": "ns", "unit": "m"}
-_NAVWARESET = ("timestamp", "robot_x", "robot_y")
 #: What tables with these columns state.
 _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
     (_TUM, {"time_unit": "s", "unit": "m"}),
     (("%time",), _IN_NS),
+    (("timestamp", "robot_x", "robot_y", "x", "y", "column"), {"agent": "column", **_IN_NS}),
+    (("timestamp", "robot_x", "robot_y", "x1", "y1"), _IN_NS),
 )
 _RATE = re.compile(r"frame\s*-?rate\D{0,5}(\d+(?:\.\d+)?)", re.IGNORECASE)
 _IN_M = re.compile(r"\bin m\b")
@@ -104,7 +107,7 @@ def _parquet(path: Path) -> Cells:
         raise FileError(f"{path} must be a Parquet file, but {reason}; write it again") from None
     if frame.index.names != [None] and set(frame.index.names).isdisjoint(frame.columns):
         frame = frame.reset_index()
-    return Cells(frame.reset_index(drop=True), tuple(map(str, frame.columns)))
+    return Cells(frame, tuple(map(str, frame.columns)))
 
 
 def _text(path: Path, text: str) -> Cells:
@@ -194,35 +197,11 @@ def _rate(comments: Sequence[str]) -> float | None:
 
 def _of_named_layout(cells: Cells, comments: Sequence[str]) -> Cells:
     """Return the cells with what their names and comments state."""
-    if set(_NAVWARESET) <= set(cells.names) and {"column", "x1"} & set(cells.names):
-        return _of_navwareset(cells)
     for header, stated in _NAMED_LAYOUTS:
         if set(header) <= set(cells.names):
             return replace(cells, stated=stated)
     has_time = any(role_of(name) == "time" for name in cells.names)
     return replace(_with_stamps(cells), stated={} if has_time else {"fps": _rate(comments)})
-
-
-def _of_navwareset(cells: Cells) -> Cells:
-    """Return a row for each agent: the robot, and people by `column` or by their numbers."""
-    import pandas as pd
-
-    frame = cells.frame.set_axis(list(cells.names), axis=1)
-    others = [name for name in cells.names if role_of(name) == "episode"]
-    agents: list[tuple[Any, str, str]] = [("robot", "robot_x", "robot_y")]
-    if "column" in cells.names:
-        agents.append(("person " + frame["column"].astype(str), "x", "y"))
-    else:
-        numbers = (name[1:] for name in cells.names if name[:1] == "x" and name[1:].isdecimal())
-        agents += [(f"person {number}", f"x{number}", f"y{number}") for number in numbers]
-    parts = [
-        frame.reindex(columns=["timestamp", *others, x, y])
-        .set_axis(["timestamp", *others, "x", "y"], axis=1)
-        .assign(id=agent)
-        for agent, x, y in agents
-    ]
-    rows = pd.concat(parts).dropna(subset=["x", "y"])
-    return replace(cells, frame=rows, names=tuple(rows.columns), stated=_IN_NS)
 
 
 def _with_stamps(cells: Cells) -> Cells:
@@ -249,6 +228,11 @@ def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:
         unit = "m" if any(map(_IN_M.search, comments)) else "cm"
         names = (*_JUELICH[:count], *cells.names[len(_JUELICH) :])
         return replace(cells, names=names, stated={"fps": rate, "unit": unit})
+    if count == len(_KITTI):
+        frame = cells.frame.assign(frame=np.arange(len(cells.frame)))
+        return replace(
+            cells, frame=frame, names=(*_KITTI, "frame"), stated={"fps": 10.0, "unit": "m"}
+        )
     if count == len(_TUM):
         norms = np.linalg.norm(numbers[:, 4:], axis=1)
         if np.mean(np.abs(norms - 1.0) < 0.02) > 0.9:

@@ -37,6 +37,9 @@ _FASTEST_MPS, _SLOWEST_MPS, _STILL_MPS = 40.0, 0.02, 0.005
 _JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
 #: Most rows between two jumps that are left out as strays.
 _FEW_ROWS = 3
+#: Share of steps of a table without ids that lead away and back above which it has several agents:
+#: more than so many distances to the nearest of the next rows. At most so many rows are tested.
+_MANY_AWAY, _FAR, _LEAST_ROWS_ON, _MOST_ROWS = 0.2, 5.0, 8, 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,8 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays, n_strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns.episode >= 0)
-    tracks = _tracks(points, rows, _kinds(cells))
+    kinds = _kinds(cells) if columns.pairs.keys() == {""} else []
+    tracks = _tracks(points, rows, kinds)
     if not tracks:
         raise _no_agents(path, rows)
     left_out = (*strays, *_without_numbers(rows, cells.n_skipped), *_lists(cells))
@@ -96,7 +100,7 @@ def _no_agents(path: Path, rows: Rows) -> FileError:
 
 def _candidates(cells: Cells, columns: Columns) -> list[str]:
     """Return mappings of the columns that may hold the ids of a table without them."""
-    used = {columns.time, columns.episode, columns.x, columns.y}
+    used = {columns.time, columns.episode, *(at for pair in columns.pairs.values() for at in pair)}
     return [
         mapping_of(cells.names, agent=column)
         for column, name in enumerate(cells.names)
@@ -135,6 +139,9 @@ def _first_of_each_time(
         if len(both) > max(_FEW, _MANY * len(points)):
             raise _without_ids(path, what, candidates, has_ids=rows.has_ids)
         found.append(f"{what}; the first one counts")
+    if not rows.has_ids and (away := _share_away(points)) > _MANY_AWAY:
+        what = f"in {100 * away:.0f} % of the steps the place jumps away and comes back"
+        raise _without_ids(path, what, candidates, has_ids=False)
     return points[~again], tuple(found)
 
 
@@ -150,6 +157,23 @@ def _without_ids(path: Path, what: str, candidates: Sequence[str], *, has_ids: b
     return FileError(
         f"{path} must have a column of ids where rows are of several agents: {what}; {fix}"
     )
+
+
+def _share_away(points: "pd.DataFrame") -> float:
+    """Return the share of steps that lead farther away than the nearest of the next rows is."""
+    points = points.drop_duplicates(["agent", "time_s", "x", "y"])
+    share_different = points.time_s.nunique() / len(points)
+    rows_on = min(max(_LEAST_ROWS_ON, round(2 / share_different)), 200)
+    place_m = points[["x", "y"]].to_numpy()[:_MOST_ROWS]
+    count = len(place_m) - rows_on
+    if count < 1:
+        return 0.0
+    away = (place_m[on : count + on] - place_m[:count] for on in range(1, rows_on + 1))
+    step, *later = (np.hypot(*moved.T) for moved in away)
+    back = np.min(later, axis=0)
+    changes = np.abs(np.diff(place_m, axis=0))
+    smallest = changes[changes > 0].min(initial=np.inf)
+    return float(np.mean(step > _FAR * np.maximum(back, max(np.median(back), smallest))))
 
 
 def _of_speed(path: Path, rows: Rows, points: "pd.DataFrame") -> list[str]:

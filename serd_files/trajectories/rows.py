@@ -1,5 +1,6 @@
 """The rows of a table: a place in metres at a time in seconds of an agent in an episode."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +11,12 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_files.trajectories.cells import Cells
 from serd_files.trajectories.columns import (
     METRES,
+    ROBOT,
     Columns,
+    Pair,
     TableColumns,
     numeric,
+    place_of,
     role_of,
     unit_of,
 )
@@ -23,6 +27,10 @@ if TYPE_CHECKING:
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Least sizes of times since 1970 in ms, us and ns; in s they are below all of them.
 _SINCE_1970 = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+#: Fewest rows per episode.
+_FEWEST_ROWS = 5
+#: Smallest share of an episode by which time goes back where the next one begins.
+_BACK = 0.5
 #: Pause put between episodes whose times overlap, so that agents of one are not seen in another.
 _APART_S = 100.0
 
@@ -49,31 +57,35 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
     """Return the rows of all agents; raises FileError where a rate or a unit is not stated."""
     import pandas as pd
 
+    frame, is_wide = cells.frame, columns.pairs.keys() != {""}
     time_s, of_time = _seconds(where, cells, columns.time, wanted)
-    scales, of_place = _metres(where, cells, columns, wanted)
-    episode, labels = _episodes(cells, columns)
-    agent, ids = np.zeros(len(cells.frame), dtype=np.int64), ["0"]
-    if has_ids := columns.agent >= 0:
-        agent, ids = _numbered(cells.frame.iloc[:, columns.agent])
-    x, y = (
-        scale * numeric(cells.frame.iloc[:, column])
-        for column, scale in zip((columns.x, columns.y), scales, strict=True)
-    )
-    rows = pd.DataFrame(
-        {
-            "row": cells.frame.index.to_numpy(),
-            "agent": agent,
-            "episode": episode,
-            "time_s": time_s,
-            "x": x,
-            "y": y,
-        }
-    )
+    scale_of, of_place = _metres(where, cells, columns.pairs, wanted)
+    episode, labels = _episodes(cells, columns, time_s)
+    parts, ids = [], list[str]()
+    for name, pair in sorted(columns.pairs.items()):
+        agent, texts = np.zeros(len(frame), dtype=np.int64), [name or "0"]
+        if columns.agent >= 0 and not _is_one(cells, name, pair):
+            agent, texts = _numbered(frame.iloc[:, columns.agent])
+            texts = [f"{name} {text}".strip() for text in texts]
+        x, y = (scale_of[column] * numeric(frame.iloc[:, column]) for column in pair)
+        part = pd.DataFrame(
+            {
+                "row": np.arange(len(frame)),
+                "agent": np.where(agent >= 0, agent + len(ids), -1),
+                "episode": episode,
+                "time_s": time_s,
+                "x": x,
+                "y": y,
+            }
+        )
+        parts.append(part.dropna(subset=["x", "y"]) if is_wide else part)
+        ids += texts
+    rows = pd.concat(parts, ignore_index=True)
     good = np.isfinite(rows[["time_s", "x", "y"]]).all(axis=1) & (rows.agent >= 0)
     bad, rows = rows.row[~good].to_numpy(), rows[good].reset_index(drop=True)
-    names = ids
+    has_ids, names = is_wide or columns.agent >= 0, ids
     if labels:
-        word = cells.names[columns.episode]
+        word = cells.names[columns.episode] if columns.episode >= 0 else "episode"
         key = ["agent", "episode"]
         pairs = rows[key].drop_duplicates().sort_values(key).to_numpy().tolist()
         ids = [ids[agent] for agent, _ in pairs]
@@ -84,6 +96,12 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
             ]
         rows["agent"] = rows.groupby(key).ngroup()
     return Rows(rows, bad, names, ids, has_ids, of_time | of_place)
+
+
+def _is_one(cells: Cells, name: str, pair: Pair) -> bool:
+    """Whether columns are of one agent also beside a column of ids."""
+    place = place_of(cells.names[pair.x])
+    return name == ROBOT or name[-1:].isdigit() or (place is not None and place.kind == ROBOT)
 
 
 def _seconds(
@@ -121,29 +139,47 @@ def _seconds(
 
 
 def _metres(
-    where: str, cells: Cells, columns: Columns, wanted: TableColumns
-) -> tuple[tuple[float, ...], dict[str, str]]:
-    """Return the factors of x and y, and what of their unit is assumed."""
-    names = cells.names[columns.x], cells.names[columns.y]
-    units = [wanted.unit or unit_of(name) for name in names]
-    silent = [name for name, unit in zip(names, units, strict=True) if unit not in METRES]
-    if len(silent) == 1:
-        (stated,) = (unit for unit in units if unit in METRES)
+    where: str, cells: Cells, pairs: Mapping[str, Pair], wanted: TableColumns
+) -> tuple[dict[int, float], dict[str, str]]:
+    """Return a factor for each column of places, and what of their unit is assumed."""
+    columns = [column for pair in pairs.values() for column in pair]
+    if wanted.unit is not None:
+        return dict.fromkeys(columns, METRES[wanted.unit]), {}
+    units = {column: unit_of(cells.names[column]) for column in columns}
+    silent = [cells.names[column] for column, unit in units.items() if unit not in METRES]
+    stated = sorted({unit for unit in units.values() if unit in METRES})
+    if silent and stated:
         raise FileError(
-            f"{where} must state the units of x and y or of none, that of {silent[0]} is not"
-            " stated; write it behind the name, as in x [m], or that of both into a --mapping"
-            f" file: {{unit: {stated}}}"
+            f"{where} must state the units of all places or of none, those of {', '.join(silent)}"
+            " are not stated; write them behind the names, as in x [m], or the unit of all into a"
+            f" --mapping file: {{unit: {stated[0]}}}"
         )
-    scales = tuple(METRES.get(unit or "m", 1.0) for unit in units)
-    return scales, {"unit": "places in m"} if silent else {}
+    scale_of = {column: METRES.get(unit or "m", 1.0) for column, unit in units.items()}
+    return scale_of, {"unit": "places in m"} if silent else {}
 
 
-def _episodes(cells: Cells, columns: Columns) -> tuple[IntArray, list[str]]:
-    """Return the number of the episode of each row, and their names, none where there is one."""
-    if columns.episode < 0:
-        return np.zeros(len(cells.frame), dtype=np.int64), []
-    episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
-    return (episode, labels) if len(labels) > 1 else (0 * episode, [])
+def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
+    """Return the number of the episode of each row, and their names, none where there is one.
+
+    Without ids and a column of episodes, one begins where the time goes back near to the start of
+    the one before.
+    """
+    if columns.episode >= 0:
+        episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
+        return (episode, labels) if len(labels) > 1 else (0 * episode, [])
+    back = np.diff(time_s, prepend=time_s[:1]) < 0
+    begins = np.concatenate([[0], np.flatnonzero(back)])
+    ends = np.concatenate([begins[1:], [len(time_s)]])
+    elapsed = (time_s[ends - 1] - time_s[begins])[:-1]
+    fallen = time_s[ends[:-1] - 1] - time_s[begins[1:]]
+    if (
+        columns.agent >= 0
+        or len(time_s) < _FEWEST_ROWS * len(begins)
+        or (fallen < _BACK * elapsed).any()
+    ):
+        return np.zeros(len(time_s), dtype=np.int64), []
+    labels = [str(number) for number in range(1, len(begins) + 1)]
+    return np.cumsum(back), labels if len(labels) > 1 else []
 
 
 def _numbered(column: "pd.Series[Any]") -> tuple[IntArray, list[str]]:

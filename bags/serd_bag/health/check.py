@@ -1,9 +1,11 @@
 """Checks of a whole recording: damage, counts, gaps, clocks; and what a bag holds.
 
 The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
-recorder received it. Stamps that step back, or do not agree with the log times, are of another
-clock. What a bag holds is known by the summaries at the ends of its files; only without them all is
-read.
+recorder received it. Stamps that step back, jump or drift against the log times indicate two
+clocks. These are compared by delay = log time - stamp. A late message has a long delay; the least
+delay within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
+likewise: RFC 5905, section 10.) What a bag holds is known by the summaries at the ends of its
+files; only without them all is read.
 """
 
 from array import array
@@ -13,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from serd_bag.damage import at_most, missing_messages
 from serd_bag.errors import BagError
@@ -21,7 +24,7 @@ from serd_bag.formats.mcap.file_end import FileEnd
 from serd_bag.formats.rosbag2.layout import bag_layout
 from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
 from serd_bag.messages.plain import message_stamp_ns
-from serd_bag.messages.times import AGREEMENT_S, FloatArray, agrees
+from serd_bag.messages.times import AGREEMENT_S, FloatArray
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, nearest_topic, topics_named
 
@@ -30,6 +33,12 @@ _SECOND_NS = 1_000_000_000
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
 #: Messages closer together are one burst, or have no stamps and were given the same log time.
 _BURST_S = 1e-3
+_BLOCK_S = 1.0
+_FEWEST_BLOCKS = 5
+_LEAST_JUMP_S = 0.5
+_LEAST_DRIFT_S = 0.1
+#: A trend must be that many standard deviations of the residuals.
+_CLEAR = 5.0
 #: Messages whose times are kept in memory.
 _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
@@ -41,6 +50,19 @@ _NO_CHECKSUMS = (
 
 
 @dataclass(frozen=True)
+class TwoClocks:
+    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
+
+    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
+    """
+
+    jumps_s: tuple[float, ...] = ()
+    drift_s: float = 0.0
+    span_s: float = 0.0
+    offset_s: float = 0.0
+
+
+@dataclass(frozen=True)
 class TopicCheck:
     """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
 
@@ -48,7 +70,7 @@ class TopicCheck:
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    ahead_s: stamps before log times in the median, where their clocks do not agree, else 0.
+    clocks: stamps compared with log times.
     """
 
     name: str
@@ -63,7 +85,7 @@ class TopicCheck:
     n_log_steps_back: int
     n_stamp_steps_back: int
     stamp_delay_s: tuple[float, float] | None
-    ahead_s: float
+    clocks: TwoClocks
 
 
 def check_topic(
@@ -83,7 +105,6 @@ def check_topic(
     sent = stamps > 0
     sent_logs = logs[: len(stamps)][sent]
     delay_s = (sent_logs - stamps[sent]) / _SECOND_NS
-    is_same_clock = agrees(sent_logs / _SECOND_NS, stamps[sent] / _SECOND_NS)
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
@@ -97,7 +118,7 @@ def check_topic(
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
         n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
         stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
-        ahead_s=0.0 if is_same_clock else -float(np.median(delay_s)),
+        clocks=two_clocks((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
     )
 
 
@@ -111,6 +132,44 @@ def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
         return usual_s, 1.0 / usual_s if usual_s > 0 else None
     usual_s = float(np.median(apart))
     return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
+
+
+def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
+    """Compare the clocks by log times and delays (N,); no result for less than 5 s."""
+    time_s, delay_s = _least_delays(log_s, delay_s)
+    if len(time_s) < _FEWEST_BLOCKS:
+        return TwoClocks()
+    # The middle one of each three: without single outliers.
+    time_s, delay_s = time_s[1:-1], np.median(sliding_window_view(delay_s, 3), axis=1)
+    steps_s, apart_s = np.diff(delay_s), np.diff(time_s)
+    unusual_s = steps_s - np.median(steps_s / apart_s) * apart_s
+    jumped = np.abs(unusual_s) > _LEAST_JUMP_S
+    jumps_s = np.where(jumped, unusual_s, 0.0)
+    smooth_s = delay_s - np.concatenate([[0.0], np.cumsum(jumps_s)])
+    drift_s = -_trend(time_s, smooth_s)
+    offset_s = -float(np.median(delay_s))
+    is_offset = not jumped.any() and not drift_s and abs(offset_s) > AGREEMENT_S
+    return TwoClocks(
+        jumps_s=tuple(float(-jump_s) for jump_s in jumps_s[jumped]),
+        drift_s=drift_s,
+        span_s=float(time_s[-1] - time_s[0]),
+        offset_s=offset_s if is_offset else 0.0,
+    )
+
+
+def _least_delays(log_s: FloatArray, delay_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(log time, delay) of the least delayed message of each second that has any."""
+    order = np.lexsort((delay_s, np.floor(log_s / _BLOCK_S)))
+    _, first = np.unique(np.floor(log_s[order] / _BLOCK_S), return_index=True)
+    return log_s[order][first], delay_s[order][first]
+
+
+def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
+    """Change over the whole time by a straight line; 0 where there is no clear trend."""
+    slope, level = np.polyfit(time_s - time_s[0], delay_s, 1)
+    rest_s = float(np.std(delay_s - level - slope * (time_s - time_s[0])))
+    change_s = float(slope * (time_s[-1] - time_s[0]))
+    return change_s if abs(change_s) > max(_LEAST_DRIFT_S, _CLEAR * rest_s) else 0.0
 
 
 @dataclass(frozen=True)
@@ -205,26 +264,42 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
             remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
         if topic.n_stamp_steps_back:
             remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
+        remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
     return remarks + _offset_remarks(topics)
 
 
 def _offset_remarks(topics: Sequence[TopicCheck]) -> list[str]:
-    """Clocks that differ; that of log times may be the one that differs."""
-    compared = [topic.ahead_s for topic in topics if topic.stamp_delay_s]
-    if len(compared) > 1 and all(compared) and np.ptp(compared) <= AGREEMENT_S:
+    """Clocks that differ by a constant; that of log times may be the one that differs."""
+    compared = [topic for topic in topics if topic.clocks.span_s]
+    offsets_s = {each.name: each.clocks.offset_s for each in compared if each.clocks.offset_s}
+    ahead_s = list(offsets_s.values())
+    if len(compared) > 1 and len(ahead_s) == len(compared) and np.ptp(ahead_s) <= AGREEMENT_S:
         return [
-            f"all stamps are {_ahead(compared[0])} log times: those of another or simulated time"
+            f"all stamps are {_ahead(ahead_s[0])} log times: those of another or simulated time"
         ]
     return [
-        f"{topic.name}: stamps are {_ahead(topic.ahead_s)} log times: the clock of its sender is"
-        " wrong"
-        for topic in topics
-        if topic.ahead_s
+        f"{name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
+        for name, offset_s in offsets_s.items()
     ]
 
 
 def _ahead(offset_s: float) -> str:
     return f"{abs(offset_s):.2f} s {'ahead of' if offset_s > 0 else 'behind'}"
+
+
+def _clock_remarks(clocks: TwoClocks) -> list[str]:
+    remarks = []
+    if clocks.jumps_s:
+        largest_s = max(clocks.jumps_s, key=abs)
+        way = "forward" if largest_s > 0 else "back"
+        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
+        remarks.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
+    if clocks.drift_s:
+        way = "ahead of" if clocks.drift_s > 0 else "behind"
+        remarks.append(
+            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
+        )
+    return remarks
 
 
 def _times(number: int) -> str:

@@ -21,7 +21,7 @@ MANY_SIDES, LARGEST_SHARED_LU = 10, 300_000
 
 @dataclass(frozen=True)
 class Automatic(LinearSolver):
-    """Banded LU, sparse LU or BiCGSTAB, whichever fits; LU is its fallback up to 300,000 states.
+    """Banded LU, sparse LU or BiCGSTAB, whichever fits; sparse LU is the fallback of BiCGSTAB.
 
     widest_band: off-diagonals on either side up to which a band is factorised.
     largest_lu_states: sparse LU up to this number of states, BiCGSTAB beyond.
@@ -31,24 +31,23 @@ class Automatic(LinearSolver):
     largest_lu_states: int = 5_000
 
     def for_systems(self, *, right_sides: int) -> LinearSolver:
-        if right_sides <= MANY_SIDES:
+        if right_sides <= MANY_SIDES or self.largest_lu_states != Automatic.largest_lu_states:
             return self
         return replace(self, largest_lu_states=LARGEST_SHARED_LU)
 
     def choose(self, pattern: PolicyPattern) -> LinearSolver:
         """The solver for the systems of a pattern."""
         n_states = pattern.n_states
-        if n_states <= LARGEST_SHARED_LU:
-            if pattern.band.width <= self.widest_band:
-                return BandedLu()
-            fills_up = n_states > SMALL_STATES and pattern.band.width > WIDE * n_states
-            if n_states <= self.largest_lu_states and not fills_up:
-                return SparseLu()
+        if pattern.band.width <= self.widest_band:
+            return BandedLu()
+        fills_up = n_states > SMALL_STATES and pattern.band.width > WIDE * n_states
+        if n_states <= self.largest_lu_states and not fills_up:
+            return SparseLu()
         return Krylov()
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         solver = self.choose(pattern)
         system = solver.prepare(pattern, data)
-        if isinstance(solver, Krylov) and pattern.n_states <= LARGEST_SHARED_LU:
+        if isinstance(solver, Krylov):
             return WithFallback(system, SparseLu(), pattern, data)
         return system

@@ -70,7 +70,7 @@ def test_the_forward_gradient_by_iteration_and_by_lu_is_the_finite_difference_of
     def q_at(vector):
         return solved(problem, vector[:2], vector[2:], equation)[1].q[allowed]
 
-    start, step = np.concatenate([weights, theta]), 1e-6
+    start, step = np.concatenate([weights, theta]), 1e-5
     for i, unit in enumerate(np.eye(len(start))):
         numeric = (q_at(start + step * unit) - q_at(start - step * unit)) / (2 * step)
         np.testing.assert_allclose(direct[allowed][:, i], numeric, atol=2e-6, rtol=1e-5)

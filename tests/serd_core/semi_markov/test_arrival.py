@@ -166,7 +166,7 @@ def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"n_steps": -1}, "n_steps must not be negative, got -1"),
+        ({"n_steps": -1}, "n_steps must be a whole number of at least 0, got -1"),
         ({"step_s": 0.0}, "step_s must be finite and above 0, got 0.0"),
         ({"policy": POLICY * 0.5}, r"policy\[0\] must sum to 1, got 0.5"),
         ({"policy": np.tile(np.eye(5)[1], (12, 1))}, r"policy\[\d+, 1\] must be a probability of"),

@@ -28,52 +28,75 @@ NEAR = WALKS.assign(x=WALKS.x / 100, y=WALKS.y / 100).rename(columns={"x": "x_m"
 SWAPPED = WALKS.iloc[[*range(10), 11, 10, *range(12, 100)]]
 
 
-LISTS = WALKS[WALKS.id == 1].assign(people="[[1.0, 2.0], [3.0, 4.0]]")
-LATER = WALKS.x[70:] + 8.0
-AWAY = "lies away from where its agent is before and after"
-
-
 @pytest.mark.parametrize(
     ("table", "sentence", "lengths"),
     [
         (SWAPPED, "row 12, of agent 1, goes back in time; rows are sorted by time", [50, 50]),
         (WALKS.sort_values("t", kind="stable"), "", [50, 50]),
         (
-            changed(LATER.index, "x", LATER),
-            "row 71: agent 2 jumps 8.1 m in 0.1 s; it",
+            changed(range(70, 100), "x", WALKS.x[70:] + 8.0),
+            "row 71: agent 2 jumps 8.1 m in 0.1 s; it counts as another one from there",
             [50, 20, 30],
         ),
-        (changed([30], ["x", "y"], (5.0, 9.0)), f"row 31 {AWAY}; left out", [49, 50]),
-        (changed([20, 70], ["x", "y"], -999.0), f"row 21 {AWAY}, as do 1 other rows", [49, 49]),
-        (changed(range(60, 75), ["x", "y"], (0, -50)), f"row 61 {AWAY}, as do 14 other", [50, 35]),
-        (changed([99], ["x", "y"], (9, 99)), f"row 100 {AWAY}; left out", [50, 49]),
+        *(
+            (
+                changed(rows, ["x", "y"], place),
+                f"row {rows[0] + 1} lies away from where its agent is before and after{others};"
+                " left out",
+                lengths,
+            )
+            for rows, place, others, lengths in (
+                ([30], (5.0, 9.0), "", [49, 50]),
+                ([20, 70], (-999.0, -999.0), ", as do 1 other rows", [49, 49]),
+                (range(60, 75), (0.0, -50.0), ", as do 14 other rows", [50, 35]),
+                ([99], (9, 99), "", [50, 49]),
+            )
+        ),
         (WALKS.drop(range(10, 40)), "", [20, 50]),
         (pd.concat([WALKS, WALKS]).sort_values(["id", "t"]), "", [50, 50]),
-        (BOTH, "agent 1 is in two places at time 0.5, in row 6 and row 7; the first", [50, 50]),
-        (NEAR, "agents move at 0.012 m/s only: 'unit:' and 'fps:' in a --mapping file", [50, 50]),
-        (LISTS, "column people holds lists, which are not read; give people rows or col", [50]),
+        (
+            BOTH,
+            "agent 1 is in two places at time 0.5, in row 6 and row 7; the first one counts",
+            [50, 50],
+        ),
+        (
+            NEAR,
+            "agents move at 0.012 m/s only: 'unit:' and 'fps:' in a --mapping file state other"
+            " units",
+            [50, 50],
+        ),
+        (
+            WALKS[WALKS.id == 1].assign(people="[[1.0, 2.0], [3.0, 4.0]]"),
+            "column people holds lists, which are not read; give people rows or columns of their"
+            " own",
+            [50],
+        ),
     ],
 )
 def test_what_cannot_be_is_left_out_or_kept_apart_and_named(tmp_path, table, sentence, lengths):
     found = read(tmp_path, table)
     named = [each for each in found.assumed if "are assumed" not in each]
-    assert [each[: len(sentence)] for each in named] == [sentence] * bool(sentence)
+    assert named == [sentence] * bool(sentence)
     assert [len(track.time_s) for track in found.tracks] == lengths
     assert all((np.diff(track.time_s) > 0).all() for track in found.tracks)
     assert np.abs(np.concatenate([each.position_m[:, 1] for each in found.tracks])).max() < 2.0
 
 
-DEGREES = WALKS.assign(x=13.4 + WALKS.x / 68_000, y=52.5 + WALKS.y / 111_000)
-TWICE = pd.concat([WALKS, WALKS.add([0, 0, 0, 2.0])])
-
-
 @pytest.mark.parametrize(
     ("table", "sentence"),
     [
-        (DEGREES, r"1\.8e-05 m/s or slower; state unit: and"),
-        (WALKS * [1, 1, 100, 100], "half of them move at 120 m/s or faster; state unit: and"),
-        (TWICE, r"in row 1 and row 101, as do 99 other rows; give each"),
-        (WALKS.drop(columns="id") % [2.5, 99, 99], "must have a column of ids where rows are of"),
+        (
+            WALKS.assign(x=13.4 + WALKS.x / 68_000, y=52.5 + WALKS.y / 111_000),  # degrees
+            r"1\.8e-05 m/s or slower; state unit: and",
+        ),
+        (
+            WALKS.assign(x=100 * WALKS.x, y=100 * WALKS.y),
+            "half of them move at 120 m/s or faster; state unit: and",
+        ),
+        (
+            pd.concat([WALKS, WALKS.add([0, 0, 0, 2.0])]),
+            r"in row 1 and row 101, as do 99 other rows; give each",
+        ),
     ],
 )
 def test_units_and_ids_that_cannot_be_are_refused(tmp_path, table, sentence):
@@ -166,6 +189,8 @@ def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, 
         assert person.position_m[10] == pytest.approx([6.8, 2.0])
 
 
+WIDE = RUNS.pivot(index=["run", "t"], columns="id", values=["x", "y"]).reset_index()
+WIDE.columns = ["run", "t", "ped1_x", "robot_x", "ped1_y", "robot_y"]
 ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
 
 
@@ -173,11 +198,16 @@ ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
     ("table", "agents", "overlap"),
     [
         (ALONE, ["0", "1", "2"], True),
+        (ALONE.drop(columns="run"), ["1", "2", "3"], True),
         (RUNS[RUNS.run == 0], ["ped", "robot"], False),
         (RUNS.assign(t=RUNS.t + 100.0 * RUNS.run), None, False),
+        (WIDE, None, True),
+        (WIDE.drop(columns="run"), None, True),
     ],
 )
-def test_episodes_are_named_by_a_column(tmp_path, table, agents, overlap):
+def test_episodes_are_named_by_a_column_or_begin_where_times_go_back(
+    tmp_path, table, agents, overlap
+):
     found = read(tmp_path, table)
     assert (OVERLAP in found.assumed) == overlap
     assert [each.agent for each in found.tracks] == agents or (

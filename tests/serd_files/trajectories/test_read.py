@@ -1,6 +1,8 @@
 """Tables of trajectories in the layouts in which other programs write them."""
 
 import gzip
+import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,47 +14,77 @@ from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
 from support.trajectory_tables import mappings_in
 
+PEDESTRIANS = Path(__file__).parents[3].parent / "shared" / "data" / "pedestrians"
 #: Two agents: 1 walks east at 1.25 m/s from (0, 1), 2 north at 1 m/s from (3, 0).
-TIME_S = np.repeat(0.4 * np.arange(12), 2)
-WALK = pd.DataFrame({"a": [1, 2] * 12, "t": TIME_S, "x": 3.0, "y": TIME_S})
-WALK.loc[WALK.a == 1, ["x", "y"]] = np.column_stack([1.25 * TIME_S[::2], np.ones(12)])
+N_STEPS = 12
 
 
-def lines(header, scales=(1, 1, 1), time=None, separator=",", **options):
-    """A table below a header; scales: of time, x and y; time: the columns in place of the agent's
-    and of times."""
-    table = WALK * [1, scales[0], scales[1], scales[2]]
-    if time is not None:
-        table = pd.DataFrame(time).assign(a=WALK.a, x=table.x, y=table.y)
-    return header + table.to_csv(index=False, header=False, sep=separator, **options)
+def rows(step_s=0.4):
+    """(time, agent, x, y) in the order of time."""
+    for step in range(N_STEPS):
+        time_s = step * step_s
+        yield time_s, 1, 1.25 * time_s, 1.0
+        yield time_s, 2, 3.0, 1.0 * time_s
 
 
-FRAME = (TIME_S * 25).round().astype(int)
-PETRACK_ROWS = sorted(lines("", (1, 100, 100), {"f": FRAME + 94}, " ").splitlines())
-PETRACK = "".join(f"{a} {f} {x} {y} 176\n" for f, a, x, y in map(str.split, PETRACK_ROWS))
-TIME_NS = (TIME_S * 1e9).round().astype(int)
-STAMPS = {"s": TIME_NS // 10**9, "ns": TIME_NS % 10**9}
-OF_MESSAGE = "id,pose.position.x,pose.position.y\n"
+def eth(separator="\t"):
+    return "\n".join(
+        separator.join(map(str, (round(time_s * 25) + 780, agent, x, y)))
+        for time_s, agent, x, y in rows()
+    )
+
+
+def petrack(header):
+    by_agent = sorted(rows(0.04), key=lambda row: (row[1], row[0]))
+    lines = (f"{a} {round(t * 25) + 94} {100 * x:.4f} {100 * y:.4f} 176" for t, a, x, y in by_agent)
+    return header + "\n".join(lines)
+
+
+def named(header, separator, scale=1.0, time_scale=1.0, decimal="."):
+    lines = (
+        separator.join(
+            str(each).replace(".", decimal) for each in (a, t * time_scale, x * scale, y * scale)
+        )
+        for t, a, x, y in rows()
+    )
+    return header + "\n" + "\n".join(lines)
+
+
+def stamped(header, *of_time):
+    return f"{header}\n" + "\n".join(
+        ",".join(map(str, (*(each(t) for each in of_time), a, x, y))) for t, a, x, y in rows()
+    )
+
+
 LAYOUTS = {
-    "ETH/UCY as SGAN has it": lines("", time={"f": FRAME + 780}, separator="\t"),
-    "ETH/UCY with spaces": lines("", time={"f": FRAME + 780}, separator=" "),
-    "PeTrack": f"# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n{PETRACK}",
-    "PeTrack without names": f"# framerate: 25.00\n{PETRACK}",
-    "names with units": lines("track_id,time_s,x_m,y_m\n"),
-    "other units": lines("person;t [ms];x [cm];y [cm]\n", (1000, 100, 100), separator=";"),
-    "decimal commas": lines("ID;Time;X;Y\n", separator=";", decimal=","),
-    "Unix time in ns": lines("timestamp,agent,px,py\n", time={"t": TIME_NS + 17 * 10**17}),
-    "rostopic echo -p": lines("%time,id,field.pose.position.x,field.y\n", time={"t": TIME_NS}),
-    "fields of a ROS message": lines(f"stamp.sec,stamp.nanosec,{OF_MESSAGE}", time=STAMPS),
+    "ETH/UCY as SGAN has it": eth(),
+    "ETH/UCY with spaces": eth(" "),
+    "PeTrack": petrack("# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"),
+    "PeTrack without names": petrack("# framerate: 25.00\n"),
+    "names with units": named("track_id,time_s,x_m,y_m", ","),
+    "other units": named("person;t [ms];x [cm];y [cm]", ";", 100.0, 1000.0),
+    "decimal commas": named("ID;Time;X;Y", ";", decimal=","),
+    "Unix time in ns": stamped("timestamp,agent,px,py", lambda t: round(t * 1e9) + 17 * 10**17),
+    "rostopic echo -p": stamped(
+        "%time,id,field.pose.pose.position.x,field.pose.pose.position.y", lambda t: round(t * 1e9)
+    ),
+    "fields of a ROS message": stamped(
+        "header.stamp.sec,header.stamp.nanosec,id,pose.position.x,pose.position.y",
+        lambda t: int(t + 1e-6),
+        lambda t: round((t - int(t + 1e-6)) * 1e9),
+    ),
 }
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_two_agents_are_read_from_every_layout(tmp_path, layout):
-    found = read(tmp_path, LAYOUTS[layout])
+    path = tmp_path / "table.txt"
+    path.write_text(LAYOUTS[layout])
+    found = read_trajectories(path)
     assert [track.agent for track in found.tracks] == ["1", "2"]
     first, second = found.tracks
-    np.testing.assert_allclose(np.diff(first.time_s), 0.4, rtol=1e-6)
+    step_s = 0.04 if "PeTrack" in layout else 0.4
+    np.testing.assert_allclose(np.diff(first.time_s), step_s, rtol=1e-6)
     np.testing.assert_allclose(first.position_m[:, 1], 1.0, rtol=1e-6)
     speed = np.diff(first.position_m[:, 0]) / np.diff(first.time_s)
     np.testing.assert_allclose(speed, 1.25, rtol=1e-3)
@@ -69,14 +101,15 @@ def read(tmp_path, text, **wanted):
 
 TUM = "\n".join(f"{1305031102.1 + 0.1 * n:.4f} {0.1 * n} 2.0 0.3 0 0 0.6 0.8" for n in range(30))
 TUM_NAMES = "# ground truth trajectory\n# timestamp tx ty tz qx qy qz qw\n"
-NAMED = "# PeTrack project: walk.pet\n# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+KITTI = "\n".join(f"1 0 0 {0.2 * n} 0 1 0 0.01 0 0 1 {0.8 * n}" for n in range(20))
+PETRACK = "# PeTrack project: walk.pet\n# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
 FRAMES = "frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16))
 GZIP = gzip.compress(b"t,x,y\n0,1,1\n1,2,1", mtime=0)
 
 
 def walked(*last):
     """Rows of one person at 1.25 m/s along x, with further cells."""
-    return NAMED + "".join(f"1 {f} {5 * f} {' '.join(map(str, last))}\n" for f in range(60))
+    return PETRACK + "".join(f"1 {f} {5 * f} {' '.join(map(str, last))}\n" for f in range(60))
 
 
 @pytest.mark.parametrize(
@@ -84,6 +117,9 @@ def walked(*last):
     [
         (TUM_NAMES + TUM, {}, (30, 2.9), (2.9, 2.0)),
         (TUM, {}, (30, 2.9), (2.9, 2.0)),
+        # The plane of a camera's x and z, or what a mapping names.
+        (KITTI, {}, (20, 1.9), (3.8, 15.2)),
+        (KITTI, {"y": "8", "fps": 5.0}, (20, 3.8), (3.8, 0.01)),
         # The comment names the columns of tables with fewer or more of them.
         (walked(80), {}, (60, 2.36), (2.95, 0.8)),
         (walked(80, 170, 1), {}, (60, 2.36), (2.95, 0.8)),
@@ -154,12 +190,15 @@ def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (lines("id,frame,x,y\n", (25, 1, 1)), "has frames in the column frame and does not"),
-        (PETRACK, "has frames in the column frame and does not state how many there are per"),
-        (lines("when,who,east,north\n", time={"t": TIME_S}), "time and x and y are not among when"),
-        (lines("id,rosbag_time,x,y\n"), "time is not among id, rosbag_time, x, y; name the col"),
-        (lines("who,t,x,y\n"), "is in two places at time 0, in row 1 and row 2, as do 1"),
-        (lines("", time={"t": TIME_S}), "time and x and y are not among 1, 2, 3, 4; name the col"),
+        (named("id,frame,x,y", ",", time_scale=25), "has frames in the column frame and does not"),
+        (petrack(""), "has frames in the column frame and does not state how many there are per"),
+        (stamped("when,who,east,north", float), "time and x and y are not among when, who, east,"),
+        (named("id,rosbag_time,x,y", ","), "time is not among id, rosbag_time, x, y; name the col"),
+        (named("who,t,x,y", ","), "is in two places at time 0, in row 1 and row 2, as do 1"),
+        (
+            stamped("0.0,1,0,1", float),
+            "time and x and y are not among 1, 2, 3, 4; name the columns",
+        ),
     ],
 )
 def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, text, sentence):
@@ -192,10 +231,11 @@ def test_what_is_no_table_gets_a_sentence(tmp_path, text, wanted, sentence):
         read(tmp_path, text, **wanted)
 
 
-def two_agents(ids, shift_s):
+def two_agents(ids, shift_s=0.0):
     """Rows of two people who walk 3 m apart, the second shift_s later in each frame."""
+    rng = np.random.default_rng(0)
     rows = sorted(
-        (0.1 * n + shift_s * who, 0.13 * n, 3.0 * who, ids[who])
+        (0.1 * n + shift_s * who, ids[who], 0.13 * n, 3.0 * who + rng.normal() / 99)
         for n in range(60)
         for who in (0, 1)
     )
@@ -206,11 +246,30 @@ def two_agents(ids, shift_s):
     ("shift_s", "sentence"),
     [
         (0.0, r"in two places at time 0, .* 59 other rows; name the column of ids in .*quality\}"),
-        (0.03, r"half of them move at .* m/s or faster; .*, or the column of ids by agent:"),
+        (0.03, r"in 100 % of the steps .* comes back; name the column of ids in .*quality\}"),
     ],
 )
 def test_several_agents_without_ids_are_rejected(tmp_path, shift_s, sentence):
     with pytest.raises(FileError, match=sentence):
-        read(tmp_path, "t,x,y,quality\n" + two_agents((1, 1), shift_s))
-    found = read(tmp_path, "t,x,y\n" + two_agents((7, 9), shift_s), agent="4")
+        read(tmp_path, "t,quality,x,y\n" + two_agents((1, 1), shift_s))
+    unnamed = re.sub(r"^([^,]*),(\d+),(.*)$", r"\1,\3,\2", two_agents((7, 9), shift_s), flags=re.M)
+    found = read(tmp_path, f"t,x,y\n{unnamed}", agent="4")
     assert [track.agent for track in found.tracks] == ["7", "9"]
+
+
+@pytest.mark.parametrize("kind", ["still", "repeated", "laps", "outliers", "rounded"])
+def test_one_agent_without_ids_is_one(tmp_path, kind):
+    rng = np.random.default_rng(0)
+    time_s = np.arange(400) / 10.0
+    place = np.column_stack([np.cos(time_s), np.sin(time_s)]) + rng.normal(size=(400, 2)) / 100
+    if kind == "still":
+        place = np.round(rng.normal(size=(400, 2)) / 100, 2)
+    if kind == "repeated":
+        time_s, place = np.repeat(time_s, 2), np.repeat(place, 2, axis=0)
+    if kind == "outliers":
+        place[::10] += 5.0
+    if kind == "rounded":
+        time_s, place = np.floor(time_s), np.column_stack([0.5 * time_s, np.zeros(400)])
+    path = tmp_path / "table.csv"
+    np.savetxt(path, np.column_stack([time_s, place]), "%.3f", ",", header="t,x,y", comments="")
+    assert len(read_trajectories(path).tracks) == 1
