@@ -164,9 +164,7 @@ class _Chains:
         """Take all steps in random order, and all of them back where the sweep is not accepted."""
         if self.near.posterior.observations.hidden:
             self._draw_actions()
-        steps: list[Callable[[], None]] = [
-            lambda: self._step(self.weights.step(self.points, self.rng))
-        ]
+        steps: list[Callable[[], None]] = [self._walk_weights]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
             if model.group.pseudo_count:

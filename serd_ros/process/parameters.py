@@ -1,7 +1,7 @@
 """From ROS parameters to one frozen config: declared once, checked once, unknown names rejected."""
 
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Generic
 
 from pydantic import ValidationError
@@ -9,7 +9,6 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
-    SetParametersResult,
 )
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
@@ -24,7 +23,6 @@ from serd_ros.settings import Config
 
 _MANAGED = "managed"
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
-OnSet = Callable[[Sequence[Parameter]], SetParametersResult]
 
 
 class FixedParameterError(ParameterNotDeclaredException):

@@ -310,11 +310,6 @@ def of_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quat
     return product((0.0, 0.0, z, yaw), product((0.0, y, 0.0, pitch), (x, 0.0, 0.0, roll)))
 
 
-def matrix_of(turn: Quaternion) -> FloatArray:
-    """(3, 3) rotation matrix."""
-    return np.array([rotated(turn, axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]).T
-
-
 def yaw_of(turn: Quaternion) -> float:
     """Heading in the plane."""
     x, y, z, w = turn
