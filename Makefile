@@ -44,7 +44,7 @@ build: $(VENV)/.all
 	@bash tools/build_workspace.sh $(BIN)
 
 interfaces: $(VENV)/.all
-	@$(BIN)/python tools/build_interfaces.py
+	@bash tools/build_interfaces.sh $(BIN)
 
 ubuntu:
 	@PYTHON="$(PYTHON)" bash tools/test_ubuntu_versions.sh $(ARGS)
