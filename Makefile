@@ -91,10 +91,10 @@ reference: $(VENV)/.all
 	@$(BIN)/python tools/write_reference.py
 
 site: $(VENV)/.docs
-	@$(BIN)/python tools/run_notebooks.py
+	@$(BIN)/python -m pytest -q tests/tools/test_notebooks.py
 	@$(BIN)/python tools/build_site.py
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
-	@$(BIN)/python tools/check_site.py
+	@$(BIN)/python -m pytest -q tests/tools/test_site.py
 	@echo "site: $(CURDIR)/site/index.html"
 
 dist: $(VENV)/.docs
