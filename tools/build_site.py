@@ -7,7 +7,6 @@ modules are generated from the code. A link to a folder leads to its README, or 
 import os
 import re
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,44 +21,35 @@ SOURCE = ROOT / ".cache" / "site_source"
 LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
 _PAGES = (".md", ".ipynb")
 _LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
-#: Style and script of all pages.
-_LOOK = Path(__file__).parent / "theme"
 
 
 def copy_documents(target: Path) -> list[Path]:
     """The documents of the project, relative to its root; what they link to is copied too."""
-    pages = [each for kind in _PAGES for each in (ROOT / "docs").rglob(f"*{kind}")]
+    pages = [page for kind in _PAGES for page in (ROOT / "docs").rglob(f"*{kind}")]
     waiting = sorted([*ROOT.glob("*.md"), *pages])
     copied: list[Path] = []
-    while waiting:
-        document = waiting.pop()
-        name = document.relative_to(ROOT)
-        if (target / name).exists():
-            continue
-        text = _with_links(document.read_text(encoding="utf-8"), document, waiting, target)
-        _write(target / name, text)
-        copied.append(name)
-    return copied
 
-
-def _with_links(text: str, document: Path, waiting: list[Path], target: Path) -> str:
     def replaced(match: re.Match[str]) -> str:
         shown, link, anchor = match[1], match[2], match[3] or ""
         shown = _LINK.sub(replaced, shown)  # a picture within a link
-        file = (document.parent / link).resolve()
+        file = (ROOT / copied[-1].parent / link).resolve()
         if file.is_dir():
             if not (file / "README.md").exists():
                 return shown
             file, link = file / "README.md", f"{link.rstrip('/')}/README.md"
-        if file.suffix in _PAGES:
-            waiting.append(file)
-        else:
-            copy = target / file.relative_to(ROOT)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, copy)
+        waiting.append(file)
         return f"[{shown}]({link}{anchor})"
 
-    return _LINK.sub(replaced, text)
+    while waiting:
+        file = waiting.pop()
+        name = file.relative_to(ROOT)
+        if file.suffix not in _PAGES:
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, target / name)
+        elif name not in copied:
+            copied.append(name)
+            _write(target / name, _LINK.sub(replaced, file.read_text(encoding="utf-8")))
+    return copied
 
 
 def commands_page() -> str:
@@ -76,32 +66,29 @@ def commands_page() -> str:
 
 def module_pages() -> dict[str, str]:
     """By path: a page of modules for each folder of the libraries, and the list of pages."""
-    pages, index = {}, ["# Python modules", ""]
+    pages, index = {}, "# Python modules\n\n"
     for library, beside in LIBRARIES.items():
-        found = [beside / library, *sorted((beside / library).rglob("*"))]
-        folders = [path for path in found if not {"build", "dist"} & set(path.parts)]
-        for folder in (path for path in folders if (path / "__init__.py").exists()):
-            dotted = ".".join(folder.relative_to(beside).parts)
-            modules = sorted(f"{dotted}.{path.stem}" for path in folder.glob("[!_]*.py"))
-            if modules:
-                text = "\n\n".join(f"::: {module}" for module in modules)
+        for package in sorted((beside / library).rglob("__init__.py")):
+            folder = package.parent.relative_to(beside)
+            names = sorted(path.stem for path in package.parent.glob("[!_]*.py"))
+            if names and not {"build", "dist"} & set(folder.parts):
+                dotted = ".".join(folder.parts)
+                text = "\n\n".join(f"::: {dotted}.{name}" for name in names)
                 pages[f"reference/python/{dotted}.md"] = f"# {dotted}\n\n{text}\n"
-                names = ", ".join(module.rpartition(".")[2] for module in modules)
-                index.append(f"- [{dotted}](python/{dotted}.md): {names}")
-    return {**pages, "reference/python.md": "\n".join(index) + "\n"}
+                index += f"- [{dotted}](python/{dotted}.md): {', '.join(names)}\n"
+    return {**pages, "reference/python.md": index}
 
 
-def main() -> int:
-    """Entry point; `--quick` leaves the modules out, which take a minute."""
+def main() -> None:
+    """Entry point."""
     shutil.rmtree(SOURCE, ignore_errors=True)
     os.environ["COLUMNS"] = "100"
     copied = copy_documents(SOURCE)
     _write(SOURCE / "reference" / "commands.md", commands_page())
     for name, text in module_pages().items():
-        _write(SOURCE / name, text if "--quick" not in sys.argv else text.replace(":::", "-"))
-    shutil.copytree(_LOOK, SOURCE, dirs_exist_ok=True)
+        _write(SOURCE / name, text)
+    shutil.copytree(ROOT / "tools" / "theme", SOURCE, dirs_exist_ok=True)
     print(f"{len(copied)} documents in {SOURCE}")
-    return 0
 
 
 def _write(path: Path, text: str) -> None:
@@ -110,4 +97,4 @@ def _write(path: Path, text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
