@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,16 +20,9 @@ import numpy as np
 from PIL import Image
 from selenium.webdriver import Chrome
 
+from serd_app.teleop.page import view as shown
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.server import PageServer
-from serd_app.teleop.page.view import (
-    overlay_message,
-    overlay_of,
-    point,
-    scene_of,
-    watched_scene_of,
-    world_state,
-)
 from serd_core.demonstrations.crossings import CellTracker
 from serd_core.grid.grid import Action
 from serd_sim.drivers.catalogue import make_driver
@@ -57,30 +50,21 @@ HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 #: The moment that pages show (s), and the step of the states before it, which draw the way (s).
 _SHOWN_S, _STATE_S = 20.0, 0.2
-Draw = Callable[[Path], None]
-DRAWN: dict[str, Draw] = {}
 #: Figures of a run of the demo.
 OF_DEMO = ("visitation", "policy", "arrival")
 
 
-def _draws(name: str) -> Callable[[Draw], Draw]:
-    return lambda draw: DRAWN.setdefault(name, draw)
-
-
-@_draws("episode.gif")
 def draw_episode(path: Path) -> None:
     """A demonstration from above, as a movie."""
     _serd("scenario", "film", "hallway", "--output", path)
 
 
-@_draws("episode_3d.png")
 def draw_episode_3d(path: Path) -> None:
     """A moment of it behind the robot, among more people."""
     options = ("--people", "60", "--view", "chase", "--at", "13")
     _serd("scenario", "film", "hallway", *options, "--output", path)
 
 
-@_draws("map_scenario.png")
 def draw_map_scenario(path: Path) -> None:
     """The scenario that `serd scenario from-map` makes of a scanned hall."""
     with tempfile.TemporaryDirectory() as name:
@@ -90,7 +74,6 @@ def draw_map_scenario(path: Path) -> None:
         shutil.copy(plan.with_suffix(".png"), path)
 
 
-@_draws("report_page.png")
 def draw_report_page(path: Path) -> None:
     """The page that three commands make of a shipped recording: its top, and its maps."""
     bag = ROOT / "bags" / "data" / "hallway" / "training"
@@ -112,7 +95,6 @@ def draw_report_page(path: Path) -> None:
     Image.fromarray(np.hstack([np.asarray(half) for half in halves])).save(path)
 
 
-@_draws("teleop_page.png")
 def draw_teleop_page(path: Path) -> None:
     """The page for driving by hand, during an episode."""
     driver = {
@@ -122,15 +104,14 @@ def draw_teleop_page(path: Path) -> None:
         "there": True,
         "mode": "directions",
     }
-    with _shown_page(scene_of(HALLWAY, GRID), driver) as browser:
+    with _shown_page(shown.scene_of(HALLWAY, GRID), driver) as browser:
         _screenshot(browser).save(path)
 
 
-@_draws("watch_page.png")
 def draw_watch_page(path: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
-    layers = overlay_message(overlay_of(load_strategy(str(MODEL), HALLWAY, "optimal")))
-    scene = watched_scene_of(HALLWAY, GRID)
+    layers = shown.overlay_message(shown.overlay_of(load_strategy(str(MODEL), HALLWAY, "optimal")))
+    scene = shown.watched_scene_of(HALLWAY, GRID)
     with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
         browser.find_element("css selector", "[data-layer=policy]").click()
         _screenshot(browser).save(path)
@@ -152,11 +133,13 @@ def _shown_page(
         with _browser() as browser:
             view(browser, width=1280, height=860, scheme="light")
             browser.get(server.url)
-            shown = browser.find_element("id", "duration")
+            duration = browser.find_element("id", "duration")
 
             def is_shown(state: dict[str, Any]) -> bool:
                 server.show({**state, **more, "page": server.driving_page})
-                return shown.get_attribute("textContent") == f"{state['episode']['duration_s']:.1f}"
+                return (
+                    duration.get_attribute("textContent") == f"{state['episode']['duration_s']:.1f}"
+                )
 
             for state in _episode_states():
                 wait_until(partial(is_shown, state))
@@ -179,10 +162,10 @@ def _episode_states() -> list[dict[str, Any]]:
         if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
             states.append({
                 "type": "state",
-                "world": world_state(observation, world.scan(observation)),
+                "world": shown.world_state(observation, world.scan(observation)),
                 "is_stale": False,
                 "choice": action.name.lower(),
-                "waypoint": point(waypoint_of_intent(GRID, observation, action)),
+                "waypoint": shown.point(waypoint_of_intent(GRID, observation, action)),
                 "episode": {
                     "phase": "running", "outcome": "", "other_driver": "",
                     "duration_s": round(passed_s, 1), "decisions": len(entered), **counts,
@@ -216,11 +199,14 @@ def _serd(*words: str | Path) -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def keep_few_colours(path: Path) -> None:
-    """Write a PNG with 256 colours, which takes a third and looks the same."""
-    few = Image.open(path).convert("RGB")
-    few = few.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(path, optimize=True)
+DRAWN = {
+    "episode.gif": draw_episode,
+    "episode_3d.png": draw_episode_3d,
+    "map_scenario.png": draw_map_scenario,
+    "report_page.png": draw_report_page,
+    "teleop_page.png": draw_teleop_page,
+    "watch_page.png": draw_watch_page,
+}
 
 
 def main() -> None:
@@ -229,17 +215,19 @@ def main() -> None:
     parser.add_argument("names", nargs="*", choices=[[], *DRAWN], help="all when none is named")
     parser.add_argument("--demo", type=Path, help="a run of the demo, for the pictures of it alone")
     given = parser.parse_args()
-    written = [PICTURES / name for name in given.names or DRAWN]
+    paths = [PICTURES / name for name in given.names or DRAWN]
     if given.demo:
         shutil.copy(given.demo / "model.yaml", MODEL)
-        written = [PICTURES / f"demo_{name}.png" for name in OF_DEMO]
-    for path in written:
+        paths = [PICTURES / f"demo_{name}.png" for name in OF_DEMO]
+    for path in paths:
         if given.demo:
             shutil.copy(given.demo / "figures" / path.name.removeprefix("demo_"), path)
         else:
             DRAWN[path.name](path)
-        if path.suffix == ".png":
-            keep_few_colours(path)
+        if path.suffix == ".png":  # 256 colours take a third of the bytes
+            picture = Image.open(path).convert("RGB")
+            kind, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
+            picture.quantize(256, kind, dither=dither).save(path, optimize=True)
         print(f"drawn: docs/pictures/{path.name}")
 
 
