@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib.util import find_spec
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 from pathlib import Path
 
 import yaml
@@ -122,19 +122,20 @@ def topics_picture(stack: str) -> str:
         graph["nav2_bridge"].setdefault("calls", []).extend(actions)
         graph["Nav2"] = {"serves": actions, "subscribes": ["scan"], "publishes": ["cmd_vel_raw"]}
     nodes = {name: _NODE_LOOK if name in own else _OTHER_LOOK for name in graph}
-    topics = _ends(graph, ["publishes"], ["subscribes", "may_subscribe"])
-    shared = [name for name, (talk, hear) in topics.items() if {*talk, *hear} >= own]
-    groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
-    services = _grouped(_ends(graph, ["calls"], ["serves"]))
-    nodes |= dict.fromkeys(groups, _TOPIC_LOOK) | dict.fromkeys(services, _SERVICE_LOOK)
+    edges: dict[tuple[str, str], str] = {}
+    topics = _grouped(graph, ["publishes"], ["subscribes", "may_subscribe"])
+    shared = [names for (talk, hear), names in topics.items() if {*talk, *hear} >= own]
+    services = _grouped(graph, ["calls"], ["serves"])
+    for look, groups in ((_TOPIC_LOOK, topics), (_SERVICE_LOOK, services)):
+        for (talk, hear), names in groups.items():
+            if names not in shared:
+                nodes[name := "\n".join(names)] = look
+                edges |= dict.fromkeys([*product(talk, [name]), *product([name], hear)], "")
     if shared:
-        nodes["\n".join(["(every node)", *shared])] = _NOTE_LOOK
-    edges = []
-    for name, (talk, hear) in (groups | services).items():
-        edges += [*product(talk, [name]), *product([name], hear)]
+        nodes["\n".join(["(every node)", *sorted(chain(*shared))])] = _NOTE_LOOK
     legend = "blue: node; white: topic; dashed: service or action"
     caption = f"{stack}: {chosen['about']}\n{legend}"
-    return dot("LR", nodes, dict.fromkeys(edges, ""), caption=caption)
+    return dot("LR", nodes, edges, caption=caption)
 
 
 def pictures() -> dict[str, str]:
@@ -154,22 +155,19 @@ def _label(name: str) -> str:
     return f"<b>{name}</b>{small}"
 
 
-def _ends(graph: Mapping[str, Mapping[str, list[str]]], *sides: list[str]) -> dict[str, Ends]:
-    """{topic or service: (nodes that list it under keys of one side, those of the other side)}."""
+def _grouped(
+    graph: Mapping[str, Mapping[str, list[str]]], *sides: list[str]
+) -> dict[Ends, list[str]]:
+    """Topics or services by the nodes that list them under keys of one side, and of the other."""
     ends: dict[str, list[set[str]]] = defaultdict(lambda: [set(), set()])
     for node, listed in graph.items():
         for side, keys in enumerate(sides):
-            for name in (name for key in keys for name in listed.get(key) or ()):
+            for name in chain.from_iterable(listed.get(key) or () for key in keys):
                 ends[name][side].add(node)
-    return {name: tuple(map(tuple, map(sorted, both))) for name, both in sorted(ends.items())}
-
-
-def _grouped(ends: Mapping[str, Ends]) -> dict[str, Ends]:
-    """{names with the same ends, one a line: their ends}."""
-    groups = defaultdict(list)
-    for name, both in ends.items():
-        groups[both].append(name)
-    return {"\n".join(names): both for both, names in groups.items()}
+    groups: dict[Ends, list[str]] = defaultdict(list)
+    for name in sorted(ends):
+        groups[tuple(tuple(sorted(nodes)) for nodes in ends[name])].append(name)
+    return groups
 
 
 def _quoted(name: str) -> str:
