@@ -15,7 +15,6 @@ from rich.text import Text
 from lab.catalogue import (
     BENCHMARKS,
     EXPERIMENTS,
-    EXPORTS,
     GROUPS,
     NAMES,
     OF_RESULTS,
@@ -86,13 +85,12 @@ def _command_of(name: str) -> tuple[Callable[..., Any], str | None]:
         # compare; the libraries read the variable when they load.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
     if name in BENCHMARKS:
-        module = import_module(BENCHMARKS[name].module)
-        return module.run, module.__doc__
-    if name in (*VALIDATIONS, *EXPORTS, *RUNS):
-        module_name = name
-    else:
-        module_name = "results" if name in OF_RESULTS else "study"
-    return getattr(import_module(f"lab.command.{module_name}"), name), None
+        benchmark = import_module(BENCHMARKS[name].module)
+        return benchmark.run, benchmark.__doc__
+    if name in OF_RESULTS:
+        return getattr(import_module("lab.kept"), name), None
+    module = name if name in (*VALIDATIONS, *RUNS) else "study"
+    return getattr(import_module(f"lab.command.{module}"), name), None
 
 
 if __name__ == "__main__":

@@ -75,13 +75,9 @@ BENCHMARKS = {
 }
 
 #: Likewise.
-EXPORTS = {"lerobot": "recordings as a LeRobot dataset, format v3.0"}
-
-#: Likewise.
 RUNS = {"bench": "all benchmarks one after the other, or those named"}
-#: Functions of these names in `lab.command.results`.
+#: Functions of these names in `lab.kept`.
 OF_RESULTS = {
-    "archive": "packs all results into one file, with provenance",
     "keep": "writes the tables and figures of docs/results from the results",
     "check": "compares the tables that documents keep with the results",
 }
@@ -92,7 +88,6 @@ GROUPS: dict[str, dict[str, str]] = {
     "Experiments, resumable": {name: work.about for name, work in EXPERIMENTS.items()},
     "Validations": VALIDATIONS,
     "Benchmarks": {name: work.about for name, work in BENCHMARKS.items()} | RUNS,
-    "Exports": EXPORTS,
     "Results": OF_RESULTS,
 }
 NAMES = tuple(name for lines in GROUPS.values() for name in lines)

@@ -1,32 +1,26 @@
 """What the documents keep of the results: one table and one figure of each study, in docs/results.
 
 `python -m lab keep` writes them from lab/results, with their provenance, and `python -m lab check`
-compares the tables that are kept with those that are there. `python -m lab archive` packs all
-results into one file.
+compares the tables that are kept with those that are there.
 """
 
 import io
-import lzma
-import platform
-import shlex
-import tarfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+import typer
 from PIL import Image
 
 from lab import RESULTS
-from lab.experiments.running.provenance import FILE_NAME, code_commit, installed_versions
+from lab.experiments.running.provenance import FILE_NAME
 from serd_bag.files import atomic_write_bytes, read_bytes, read_text
+from serd_cli.errors import FAILED
 from serd_files.yaml_text import read_yaml, write_yaml
 
 #: Where the documents show them; below the root, as `RESULTS`.
 DOCUMENTS = Path("docs/results")
-_COLOURS = 256
-_PACKAGES = ("serd", "serd-lab", "numpy", "scipy", "pandas", "matplotlib")
 
 
 @dataclass(frozen=True)
@@ -55,35 +49,44 @@ KEPT = (
 )
 
 
-def keep(results: Path = RESULTS, documents: Path = DOCUMENTS) -> list[Path]:
-    """Write tables, figures and their provenance from the results that are there; the files."""
-    file = documents / FILE_NAME
+def keep() -> None:
+    """Write the tables and figures of docs/results from lab/results; the rest stays as it is."""
+    file = DOCUMENTS / FILE_NAME
     noted: dict[str, Any] = _mapping(file) if file.exists() else {}
-    written = []
     for kept in KEPT:
         for name in filter(None, (kept.table, kept.figure)):
-            source = _source(results, kept, name)
+            source = _source(kept, name)
             if source.exists():
-                target = documents / f"{kept.name}{source.suffix}"
-                atomic_write_bytes(
-                    target, small_picture(source) if name == kept.figure else read_bytes(source)
-                )
-                written.append(target)
-        runs = results / kept.name / FILE_NAME
+                target = DOCUMENTS / f"{kept.name}{source.suffix}"
+                content = small_picture(source) if name == kept.figure else read_bytes(source)
+                atomic_write_bytes(target, content)
+                print(target)
+        runs = RESULTS / kept.name / FILE_NAME
         if runs.exists():
             noted[kept.name] = [
                 {key: run.get(key) for key in ("command", "began", "commit", "packages")}
                 for run in _mapping(runs)["runs"]
             ]
     atomic_write_bytes(file, write_yaml(noted).encode())
-    return written
 
 
-def compared(results: Path = RESULTS, documents: Path = DOCUMENTS) -> Iterator[tuple[str, str]]:
+def check() -> None:
+    """Compare the tables that the documents keep with lab/results.
+
+    Exit code 1 where one differs.
+    """
+    states = dict(compared())
+    for name, state in states.items():
+        print(f"{state:10}  {name}")
+    if "differs" in states.values():
+        raise typer.Exit(FAILED)
+
+
+def compared() -> Iterator[tuple[str, str]]:
     """For each kept table its file, and "equal", "differs" or "no results"."""
     for kept in KEPT:
         if kept.table:
-            source, target = _source(results, kept, kept.table), documents / f"{kept.name}.csv"
+            source, target = _source(kept, kept.table), DOCUMENTS / f"{kept.name}.csv"
             if not source.exists():
                 yield str(target), "no results"
                 continue
@@ -95,44 +98,14 @@ def small_picture(path: Path) -> bytes:
     """A PNG with 256 colours, a third as large as with all of them."""
     file = io.BytesIO()
     with Image.open(path) as picture:
-        few = picture.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         few.save(file, "PNG", optimize=True)
     return file.getvalue()
 
 
-def archive(output: Path, results: Path = RESULTS) -> int:
-    """Pack all results into a tar.xz file, with provenance.yaml; the number of files.
-
-    Its paths begin with `results`: `tar -C lab -xf FILE` unpacks it where it was.
-    """
-    files = [path for path in sorted(results.rglob("*")) if path.is_file()]
-    packed = {
-        "command": shlex.join(["python", "-m", "lab", "archive", output.name]),
-        "made": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "commit": code_commit(),
-        "python": platform.python_version(),
-        "packages": installed_versions(_PACKAGES),
-        "files": len(files),
-    }
-    memory = io.BytesIO()
-    with tarfile.open(fileobj=memory, mode="w") as tar:
-        _add(tar, FILE_NAME, write_yaml(packed).encode())
-        for path in files:
-            _add(tar, path.relative_to(results).as_posix(), read_bytes(path))
-    atomic_write_bytes(output, lzma.compress(memory.getvalue(), preset=9))
-    return len(files)
-
-
-def _add(tar: tarfile.TarFile, name: str, content: bytes) -> None:
-    """Add a file without owner and time, so that equal results are packed equally."""
-    member = tarfile.TarInfo(f"results/{name}")
-    member.size = len(content)
-    tar.addfile(member, io.BytesIO(content))
-
-
-def _source(results: Path, kept: Kept, name: str) -> Path:
+def _source(kept: Kept, name: str) -> Path:
     """Benchmarks have no folders of their own."""
-    return results / name if not kept.table else results / kept.name / name
+    return RESULTS / name if not kept.table else RESULTS / kept.name / name
 
 
 def _mapping(path: Path) -> dict[str, Any]:

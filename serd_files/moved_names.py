@@ -40,7 +40,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--experts"): _TYPES,
     ("option", "--same-expert"): _TYPES,
     ("option", "--expert"): _TYPES,
-    ("option", "--lerobot"): f"{_LAB} lerobot",
+    ("option", "--lerobot"): "the export as a LeRobot dataset has left; leave it out",
     ("executable", "composed"): _PROCESSES,
     ("option", "--period-s"): f"{_EVENTS}; leave it out",
     ("option", "--lookahead"): f"{_WAYPOINT}; leave it out",

@@ -14,10 +14,9 @@ from lab import RESULTS
 from lab.command.summary import print_results
 from lab.experiments.running.experiment import Experiment, Session, settings_of_file
 from lab.experiments.running.provenance import recorded
-from lab.experiments.running.tables import plain_rows
 from serd_bag.files import require_folder
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, with_parameters
-from serd_cli.output.terminal import counting_bar, print_json, results_kept_in
+from serd_cli.options import EXECUTION, Address, Backend, Jobs, with_parameters
+from serd_cli.output.terminal import counting_bar, results_kept_in
 from serd_files.settings import Setting, settings_of
 from serd_sim.episodes.execution import Execution
 
@@ -33,7 +32,6 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         backend: Backend = EXECUTION.backend,
         address: Address = EXECUTION.address,
         config: Annotated[Path | None, typer.Option(help="YAML file of settings")] = None,
-        as_json: AsJson = False,
         **texts: str | None,
     ) -> None:
         given = settings_of_file(config) if config is not None else {}
@@ -44,9 +42,6 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         require_folder(output)
         with recorded(output, words, made):
             table = _run(experiment, made, output, execution)
-        if as_json:
-            print_json({"rows": plain_rows(table), "results": str(output.resolve())})
-            return
         print_results(table, experiment.shows)
         print(f"results: {output.resolve()}")
 

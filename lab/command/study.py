@@ -13,7 +13,6 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainin
 from lab import RESULTS
 from lab.command.summary import print_results
 from lab.experiments.running.provenance import recorded
-from lab.experiments.running.tables import plain_rows
 from lab.experiments.study.detour.run import run_detour
 from lab.experiments.study.detour.settings import detour_settings
 from lab.experiments.study.detour.tables import headline as detour_headline
@@ -25,8 +24,8 @@ from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
 from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.terminal import WorkProgress, print_json, results_kept_in
+from serd_cli.options import EXECUTION, Address, Backend, Jobs
+from serd_cli.output.terminal import WorkProgress, results_kept_in
 from serd_files.trajectories.columns import TableColumns
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.episodes.execution import Execution
@@ -51,7 +50,6 @@ def hallway(
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
     address: Address = EXECUTION.address,
-    as_json: AsJson = False,
 ) -> None:
     """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).
 
@@ -64,7 +62,7 @@ def hallway(
     command = _command("hallway", (), folder, quick=quick, config=config)
     tables = _run(run_study, settings, folder, Execution(jobs, backend, address), command)
     title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
-    _show(tables, headline(tables), title, folder, as_json=as_json)
+    _show(headline(tables), title, folder)
 
 
 def detour(
@@ -74,7 +72,6 @@ def detour(
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
     address: Address = EXECUTION.address,
-    as_json: AsJson = False,
 ) -> None:
     """A ring corridor where the short way leads against the flow, which demonstrations avoid.
 
@@ -87,7 +84,7 @@ def detour(
     command = _command("detour", (), folder, quick=quick, config=config)
     tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), command)
     title = "Transfer task against the flow, reward without norm"
-    _show(tables, detour_headline(tables), title, folder, as_json=as_json)
+    _show(detour_headline(tables), title, folder)
 
 
 def people(
@@ -103,7 +100,6 @@ def people(
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
     address: Address = EXECUTION.address,
-    as_json: AsJson = False,
 ) -> None:
     """Pedestrians of measured corridors as experts: their next moves and times of arrival.
 
@@ -117,7 +113,7 @@ def people(
     own = [*map(str, files), *(["--mapping", str(mapping)] if mapping is not None else [])]
     command = _command("people", own, folder, quick=quick, config=config)
     tables = _run(run_people, settings, folder, Execution(jobs, backend, address), command)
-    _show(tables, people_headline(tables), "People held out", folder, as_json=as_json)
+    _show(people_headline(tables), "People held out", folder)
 
 
 def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
@@ -126,10 +122,7 @@ def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
     return folder
 
 
-def _show(tables: Tables, shown: pd.DataFrame, title: str, folder: Path, *, as_json: bool) -> None:
-    if as_json:
-        print_json({name: plain_rows(rows) for name, rows in tables.items()})
-        return
+def _show(shown: pd.DataFrame, title: str, folder: Path) -> None:
     print_results(shown, title)
     print(f"results: {folder.resolve()}")
 

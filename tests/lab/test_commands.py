@@ -12,7 +12,6 @@ from lab.__main__ import app_of
 from lab.catalogue import BENCHMARKS, EXPERIMENTS, NAMES, STUDIES
 from lab.crowd import comparison, corridor_measures
 from serd_sim.crowd.social_force import model_names
-from tests.serd_cli.conftest import copied_bag
 
 #: Words of a command and of the sentence by which it is refused.
 REFUSED = (
@@ -140,17 +139,3 @@ def test_every_model_of_crowds_is_compared_with_weidmann_and_with_a_recording(
     assert 0.4 <= people["measured_nearest_m"] <= 0.8
     assert 0.8 < weidmann["speed_mps"] < 1.5
     assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
-
-
-def test_episodes_of_a_bag_become_a_dataset_and_hidden_actions_none(lab, root, tmp_path):
-    pytest.importorskip("pyarrow")
-    bag = root / "bags" / "data" / "hallway" / "test"
-    ended = lab("lerobot", bag, "--output", tmp_path / "dataset")
-    info = json.loads((tmp_path / "dataset" / "meta" / "info.json").read_text())
-    assert ended.out == f"{info['total_episodes']} episodes: {tmp_path / 'dataset'}\n"
-    assert info["total_episodes"] >= 10
-    assert "must be new or empty" in lab("lerobot", bag, "--output", tmp_path / "dataset").refusal
-    poses = copied_bag(bag, tmp_path / "poses", lambda each: each.topic == "/robot_pose")
-    refusal = lab("lerobot", poses, "--output", tmp_path / "other").refusal
-    assert "a dataset needs actions, which are hidden in" in refusal
-    assert not (tmp_path / "other").exists()

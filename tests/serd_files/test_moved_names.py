@@ -21,7 +21,7 @@ from support.commands import work_in_empty_folder
         (["experiment", "gridworld"], "python -m lab lists"),
         (["crowd", "compare"], "python -m lab crowd"),
         (["learn", "decisions.csv", "--experts", "2"], "serd_core.choose_expert_types"),
-        (["demos", "bag", "--lerobot", "folder"], "python -m lab lerobot"),
+        (["demos", "bag", "--lerobot", "folder"], "has left"),
         (["learn", "decisions.csv", "--density"], "it improved no forecast"),
         (["navigate", "model.yaml", "--expert=2"], "serd_core.choose_expert_types"),
         (["learn", "decisions.csv", "--times", "crossings.csv"], "learns how long moves take"),

@@ -3,7 +3,6 @@
 Terrain by a stated rule: a cell is forest where its *roughness* is above Otsu's threshold over all
 cells. Roughness is the mean absolute difference between the brightness and the same smoothed by a
 tenth of a cell: crowns and their shadows are rough at that scale, lawns, water and roads are not.
-Photographs are read by Pillow, multi-band TIFF tiles by tifffile.
 """
 
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.ndimage
+from PIL import Image
 
 from serd_core.arrays import BoolArray, FloatArray, float_array
 from serd_core.errors import SerdError
@@ -18,8 +18,6 @@ from serd_core.errors import SerdError
 SMOOTHING_CELLS = 0.1
 #: Share of red, green and blue in perceived brightness (ITU-R BT.601).
 BRIGHTNESS = np.array([0.299, 0.587, 0.114])
-#: Percentiles that a satellite tile is stretched between; outliers saturate.
-STRETCH = (1.0, 99.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,30 +85,12 @@ def otsu_threshold(values: FloatArray) -> float:
 
 
 def image_brightness(path: Path) -> FloatArray:
-    """(height, width) brightness in [0, 1], northern row first."""
-    import tifffile
-    from PIL import Image
-
+    """(height, width) brightness in [0, 1] of a photograph, northern row first."""
     if not path.is_file():
         raise SerdError(f"image must be a file, got {path}, which is not there")
-    is_tile = path.suffix.lower() in (".tif", ".tiff")
     try:
-        if is_tile:
-            raw = np.asarray(tifffile.imread(path), dtype=np.float64)
-        else:
-            with Image.open(path) as image:
-                raw = np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0
-    except (tifffile.TiffFileError, OSError, ValueError) as error:
-        raise SerdError(f"image {path} cannot be read: {error}; use PNG, JPEG or TIFF") from error
-    bands = _stretched_bands(path, raw) if is_tile else raw
-    return np.asarray(np.clip(bands @ BRIGHTNESS, 0.0, 1.0))
-
-
-def _stretched_bands(path: Path, raw: FloatArray) -> FloatArray:
-    """Red, green and blue of a tile whose bands run from blue on, each stretched to [0, 1]."""
-    bands = raw[:, :, None] if raw.ndim == 2 else raw
-    if bands.ndim != 3:
-        raise SerdError(f"image {path} must have rows, columns and bands, got shape {raw.shape}")
-    visible = np.repeat(bands[:, :, :1], 3, axis=2) if bands.shape[2] < 3 else bands[:, :, 2::-1]
-    low, high = np.percentile(visible, STRETCH, axis=(0, 1))
-    return np.asarray(np.clip((visible - low) / np.maximum(high - low, 1e-12), 0.0, 1.0))
+        with Image.open(path) as image:
+            colours = np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0
+    except (OSError, ValueError) as error:
+        raise SerdError(f"image {path} cannot be read: {error}; use PNG or JPEG") from error
+    return np.asarray(colours @ BRIGHTNESS)
