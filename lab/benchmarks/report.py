@@ -1,10 +1,13 @@
-"""Results as JSON in lab/results, and as a table on the terminal."""
+"""Processor time and memory; results as JSON in lab/results, and as a table on the terminal."""
 
 import json
 import os
 import platform
+import re
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -65,3 +68,28 @@ def measured_rows(
 
 def _text(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def best_of(work: Callable[[], Any], at_least_s: float = 1.0, calls: int = 1) -> tuple[float, Any]:
+    """Least processor seconds of repeated calls, and the last result.
+
+    Called for at_least_s seconds of processor time, and at least `calls` times.
+    """
+    times: list[float] = []
+    result = None
+    while sum(times) < at_least_s or len(times) < calls:
+        del result  # one result at a time is held
+        start_s = time.process_time()
+        result = work()
+        times.append(time.process_time() - start_s)
+    return min(times), result
+
+
+def peak_memory_mb() -> float:
+    """Peak of the resident memory in MB (2^20 bytes), as Linux keeps it in /proc."""
+    # Not `ru_maxrss`: over fork and exec a process inherits that of its parent.
+    status = Path("/proc/self/status").read_text()
+    found = re.search(r"^VmHWM:\s*(\d+) kB", status, re.MULTILINE)
+    if found is None:
+        raise RuntimeError("/proc/self/status must hold VmHWM; measure on Linux")
+    return int(found[1]) / 1024

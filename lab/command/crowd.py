@@ -7,12 +7,11 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from lab.command.summary import print_results
 from lab.crowd.comparison import compare_with_recording, compare_with_weidmann
 from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
 from lab.crowd.figure import draw_crowd_comparison
 from lab.crowd.straight_corridor import corridor_people
-from lab.experiments.running.tables import Row, plain_rows
+from lab.experiments.running.tables import Row, plain_rows, print_results
 from serd_app.report.style import save_figure
 from serd_bag.files import require_file_place
 from serd_cli.errors import UsageError

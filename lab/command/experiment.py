@@ -11,9 +11,9 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from lab import RESULTS
-from lab.command.summary import print_results
 from lab.experiments.running.experiment import Experiment, Session, settings_of_file
 from lab.experiments.running.provenance import recorded
+from lab.experiments.running.tables import print_results
 from serd_bag.files import require_folder
 from serd_cli.options import EXECUTION, Address, Backend, Jobs, with_parameters
 from serd_cli.output.terminal import counting_bar, results_kept_in

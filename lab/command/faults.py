@@ -8,7 +8,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from lab.command.summary import print_results
+from lab.experiments.running.tables import print_results
 from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
 from lab.faults.faults import FAULTS
 from lab.faults.figure import FaultWays, draw_fault_ways

@@ -11,13 +11,13 @@ from pydantic import BaseModel
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from lab import RESULTS
-from lab.command.summary import print_results
 from lab.experiments.running.provenance import recorded
+from lab.experiments.running.tables import print_results
 from lab.experiments.study.detour.run import run_detour
 from lab.experiments.study.detour.settings import detour_settings
 from lab.experiments.study.detour.tables import headline as detour_headline
 from lab.experiments.study.hallway.run import run_study
-from lab.experiments.study.hallway.tables.catalogue import headline
+from lab.experiments.study.hallway.tables import headline
 from lab.experiments.study.people.run import run_people
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline

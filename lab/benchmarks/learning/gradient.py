@@ -18,8 +18,7 @@ from lab.benchmarks.learning.gridworld_problems import (
     landscape_problem,
     objective_of,
 )
-from lab.benchmarks.measurement import best_of, peak_memory_mb
-from lab.benchmarks.report import Row, save
+from lab.benchmarks.report import Row, best_of, peak_memory_mb, save
 from lab.estimators.forward_gradients import (
     entry_jacobian,
     immediate_gradient,

@@ -27,9 +27,8 @@ from lab.benchmarks.learning.gridworld_problems import (
     demonstrations,
     landscape_problem,
 )
-from lab.benchmarks.measurement import best_of
 from lab.benchmarks.peers.peer_environment import run_peer
-from lab.benchmarks.report import Row, save
+from lab.benchmarks.report import Row, best_of, save
 from lab.experiments.gridworld.problem import Gridworld
 from serd_core.arrays import FloatArray
 from serd_core.ascent.trust_region import TrustRegion

@@ -16,8 +16,7 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from lab.benchmarks.measurement import best_of, peak_memory_mb
-from lab.benchmarks.report import Row, save
+from lab.benchmarks.report import Row, best_of, peak_memory_mb, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.drives.episode_spans import END, START, EpisodeMark
 from serd_bag.health.check import check_bag
@@ -26,7 +25,6 @@ from serd_bag.writer import BagWriter
 from serd_core.grid.grid import Action, Grid
 
 _N_POSES = 200_000
-_PERIOD_S = 2.0
 _PATIENCE_S, _WAIT_S = 4.0, 1.0
 _POSE_PERIOD_S = 0.05
 _GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 24), dtype=bool))

@@ -91,3 +91,18 @@ def welch_test(table: pd.DataFrame, measure: str, first: str, second: str) -> li
 
 def _welch_p_value(one: FloatArray, two: FloatArray) -> float:
     return float(scipy.stats.ttest_ind(one, two, equal_var=False).pvalue)
+
+
+#: Numbers below this are written with an exponent: four decimals would lose their digits.
+_SMALL = 1e-3
+
+
+def print_results(rows: pd.DataFrame, title: str) -> None:
+    """Print a table and its title."""
+    print(title)
+    print(rows.to_string(index=False, na_rep="", float_format=_text))
+
+
+def _text(value: float) -> str:
+    # Likelihoods next to one differ from zero in late digits only.
+    return f"{value:.2e}" if 0.0 < abs(value) < _SMALL else f"{value + 0.0:.4f}"

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lab.experiments.running.tables import quartiles
-from lab.experiments.study.hallway.tables.results import Results
+from lab.experiments.study.hallway.tables import Results
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.learner_curves import draw_intervals, tick_sizes
 from serd_app.report import style

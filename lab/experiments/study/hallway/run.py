@@ -12,8 +12,7 @@ import pandas as pd
 from lab.experiments.study.arrival.stage import arrivals_of_repetition
 from lab.experiments.study.fits.fitting import fit_repetition
 from lab.experiments.study.hallway.figure import draw, rows
-from lab.experiments.study.hallway.tables.catalogue import all_tables
-from lab.experiments.study.hallway.tables.results import Results
+from lab.experiments.study.hallway.tables import Results, all_tables
 from lab.experiments.study.products import (
     REFERENCE_SETTINGS,
     OnWork,

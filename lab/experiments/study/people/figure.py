@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from lab.experiments.study.people.fold import CONSTANT_VELOCITY
 from lab.experiments.study.people.learners import LEARNERS
-from lab.experiments.study.people.walkers import CONSTANT_VELOCITY
 from serd_app.report import style
 from serd_app.report.style import new_figure
 

@@ -15,8 +15,7 @@ from typing import Any
 import pandas as pd
 
 from lab.experiments.study.people.figure import people_figure
-from lab.experiments.study.people.fold import run_fold
-from lab.experiments.study.people.folds import Fold, folds_of
+from lab.experiments.study.people.fold import Fold, folds_of, run_fold
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.settings import PeopleSettings
 from lab.experiments.study.people.tables import all_tables

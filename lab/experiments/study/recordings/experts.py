@@ -43,13 +43,6 @@ BELIEFS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 PEOPLE = "people"
 EXPERTS = (PEOPLE, *BELIEFS)
-#: Names of the experts in figures and pages.
-EXPERT_NAMES = {
-    PEOPLE: "scripted people",
-    "knows": "knows the crowd",
-    "ignores_crowd": "ignores the crowd",
-    "fears_crowd": "fears the crowd",
-}
 
 
 def planned_policy(

@@ -5,7 +5,7 @@ import pytest
 from lab.experiments.running.tables import plain_rows
 from lab.experiments.study.fits.methods import METHODS
 from lab.experiments.study.hallway.run import run_study, stages_of
-from lab.experiments.study.hallway.tables.catalogue import headline
+from lab.experiments.study.hallway.tables import headline
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 from lab.experiments.study.settings import study_settings
 from lab.experiments.study.study import Study

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from lab.experiments.study.people.fold import in_band, log_likelihood, task_of
-from lab.experiments.study.people.folds import folds_of
+from lab.experiments.study.people.fold import (
+    CONSTANT_VELOCITY,
+    folds_of,
+    in_band,
+    log_likelihood,
+    scaled_law,
+    task_of,
+)
 from lab.experiments.study.people.learners import (
     COUNT,
     HIDDEN_ACTIONS,
@@ -19,7 +25,6 @@ from lab.experiments.study.people.people import People
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline
-from lab.experiments.study.people.walkers import CONSTANT_VELOCITY, scaled_law
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.scores import crps_s
 from serd_core.grid.grid import Action
