@@ -4,13 +4,13 @@ import shutil
 from importlib.metadata import version
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from PIL import Image
 
 from lab.__main__ import main
 from lab.experiments.running.provenance import recorded
-from lab.experiments.running.tables import read_table
 from lab.experiments.study.hallway.figure import draw
 from serd_app.report.style import save_figure
 from support.pixels import MOST_OTHER, share_of_other_pixels
@@ -47,5 +47,5 @@ def test_what_is_kept_is_compared_and_a_change_is_found(root, tmp_path, monkeypa
 def test_the_kept_figure_is_what_the_code_draws(root, tmp_path):
     """If it fails: python -m lab hallway, then python -m lab keep."""
     kept = root / "docs" / "results"
-    save_figure(tmp_path / "drawn.png", draw(read_table(kept / "hallway.csv")))
+    save_figure(tmp_path / "drawn.png", draw(pd.read_csv(kept / "hallway.csv")))
     assert share_of_other_pixels(kept / "hallway.png", tmp_path / "drawn.png") <= MOST_OTHER

@@ -1,6 +1,5 @@
 """Tables of results: CSV files, medians with quartiles, and Welch's t-test between learners."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,16 +8,10 @@ import numpy as np
 import pandas as pd
 import scipy.stats
 
-from serd_bag.files import atomic_write_text, read_text
+from serd_bag.files import atomic_write_text
 from serd_core.arrays import FloatArray
 from serd_core.errors import SerdError
 
-#: From pandas 3.1 on, read_csv reads every float as written; before, it must be asked to.
-_EXACT: dict[str, Any] = (
-    {"float_precision": "round_trip"}
-    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
-    else {}
-)
 #: One line of a table; None where a number does not apply.
 Row = dict[str, Any]
 
@@ -28,11 +21,6 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
     if table.empty:
         raise SerdError(f"table for {path} must not be empty; run at least one repetition")
     atomic_write_text(path, table.to_csv(index=False, lineterminator="\n"))
-
-
-def read_table(path: Path) -> pd.DataFrame:
-    """Read a table that `write_table` wrote; every float is the one written."""
-    return pd.read_csv(io.StringIO(read_text(path)), **_EXACT)
 
 
 def plain_rows(table: pd.DataFrame) -> list[Row]:
