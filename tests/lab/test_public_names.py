@@ -18,8 +18,6 @@ def private_names(tree):
 
 
 def test_the_lab_uses_no_private_name_of_another_module(root):
-    example = "from a._b import c\nimport a\na._d(self._e)"
-    assert list(private_names(ast.parse(example))) == ["_b", "_d"]
     files = list((root / "lab").rglob("*.py"))
     assert len(files) > 50
     for file in files:

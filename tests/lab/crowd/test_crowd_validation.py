@@ -136,21 +136,3 @@ def test_measures_of_a_recording_made_by_hand():
     # Half frames were rounded to even ones, so that people were twice in these.
     later = measured(np.arange(150.0) + 0.5)
     np.testing.assert_allclose(later.density_pm2, measures.density_pm2)
-
-
-@pytest.mark.parametrize("apart_m", [0.8, 1.0])
-def test_people_on_a_moving_lattice_have_its_density_its_speed_and_its_distance(apart_m):
-    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
-    time_s = np.arange(0.0, 2.0, 0.1)
-    columns, rows = np.arange(-10, 11), np.arange(-1.5, 2.0)
-    tracks = [
-        Track(f"{column} {row}", time_s, np.stack([apart_m * column + 0.9 * time_s, y_m], axis=1))
-        for column in columns
-        for row in rows
-        for y_m in [np.full_like(time_s, apart_m * row)]
-    ]
-    measures = measure_recording(tracks, Corridor(0, (0.9, 0.0), 4.0 * apart_m))
-    assert measures.density_pm2 == pytest.approx(1.0 / apart_m**2)
-    assert measures.speed_mps == pytest.approx(0.9)
-    assert measures.nearest_m == pytest.approx(apart_m)
-    assert np.isnan(measures.passing_distance_m).all()

@@ -1,15 +1,26 @@
+"""Several starts, and fits that validation stops."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from lab.estimators.early_stopping import (
+    fit_serd_with_early_stopping,
+    validation_score,
+)
 from lab.estimators.multi_start import multi_start
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.beliefs import TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import UniformPrior
+from serd_core.selection.evaluation import split_episodes, validation_log_likelihood
 
 
 @pytest.fixture
@@ -44,11 +55,33 @@ def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_e
     ten_times = one.parameters.with_block(Block.REWARD, 10 * one.reward_weights)
     large = replace(one, parameters=ten_times, temperature=10 * one.temperature)
     other = replace(one, parameters=ten_times)
-    assert len(multi_start(iter_of(one, large), 2, np.random.default_rng(0)).explanations) == 1
-    assert len(multi_start(iter_of(one, other), 2, np.random.default_rng(0)).explanations) == 2
+    for fit, n_explanations in ((large, 1), (other, 2)):
+        fits = iter((one, fit))
+        found = multi_start(lambda _, fits=fits: next(fits), 2, np.random.default_rng(0))
+        assert len(found.explanations) == n_explanations
 
 
-def iter_of(*fits):
-    """A learner that returns these fits one after the other."""
-    remaining = iter(fits)
-    return lambda _: next(remaining)
+def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=12, n_steps=8)
+    training, validation = split_episodes(case.decisions, 0.5, np.random.default_rng(0))
+    start = {
+        "initial_weights": np.array([-4.0, 9.0]),
+        "dynamics": estimate_dynamics(case.problem, training),
+    }
+    scores = []
+    fit = fit_serd_with_early_stopping(
+        case.problem, training, validation, MdcePolicy(), patience=15, **start
+    )
+    score = validation_score(case.problem, validation, MdcePolicy(), TiedBelief(), fit.parameters)
+    fit_mdce_serd(
+        case.problem,
+        training,
+        prior=UniformPrior(),
+        on_step=lambda step: scores.append(score(step.vector)),
+        **start,
+    )
+    reached = validation_log_likelihood(case.problem, validation, fit)
+    assert reached == pytest.approx(max(scores[: fit.n_steps + 15]), abs=1e-6)
+    assert reached > scores[-1]
+    assert not fit.converged
+    assert fit.message.startswith("stopped early")

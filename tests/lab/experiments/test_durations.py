@@ -1,11 +1,7 @@
 import numpy as np
-import pytest
 
-import serd_core as sc
 from lab.experiments.durations import (
     AGAINST,
-    PLACES,
-    WITH,
     WITH_PLACES,
     DurationsConfig,
     demonstrate,
@@ -41,20 +37,3 @@ def test_multipliers_of_places_are_found_better_than_none():
     assert found["pace_held"] > 0.6
     (problem, _), (without, _) = plans["right"], plans["no_places_right"]
     assert problem.mdp.transitions.n_models > without.mdp.transitions.n_models
-
-
-@pytest.mark.parametrize("case", ["one outcome", "side outcomes"])
-def test_the_next_demonstration_starts_where_both_ways_are_as_good(case):
-    """Experts never went against the stream, so from there they show how long that takes."""
-    rng = np.random.default_rng(2)
-    given = world(CONFIG, case, rng)
-    assert given.ways(given.timed, given.table) == [AGAINST, WITH, WITH]
-    demonstrations = demonstrate(given, rng)
-    assert not np.any(demonstrations.action == AGAINST)
-    fit = sc.fit_mdce_serd(given.timed, demonstrations)
-    gain = sc.expected_information_gain(sc.laplace(given.timed, demonstrations, fit))
-    table = given.timed.mdp.transitions.local_probabilities(fit.parameters.truth)
-    policy = sc.soft_policy(given.timed, fit.reward_weights, table).probabilities
-    against = policy[:, AGAINST].reshape(PLACES, 2).mean(axis=1)
-    best = int(np.argmax(gain.reshape(PLACES, 2).mean(axis=1)))
-    assert against[best - 1] > 0.5 > against[best + 1]

@@ -10,8 +10,6 @@ from lab.experiments.running.experiment import settings_of_file
 from lab.experiments.running.provenance import FILE_NAME, recorded
 from lab.experiments.running.repetitions import run_repetitions
 from lab.experiments.study.products import Stage, Task, make_products
-from lab.experiments.study.recordings.drives import Purpose, world_seed
-from lab.experiments.study.recordings.experts import EXPERTS
 from lab.experiments.study.settings import study_settings
 from serd_bag.errors import FileError
 from serd_files.errors import USER_ERRORS
@@ -42,16 +40,6 @@ def test_a_file_changes_any_part_of_a_study_whose_sizes_must_grow(tmp_path, size
     path.write_text(f"learning: {{sizes: {sizes}}}\n")
     with pytest.raises(FileError, match="sizes must grow from at least 2 to at most"):
         study_settings(config=path)
-
-
-def test_every_recording_has_a_seed_of_its_own():
-    seeds = [
-        world_seed(5000, expert, repetition, purpose)
-        for expert in EXPERTS
-        for repetition in range(100)
-        for purpose in Purpose
-    ]
-    assert len(set(seeds)) == len(seeds)
 
 
 def runs_in(folder):

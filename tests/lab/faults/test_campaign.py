@@ -1,14 +1,18 @@
-"""The fault campaign: rows of single episodes, and their summary."""
+"""Faults of inputs, message by message, and what a guarded robot does then."""
 
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from lab.command.faults import summarise_faults
 from lab.faults.campaign import COLUMNS, run_fault, tasks_of
+from lab.faults.faults import FAULTS
 from serd_files.yaml_config import model_yaml
 from serd_sim.episodes.batch import EpisodeTask
+from serd_sim.safety.reasons import Source
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.world_guard import Message
 from serd_sim.scenario.scenario import load_scenario
 
 CONDITION = EpisodeTask("hallway", 0, n_people=2)
@@ -41,37 +45,60 @@ def test_without_a_fault_the_guard_changes_nothing():
         assert guarded[name] == unguarded[name]
 
 
-OUTCOME = {
-    "began": 1,
-    "speed_mps": 1.2,
-    "zero_s": 0.1,
-    "stood_s": 0.6,
-    "stood_m": 0.4,
-    "later_m": 0.0,
-    "way_m": 0.4,
-    "duration_s": 36.0,
-    "time_of_arrival_s": 36.0,
-    **dict.fromkeys(("robot_on_person", "person_on_robot", "robot_on_wall"), 0),
-    **dict.fromkeys(("n_input_stops", "n_collision_stops"), 0),
-}
+PERIOD_S = 0.05
+GEOMETRY = ScanGeometry(-3.1, 0.02, 0.1, 10.0)
 
 
-def _rows(**by_guard):
-    return [
-        {"fault": "none", "guarded": guarded, "seed": seed} | OUTCOME | each
-        for guarded, episodes in ((0, by_guard["without"]), (1, by_guard["with_"]))
-        for seed, each in enumerate(episodes)
-    ]
+def _arriving(fault, n_periods):
+    """(published, arrived) messages of each control period."""
+    channel = FAULTS[fault].make(np.random.default_rng(1), PERIOD_S)
+    published = []
+    for period in range(n_periods):
+        stamp_s = period * PERIOD_S
+        ranges_m = np.full(300, 2.0 + period, dtype=np.float32)
+        published.append(
+            [
+                Message(Source.POSE, stamp_s, (float(period), 0.0, 0.0)),
+                Message(Source.SCAN, stamp_s, Scan(stamp_s, ranges_m, GEOMETRY)),
+            ]
+        )
+    return published, [channel(messages) for messages in published]
 
 
-def test_a_summary_has_means_and_maxima_of_the_episodes_with_a_fault():
-    rows = _rows(
-        without=[{}],
-        with_=[{}, {"stood_s": 1.0, "n_input_stops": 2}, {"stood_s": math.nan}, {"began": 0}],
+@pytest.mark.parametrize(
+    ("fault", "poses_m", "ranges_m"),
+    [
+        ("pose_stops", [], [2.0, 3.0, 4.0]),
+        ("pose_frozen", [0.0, 0.0, 0.0], [2.0, 3.0, 4.0]),
+        ("scan_frozen", [0.0, 1.0, 2.0], [2.0, 2.0, 2.0]),
+        ("pose_jumps", [2.0, 3.0, 4.0], [2.0, 3.0, 4.0]),
+    ],
+)
+def test_a_fault_changes_values_of_its_topic_alone_under_fresh_stamps(fault, poses_m, ranges_m):
+    _, arrived = _arriving(fault, 3)
+    of_pose, of_scan = (
+        [each for messages in arrived for each in messages if each.source is source]
+        for source in (Source.POSE, Source.SCAN)
     )
-    _, guarded = summarise_faults(rows).itertuples()
-    assert (guarded.n_episodes, guarded.n_stood) == (3, 2)
-    assert guarded.mean_stood_s == pytest.approx(0.8)
-    assert guarded.largest_stood_s == 1.0
-    assert guarded.n_input_stops == 2
-    assert guarded.hours == pytest.approx(0.03)
+    assert [each.value[0] for each in of_pose] == poses_m
+    assert [float(each.value.ranges_m.mean()) for each in of_scan] == ranges_m
+    for messages in (of_pose, of_scan):
+        stamps_s = [each.stamp_s for each in messages]
+        assert stamps_s == [0.0, PERIOD_S, 2 * PERIOD_S][: len(messages)]
+    assert [each.value.stamp_s for each in of_scan] == [each.stamp_s for each in of_scan]
+
+
+def test_late_messages_keep_their_stamps():
+    published, arrived = _arriving("delay_1s", 22)
+    assert arrived[:20] == [[]] * 20
+    assert arrived[20:] == published[:2]
+
+
+def test_a_noisy_scan_loses_its_share_of_rays_and_deviates_by_five_centimetres():
+    _, arrived = _arriving("scan_noise", 40)
+    ranges_m = np.stack(
+        [messages[1].value.ranges_m - 2.0 - n for n, messages in enumerate(arrived)]
+    )
+    lost = ~np.isfinite(ranges_m)
+    assert lost.mean() == pytest.approx(0.1, abs=0.01)
+    assert ranges_m[~lost].std() == pytest.approx(0.05, rel=0.03)

@@ -110,21 +110,11 @@ def test_weights_are_recovered_with_their_errors_from_many_destinations():
     assert np.all(np.sum(np.square(away), axis=0) < 30)  # chi-squared of 12: 0.998
 
 
-def test_destinations_may_be_places_with_exits_on_several_links():
-    turns = np.array([(0, 1), (0, 2)])
-    exits = np.array([(1, 77), (2, 77)])
-    network = RouteNetwork(3, *turns.T, np.array([[1.0], [2.0]]), ("cost",), exits)
-    value = route_values(network, [-1.0], [77])[:, 0]
-    np.testing.assert_allclose(value, [np.log(np.exp(-1) + np.exp(-2)), 0.0, 0.0])
-
-
 SMALL = grid_network(2)
 REJECTED = (
-    (RouteNetwork, (2, [0, 0], [1, 1], np.ones((2, 1)), ("x",)), "link 1 twice; keep one"),
     (RouteNetwork, (2, [0], [2], np.ones((1, 1)), ("x",)), r"to_link\[0\] must be a link from 0"),
     (trips_on, (SMALL, [0], [[0, 0]]), "trip 0 turns from link 0 to link 0, which the network"),
     (trips_on, (SMALL, [1], [[0]]), "trip 0 ends on link 0, which is no exit of its"),
-    (route_values, (SMALL, WEIGHTS, [0, 0.5]), r"destinations\[1\] must be a whole number"),
     (route_values, (SMALL, WEIGHTS, [0, 99]), r"destinations\[1\] must have an exit .* got 99"),
 )
 

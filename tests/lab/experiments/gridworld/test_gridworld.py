@@ -1,5 +1,4 @@
 import numpy as np
-import pandas as pd
 import pytest
 
 from lab.experiments.gridworld.experiment import (
@@ -8,16 +7,19 @@ from lab.experiments.gridworld.experiment import (
     one_repetition,
     scenes,
 )
+from lab.experiments.gridworld.landscape import (
+    generated_landscape,
+    landscape_of_image,
+)
 from lab.experiments.gridworld.learners import Estimate
 from lab.experiments.gridworld.problem import true_dynamics
-from lab.experiments.running.tables import quartiles, welch_test
 
 SMALL = GridworldConfig(side=8, sizes=(8,), n_steps=15, n_test_episodes=50, n_repetitions=3)
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return [row for number in range(4) for row in one_repetition(SMALL, number)]
+    return [row for number in range(3) for row in one_repetition(SMALL, number)]
 
 
 def median(rows, learner, measure):
@@ -52,15 +54,20 @@ def test_ground_truth_follows_section_4_6_2():
     np.testing.assert_allclose(table[0], [1, 0, 0, 0, 0])
 
 
-def test_quartiles_and_welch_are_those_of_the_textbook(rows):
-    table = quartiles(pd.DataFrame(rows), "log_likelihood", ["size", "learner"])
-    serd = table[table["learner"] == "MDCE SERD"].iloc[0]
-    values = [r["log_likelihood"] for r in rows if r["learner"] == "MDCE SERD"]
-    assert serd["n"] == 4
-    found = serd["lower"], serd["median"], serd["upper"]
-    assert found == pytest.approx(tuple(np.quantile(values, [0.25, 0.5, 0.75])))
-    (test,) = welch_test(pd.DataFrame(rows), "log_likelihood", "MDCE SERD", "MDCE IRL")
-    assert test["mean_difference"] > 0
-    assert 0 <= test["p_value"] <= 1
-    (lonely,) = welch_test(pd.DataFrame(rows[:4]), "log_likelihood", "MDCE SERD", "MDCE IRL")
-    assert lonely["p_value"] is None
+def test_rough_cells_are_forest_and_rows_count_northwards():
+    image = np.full((80, 80), 0.5)
+    image[:40] += 0.2 * np.random.default_rng(0).choice([-1, 1], size=(40, 80))
+    image[60:, :40] = 0.9
+    landscape = landscape_of_image(image, 4)
+    np.testing.assert_array_equal(landscape.forest[2:], True)
+    np.testing.assert_array_equal(landscape.forest[:2], False)
+    assert landscape.brightness[0, 0] == 1.0
+    assert landscape.brightness.min() == 0.0
+
+
+def test_generated_landscapes_have_both_terrains_and_a_bright_road():
+    landscape = generated_landscape(20, np.random.default_rng(1))
+    assert 0.2 < landscape.forest.mean() < 0.6
+    assert np.all((landscape.brightness == 1.0).any(axis=0))
+    again = generated_landscape(20, np.random.default_rng(1))
+    np.testing.assert_array_equal(landscape.brightness, again.brightness)

@@ -1,3 +1,5 @@
+"""Quantiles, tables as CSV, intervals, and tests of differences within repetitions."""
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from lab.experiments.running.statistics import (
     paired_family,
     paired_p_value,
 )
+from lab.experiments.running.tables import quantile, quartiles, welch_test, write_table
 
 SETTINGS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 
@@ -46,3 +49,36 @@ def test_a_family_is_first_minus_each_other_with_holm_over_all():
     assert [row["lower"] for row in rows] == [1.0, -2.0]
     assert [row["p_value"] for row in rows] == pytest.approx([2 / 2**5] * 2)
     assert [row["p_holm"] for row in rows] == pytest.approx([4 / 2**5] * 2)
+
+
+@pytest.mark.parametrize("n_values", [1, 2, 5, 12, 50])
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
+def test_a_quantile_of_finite_values_is_numpys(n_values, share):
+    values = np.random.default_rng(n_values).normal(size=n_values)
+    assert quantile(values, share) == pytest.approx(np.quantile(values, share))
+
+
+def test_infinite_values_have_their_place():
+    assert quantile([-np.inf, -1.0, -2.0, -3.0], 0.5) == -2.5
+    assert quantile([-np.inf, -1.0, -2.0, -3.0], 0.25) == -np.inf
+    assert quantile([-np.inf, -np.inf, -1.0], 0.25) == -np.inf
+    assert quantile([-np.inf, -np.inf, -1.0], 1.0) == -1.0
+
+
+def test_a_table_has_the_shortest_exact_texts_and_nothing_for_undefined_cells(tmp_path):
+    awkward = [0.1 + 0.2, 1e-300, -np.inf, np.nan, 5e-324, 1.7976931348623157e308, -0.0]
+    write_table(tmp_path / "a.csv", pd.DataFrame({"value": awkward, "whole": range(7)}))
+    texts = [line.split(",")[0] for line in (tmp_path / "a.csv").read_text().splitlines()[1:]]
+    assert texts == ["" if np.isnan(value) else repr(value) for value in awkward]
+
+
+def test_quartiles_are_numpys_and_welch_needs_two_values_of_each():
+    values = [1.0, 2.0, 4.0, 8.0]
+    rows = [{"size": 3, "learner": "ours", "x": each} for each in values]
+    table = pd.DataFrame([*rows, {"size": 3, "learner": "theirs", "x": 0.0}])
+    (ours, _) = quartiles(table, "x", ["size", "learner"]).to_dict("records")
+    assert [ours[name] for name in ("n", "lower", "median", "upper")] == [4, 1.75, 3.0, 5.0]
+    (alone,) = welch_test(table, "x", "ours", "theirs")
+    assert alone["p_value"] is None
+    (same,) = welch_test(table, "x", "ours", "ours")
+    assert (same["mean_difference"], same["p_value"]) == (0.0, 1.0)

@@ -16,7 +16,7 @@ TINY = """
 scenario: {scenario}
 people: 4
 demonstrations: {{training: 2, test: 1, transfer: 1}}
-reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 16.0}}
+reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 8.0}}
 learning: {{repetitions: 2, sizes: [2]}}
 pseudo_counts: [0.3, 1.0]
 decoy: {{truths: [0.3], repetitions: 2, sizes: [2]}}

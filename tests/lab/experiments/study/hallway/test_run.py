@@ -17,7 +17,7 @@ scenario: {scenario}
 people: 3
 drive: kinematic
 demonstrations: {{training: 2, test: 1, transfer: 1}}
-reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 20.0}}
+reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 10.0}}
 learning: {{repetitions: 2, sizes: [2], prior_weights: [1.0], reirl_samples: 20}}
 beliefs: {{repetitions: 2, sizes: [2], episodes: 1}}
 arrival: {{episodes: 1}}
@@ -26,7 +26,7 @@ statistics: {{bootstrap: 20}}
 NEAR_STARTS = {
     "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[6, 16], [8, 16], [8, 18], [6, 18]]",
     "transfer: [[4, 0], [6, 0], [6, 3], [4, 3]]": "transfer: [[6, 18], [8, 18], [8, 20], [6, 20]]",
-    "episode_timeout_s: 420.0": "episode_timeout_s: 16.0",
+    "episode_timeout_s: 420.0": "episode_timeout_s: 10.0",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
     "control_period_s: 0.05": "control_period_s: 0.1",
 }

@@ -13,7 +13,6 @@ from lab.experiments.study.hallway.tables import (
     MEASURES,
     arrival_scores,
     beliefs,
-    paired_tests,
 )
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 
@@ -77,15 +76,3 @@ def test_beliefs_and_arrivals_are_compared_as_differences_to_irl(results):
         assert found[expert, "crps_s"]["mean_difference"] == 0.0
         assert found[expert, "measured_mean_s"]["mean_difference"] == sign * 4.0
         assert found[expert, "measured_mean_s"]["p_holm"] == pytest.approx(2 / 2**N)
-
-
-def test_paired_differences_are_ours_minus_theirs_repetition_by_repetition(results):
-    rows = paired_tests(results, PEOPLE, OURS).to_dict("records")
-    assert [(row["measure"], row["size"]) for row in rows] == [
-        (measure, size) for measure in MEASURES for size in (2, 20)
-    ]
-    for row in rows:
-        assert (row["first"], row["second"]) == (OURS, OTHER)
-        # Repetitions scatter by whole numbers, differences within them not at all.
-        assert row["mean_difference"] == row["lower"] == row["upper"] == BETTER_BY
-        assert row["p_holm"] == row["p_value"] == pytest.approx(2 / 2**N)

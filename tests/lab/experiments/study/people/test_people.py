@@ -6,10 +6,6 @@ import pytest
 from lab.experiments.study.people.fold import (
     CONSTANT_VELOCITY,
     folds_of,
-    in_band,
-    log_likelihood,
-    scaled_law,
-    task_of,
 )
 from lab.experiments.study.people.learners import (
     COUNT,
@@ -19,23 +15,15 @@ from lab.experiments.study.people.learners import (
     NOBODY,
     ONE_LAW,
     SERD,
-    nobody,
 )
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s
-from serd_core.grid.grid import Action
 from serd_sim.episodes.execution import Execution
 
 SERIAL = Execution(n_jobs=1)
 TINY = "training_people: 16\nstatistics: {bootstrap: 20}\n"
-
-
-def all_people(people):
-    return np.ones(len(people.walkers), dtype=np.bool_)
 
 
 def settings_of(files, tmp_path, extra="", **given):
@@ -109,27 +97,3 @@ def test_decisions_are_the_way_of_a_person_cell_by_cell(corridor, tmp_path):
         line_m = run.goal_line_m + 0.1 * run.grid.cell_size_m
         # Somebody who passes a cell at its corner arrives up to 0.02 s later.
         assert -1e-6 < walker.ahead_m(one.time_s + one.duration_s) - line_m < 0.02 * 2.0
-
-
-def test_without_people_the_way_is_straight_and_its_time_nearly_unknown(corridor, tmp_path):
-    people = People.read(settings_of([corridor()], tmp_path))
-    found = nobody(task_of(people, all_people(people)))
-    ahead = people.place.grid.neighbours[:, Action.EAST]
-    moving = np.setdiff1d(np.arange(len(ahead)), people.place.goal_states)
-    np.testing.assert_allclose(found.chain.toarray()[moving, ahead[moving]], 1.0)
-    one = people.decisions.select(np.array([0]))
-    is_ahead = ahead[one.state] == one.next_state
-    assert log_likelihood(found, one) == pytest.approx(0.0 if is_ahead[0] else np.log(1e-4))
-    law = ArrivalLaw(people.times_s, found.arrival.cdf[:, people.asked[0].state], 1.0)
-    assert law.probability_by(0.5 * people.asked[0].duration_s) > 0.2
-    assert law.probability_by(people.times_s[-1]) < 0.8
-
-
-def test_bands_of_a_scaled_law_hold_their_share_of_times_that_follow_it():
-    rng, times_s = np.random.default_rng(5), np.arange(0, 60, 0.05)
-    law = scaled_law(10.0, np.sort(rng.lognormal(0, 0.3, 4000)), times_s)
-    drawn = 10.0 * rng.lognormal(0, 0.3, 2000)
-    for share in (0.5, 0.9):
-        held = np.mean([in_band(law, share, time_s) for time_s in drawn])
-        assert held == pytest.approx(share, abs=0.03)
-    assert crps_s(scaled_law(10.0, np.ones(1), times_s), [12.0]) == pytest.approx(2.0, abs=0.05)

@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 
 from lab.experiments.study.recordings.experts import BELIEFS, planned_policy
-from lab.experiments.study.recordings.reference import ExploringDriver
-from serd_core.grid.grid import Action
 from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
-from support.observations import observation_at
 
 TRUTH = np.array(
     [
@@ -35,13 +32,3 @@ def test_who_ignores_the_crowd_walks_against_it_more_readily(settings, problem):
         name: planned_policy(problem, name, weights, TRUTH)[against].mean() for name in BELIEFS
     }
     assert chosen["ignores_crowd"] > chosen["knows"] > chosen["fears_crowd"]
-
-
-def test_an_explorer_takes_every_action_and_none_that_a_wall_blocks(problem):
-    driver, rng = ExploringDriver(problem.grid, seed=1), np.random.default_rng(0)
-    taken = []
-    for state in rng.integers(problem.grid.n_states, size=600):
-        action = driver.decide(observation_at(*problem.grid.centers_m[state]), state)
-        taken.append(action)
-        assert action == Action.WAIT or problem.grid.neighbours[state, action] != state
-    assert set(taken) == set(Action)
