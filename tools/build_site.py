@@ -1,12 +1,13 @@
-"""Copy the documents, and all files that they link to, into the folder that MkDocs reads.
+"""Copy documents, and files that they link to, into the folder that MkDocs reads.
 
 Paths stay those of the repository, so that links hold in both. Pages of commands and of Python
-modules are generated from the code. A link to a folder leads to its README, or becomes plain text.
+modules are generated from the code.
 """
 
 import os
 import re
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -17,39 +18,9 @@ from serd_cli.app import COMMANDS, command_named, make_app
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
+_KINDS = ("md", "ipynb", "svg", "png", "gif", "csv", "yaml", "cff")
 #: Packages that are used as libraries, and the folders that they lie in.
 LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
-_PAGES = (".md", ".ipynb")
-_LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
-
-
-def copy_documents(target: Path) -> list[Path]:
-    """The documents of the project, relative to its root; what they link to is copied too."""
-    pages = [page for kind in _PAGES for page in (ROOT / "docs").rglob(f"*{kind}")]
-    waiting = sorted([*ROOT.glob("*.md"), *pages])
-    copied: list[Path] = []
-
-    def replaced(match: re.Match[str]) -> str:
-        shown, link, anchor = match[1], match[2], match[3] or ""
-        shown = _LINK.sub(replaced, shown)  # a picture within a link
-        file = (ROOT / copied[-1].parent / link).resolve()
-        if file.is_dir():
-            if not (file / "README.md").exists():
-                return shown
-            file, link = file / "README.md", f"{link.rstrip('/')}/README.md"
-        waiting.append(file)
-        return f"[{shown}]({link}{anchor})"
-
-    while waiting:
-        file = waiting.pop()
-        name = file.relative_to(ROOT)
-        if file.suffix not in _PAGES:
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, target / name)
-        elif name not in copied:
-            copied.append(name)
-            _write(target / name, _LINK.sub(replaced, file.read_text(encoding="utf-8")))
-    return copied
 
 
 def commands_page() -> str:
@@ -79,22 +50,15 @@ def module_pages() -> dict[str, str]:
     return {**pages, "reference/python.md": index}
 
 
-def main() -> None:
-    """Entry point."""
-    shutil.rmtree(SOURCE, ignore_errors=True)
-    os.environ["COLUMNS"] = "100"
-    copied = copy_documents(SOURCE)
-    _write(SOURCE / "reference" / "commands.md", commands_page())
-    for name, text in module_pages().items():
-        _write(SOURCE / name, text)
-    shutil.copytree(ROOT / "tools" / "theme", SOURCE, dirs_exist_ok=True)
-    print(f"{len(copied)} documents in {SOURCE}")
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    os.environ["COLUMNS"] = "100"
+    shutil.rmtree(SOURCE, ignore_errors=True)
+    words = ["git", "ls-files", "-z", *(f"*.{kind}" for kind in _KINDS)]
+    names = subprocess.check_output(words, cwd=ROOT, text=True).split("\0")
+    for name in (name for name in names if (ROOT / name).is_file()):
+        (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, SOURCE / name)
+    for name, text in {"reference/commands.md": commands_page(), **module_pages()}.items():
+        (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
+        (SOURCE / name).write_text(text, encoding="utf-8")
+    shutil.copytree(ROOT / "tools" / "theme", SOURCE, dirs_exist_ok=True)

@@ -11,8 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +49,7 @@ HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 #: The moment that pages show (s), and the step of the states before it, which draw the way (s).
 _SHOWN_S, _STATE_S = 20.0, 0.2
+Message = dict[str, Any]
 #: Figures of a run of the demo.
 OF_DEMO = ("visitation", "policy", "arrival")
 
@@ -77,12 +77,11 @@ def draw_map_scenario(path: Path) -> None:
 def draw_report_page(path: Path) -> None:
     """The page that three commands make of a shipped recording: its top, and its maps."""
     bag = ROOT / "bags" / "data" / "hallway" / "training"
-    with tempfile.TemporaryDirectory() as name, _browser() as browser:
+    with tempfile.TemporaryDirectory() as name, _browser(900, 1140) as browser:
         mapping, decisions, model = (Path(name) / each for each in ("map.yaml", "d.csv", "m.yaml"))
         _serd("bag", "suggest", bag, "--output", mapping)
         _serd("demos", bag, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
         _serd("learn", decisions, "--output", model, "--report", name)
-        view(browser, width=900, height=1140, scheme="light")
         browser.get((Path(name) / "report.html").as_uri())
         # The time of day is another in each run.
         browser.execute_script(
@@ -104,87 +103,66 @@ def draw_teleop_page(path: Path) -> None:
         "there": True,
         "mode": "directions",
     }
-    with _shown_page(shown.scene_of(HALLWAY, GRID), driver) as browser:
-        _screenshot(browser).save(path)
+    _draw_page(path, shown.scene_of(HALLWAY, GRID), driver)
 
 
 def draw_watch_page(path: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
-    layers = shown.overlay_message(shown.overlay_of(load_strategy(str(MODEL), HALLWAY, "optimal")))
-    scene = shown.watched_scene_of(HALLWAY, GRID)
-    with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
-        browser.find_element("css selector", "[data-layer=policy]").click()
-        _screenshot(browser).save(path)
+    overlay = shown.overlay_of(load_strategy(str(MODEL), HALLWAY, "optimal"))
+    nobody = {**dict.fromkeys(("mux", "guard", "recorder")), "there": False, "mode": ""}
+    _draw_page(path, shown.watched_scene_of(HALLWAY, GRID), nobody, shown.overlay_message(overlay))
 
 
-@contextmanager
-def _shown_page(
-    scene: dict[str, Any], more: dict[str, Any], layers: dict[str, Any] | None = None
-) -> Iterator[Chrome]:
-    """A browser with the page of the server after some seconds of an episode.
+def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None = None) -> None:
+    """The page after some seconds of an episode that the expert drives in process.
 
     more: of each state, besides world and episode. The page draws the robot's way from the states,
     so each is sent until the page shows it.
     """
     server = PageServer(scene, PageAccess("127.0.0.1"), 0)
-    try:
-        if layers is not None:
-            server.show_overlay(layers)
-        with _browser() as browser:
-            view(browser, width=1280, height=860, scheme="light")
-            browser.get(server.url)
-            duration = browser.find_element("id", "duration")
-
-            def is_shown(state: dict[str, Any]) -> bool:
-                server.show({**state, **more, "page": server.driving_page})
-                return (
-                    duration.get_attribute("textContent") == f"{state['episode']['duration_s']:.1f}"
-                )
-
-            for state in _episode_states():
-                wait_until(partial(is_shown, state))
-            yield browser
-    finally:
-        server.close()
-
-
-def _episode_states() -> list[dict[str, Any]]:
-    """What a page is sent of an episode that the expert drives in process."""
-    states: list[dict[str, Any]] = []
-    began_s, entered, cells = [], [], CellTracker(GRID)
+    cells, entered, began_s = CellTracker(GRID), [], []
     counts = dict.fromkeys(("number", "kept", "arrived", "discarded"), 0)
-    nothing = dict.fromkeys(("next_start", "mux", "guard", "recorder"))
 
     def see(observation: Observation, _: Command, action: Action) -> bool:
         began_s.append(observation.time_s)
         entered.extend(cells.see(observation.time_s, observation.x_m, observation.y_m))
         passed_s = observation.time_s - began_s[0]
+        state = {
+            "type": "state", "is_stale": False, "next_start": None, **more,
+            "choice": action.name.lower(),
+            "waypoint": shown.point(waypoint_of_intent(GRID, observation, action)),
+            "episode": {
+                "phase": "running", "outcome": "", "other_driver": "", **counts,
+                "duration_s": round(passed_s, 1), "decisions": len(entered),
+            },
+        }  # fmt: skip
         if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
-            states.append({
-                "type": "state",
-                "world": shown.world_state(observation, world.scan(observation)),
-                "is_stale": False,
-                "choice": action.name.lower(),
-                "waypoint": shown.point(waypoint_of_intent(GRID, observation, action)),
-                "episode": {
-                    "phase": "running", "outcome": "", "other_driver": "",
-                    "duration_s": round(passed_s, 1), "decisions": len(entered), **counts,
-                },
-                **nothing,
-            })  # fmt: skip
+            state["world"] = shown.world_state(observation, world.scan(observation))
+            wait_until(lambda: is_shown(state))
         return passed_s < _SHOWN_S
 
-    with HallwayWorld(HALLWAY, seed=1) as world:
+    def is_shown(state: Message) -> bool:
+        server.show({**state, "page": server.driving_page})
+        text: str | None = browser.find_element("id", "duration").get_attribute("textContent")
+        return text == f"{state['episode']['duration_s']:.1f}"
+
+    with closing(server), _browser(1280, 860) as browser, HallwayWorld(HALLWAY, seed=1) as world:
+        browser.get(server.url)
         driver = make_driver("expert", HALLWAY, 1)
         run_episode(world, make_planner("dwa", HALLWAY), driver, episode=0, observer=see)
-    return states
+        if layers is not None:
+            server.show_overlay(layers)
+            wait_until(lambda: browser.find_elements("css selector", "[data-layer=policy]"))
+            browser.find_element("css selector", "[data-layer=policy]").click()
+        _screenshot(browser).save(path)
 
 
 @contextmanager
-def _browser() -> Iterator[Chrome]:
+def _browser(width: int, height: int) -> Iterator[Chrome]:
     with tempfile.TemporaryDirectory() as name:
         browser = start_chromium(Path(name))
         try:
+            view(browser, width=width, height=height, scheme="light")
             yield browser
         finally:
             browser.quit()

@@ -1,4 +1,4 @@
-"""The documents of the site: copied with what they link to, and generated from the code."""
+"""Pages of the site that are generated from the code."""
 
 import runpy
 from pathlib import Path
@@ -13,15 +13,6 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def tool():
     return runpy.run_path(str(ROOT / "tools" / "build_site.py"))
-
-
-def test_documents_are_copied_with_the_files_they_link_to(tool, tmp_path):
-    copied = tool["copy_documents"](tmp_path)
-    assert {Path("README.md"), Path("docs/nodes.md"), Path("lab/benchmarks/README.md")} <= set(
-        copied
-    )
-    assert (tmp_path / "docs/pictures/episode.gif").exists()
-    assert (tmp_path / "serd_ros/graph/graph.yaml").exists()
 
 
 def test_each_command_and_each_of_its_options_has_its_line(tool):
