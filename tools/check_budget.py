@@ -1,10 +1,4 @@
-"""Lines of Python per folder against budget.toml, which only a decision record may raise.
-
-    .venv/bin/python tools/check_budget.py
-
-Counted are the lines of tracked Python files, as the formatter sets them, and what all tracked
-files take on disk.
-"""
+"""Lines of tracked Python files per folder against budget.toml; `make budget` runs it."""
 
 import subprocess
 import sys
@@ -19,7 +13,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def main() -> int:
-    """Print what there is and what may be; 1 where there is more."""
     names = subprocess.check_output(["git", "ls-files", "-z"], cwd=ROOT, text=True).split("\0")
     tracked = [Path(name) for name in names if (ROOT / name).is_file()]
     n_lines = {

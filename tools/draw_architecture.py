@@ -1,33 +1,29 @@
 """Draw packages.svg, journey.svg and topics_STACK.svg in docs/pictures with Graphviz.
 
-Packages: the layers of the import-linter contracts in pyproject.toml, described by the first line
-of each package. Journey: the modules of JOURNEY, described likewise. Topics:
-serd_ros/graph/graph.yaml, a picture for each stack of STACKS, since a picture of all nodes is
-unreadable. Run `make pictures` after changing any of them.
+They are made of the import-linter contracts in pyproject.toml, of the first lines of modules and of
+serd_ros/graph/graph.yaml. Run `make pictures` after changing any of them.
 """
 
 import ast
+import json
 import subprocess
 import textwrap
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from functools import partial
 from html import escape
 from importlib.util import find_spec
 from itertools import chain, pairwise, product
 from pathlib import Path
 
 import yaml
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib
+from importlinter.api import read_configuration
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 #: The stacks that together show every node of interest.
 STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
-#: The way of the data from a recording to an arrival: each module, and what it passes on.
+#: From a recording to an arrival: each module, and what it passes on.
 JOURNEY = {
     "serd_bag.reader": "messages",
     "serd_app.drives.sessions": "drives: poses, actions, episodes",
@@ -52,6 +48,8 @@ _OTHER_LOOK = 'shape=box, style="filled,bold,dashed", fillcolor="#f3e3c8", margi
 _SERVICE_LOOK = _TOPIC_LOOK.replace("filled", "filled,dashed")
 _PACKAGE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10"'
 _NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1"'
+#: Text as DOT writes it.
+_quoted = partial(json.dumps, ensure_ascii=False)
 Ends = tuple[tuple[str, ...], ...]
 
 
@@ -75,8 +73,7 @@ def dot(
 
 def layers_of(package: str = "") -> list[list[str]]:
     """Packages, or subpackages of one, from the top layer down, as the contracts list them."""
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    for contract in tomllib.loads(text)["tool"]["importlinter"]["contracts"]:
+    for contract in read_configuration(str(ROOT / "pyproject.toml"))["contracts_options"]:
         if contract["type"] == "layers" and contract["layers"][0].rpartition(".")[0] == package:
             return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
     return []
@@ -140,15 +137,13 @@ def topics_picture(stack: str) -> str:
 
 def pictures() -> dict[str, str]:
     """The DOT source of each picture by the name of its file."""
-    drawn = {f"topics_{stack}": topics_picture(stack) for stack in STACKS}
-    return {"packages": packages_picture(), "journey": journey_picture(), **drawn}
+    topics = {f"topics_{stack}": topics_picture(stack) for stack in STACKS}
+    return topics | {"packages": packages_picture(), "journey": journey_picture()}
 
 
 def _label(name: str) -> str:
     """The name of a package or module, and the first line of it."""
-    spec = find_spec(name)
-    assert spec is not None
-    module = ast.parse(Path(str(spec.origin)).read_text(encoding="utf-8"))
+    module = ast.parse(Path(find_spec(name).origin).read_text(encoding="utf-8"))
     first_line = (ast.get_docstring(module) or "").split("\n")[0].rstrip(".").replace("`", "")
     lines = "<br/>".join(textwrap.wrap(escape(first_line, quote=False), 44))
     small = f'<br/><font point-size="11" color="#6b7885">{lines}</font>' if lines else ""
@@ -170,16 +165,9 @@ def _grouped(
     return groups
 
 
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
 if __name__ == "__main__":
     for name, source in pictures().items():
         (PICTURES / f"{name}.dot").write_text(source)
         drawn = PICTURES / f"{name}.svg"
-        try:
-            subprocess.run(["dot", "-Tsvg", "-o", drawn], input=source, text=True, check=True)
-        except FileNotFoundError:
-            raise SystemExit("needs Graphviz: apt-get install graphviz") from None
+        subprocess.run(["dot", "-Tsvg", "-o", drawn], input=source, text=True, check=True)
         print(f"drawn: {drawn}")

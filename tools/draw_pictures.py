@@ -10,35 +10,30 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
-from selenium.webdriver import Chrome
 
 from serd_app.teleop.page import view as shown
 from serd_app.teleop.page.access import PageAccess
 from serd_app.teleop.page.server import PageServer
 from serd_core.demonstrations.crossings import CellTracker
-from serd_core.grid.grid import Action
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import Command
-from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import waypoint_of_intent
 from serd_sim.world.world import HallwayWorld
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from support.browser import start_chromium, view  # noqa: E402
+from support.browser import chromium  # noqa: E402
 from support.ros_maps import depot, write_map  # noqa: E402
 from support.waiting import wait_until  # noqa: E402
 
@@ -47,21 +42,15 @@ PICTURES = ROOT / "docs" / "pictures"
 MODEL = PICTURES / "demo_model.yaml"
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
-#: The moment that pages show (s), and the step of the states before it, which draw the way (s).
-_SHOWN_S, _STATE_S = 20.0, 0.2
 Message = dict[str, Any]
 #: Figures of a run of the demo.
 OF_DEMO = ("visitation", "policy", "arrival")
 
 
 def draw_episode(path: Path) -> None:
-    """A demonstration from above, as a movie."""
-    _serd("scenario", "film", "hallway", "--output", path)
-
-
-def draw_episode_3d(path: Path) -> None:
-    """A moment of it behind the robot, among more people."""
-    options = ("--people", "60", "--view", "chase", "--at", "13")
+    """A demonstration from above, as a movie; as a picture behind the robot among more people."""
+    still = ("--people", "60", "--view", "chase", "--at", "13")
+    options = still if path.suffix == ".png" else ()
     _serd("scenario", "film", "hallway", *options, "--output", path)
 
 
@@ -77,7 +66,7 @@ def draw_map_scenario(path: Path) -> None:
 def draw_report_page(path: Path) -> None:
     """The page that three commands make of a shipped recording: its top, and its maps."""
     bag = ROOT / "bags" / "data" / "hallway" / "training"
-    with tempfile.TemporaryDirectory() as name, _browser(900, 1140) as browser:
+    with tempfile.TemporaryDirectory() as name, chromium(width=900, height=1140) as browser:
         mapping, decisions, model = (Path(name) / each for each in ("map.yaml", "d.csv", "m.yaml"))
         _serd("bag", "suggest", bag, "--output", mapping)
         _serd("demos", bag, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
@@ -88,10 +77,11 @@ def draw_report_page(path: Path) -> None:
             "const line = document.querySelector('.byline');"
             "line.textContent = line.textContent.replace(/, finished .*/, '')"
         )
-        halves = [_screenshot(browser)]
+        halves = [browser.get_screenshot_as_png()]
         browser.execute_script("document.querySelector('.maps').scrollIntoView()")
-        halves.append(_screenshot(browser))
-    Image.fromarray(np.hstack([np.asarray(half) for half in halves])).save(path)
+        halves.append(browser.get_screenshot_as_png())
+    pictures = [np.asarray(Image.open(io.BytesIO(half))) for half in halves]
+    Image.fromarray(np.hstack(pictures)).save(path)
 
 
 def draw_teleop_page(path: Path) -> None:
@@ -123,7 +113,7 @@ def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None
     cells, entered, began_s = CellTracker(GRID), [], []
     counts = dict.fromkeys(("number", "kept", "arrived", "discarded"), 0)
 
-    def see(observation: Observation, _: Command, action: Action) -> bool:
+    def see(observation: Any, _: Any, action: Any) -> bool:
         began_s.append(observation.time_s)
         entered.extend(cells.see(observation.time_s, observation.x_m, observation.y_m))
         passed_s = observation.time_s - began_s[0]
@@ -136,17 +126,18 @@ def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None
                 "duration_s": round(passed_s, 1), "decisions": len(entered),
             },
         }  # fmt: skip
-        if world.is_scan_tick and round(passed_s / _STATE_S, 6).is_integer():
+        if world.is_scan_tick and round(passed_s / 0.2, 6).is_integer():
             state["world"] = shown.world_state(observation, world.scan(observation))
             wait_until(lambda: is_shown(state))
-        return passed_s < _SHOWN_S
+        return passed_s < 20.0
 
     def is_shown(state: Message) -> bool:
         server.show({**state, "page": server.driving_page})
         text: str | None = browser.find_element("id", "duration").get_attribute("textContent")
         return text == f"{state['episode']['duration_s']:.1f}"
 
-    with closing(server), _browser(1280, 860) as browser, HallwayWorld(HALLWAY, seed=1) as world:
+    size = {"width": 1280, "height": 860}
+    with closing(server), chromium(**size) as browser, HallwayWorld(HALLWAY, seed=1) as world:
         browser.get(server.url)
         driver = make_driver("expert", HALLWAY, 1)
         run_episode(world, make_planner("dwa", HALLWAY), driver, episode=0, observer=see)
@@ -154,22 +145,7 @@ def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None
             server.show_overlay(layers)
             wait_until(lambda: browser.find_elements("css selector", "[data-layer=policy]"))
             browser.find_element("css selector", "[data-layer=policy]").click()
-        _screenshot(browser).save(path)
-
-
-@contextmanager
-def _browser(width: int, height: int) -> Iterator[Chrome]:
-    with tempfile.TemporaryDirectory() as name:
-        browser = start_chromium(Path(name))
-        try:
-            view(browser, width=width, height=height, scheme="light")
-            yield browser
-        finally:
-            browser.quit()
-
-
-def _screenshot(browser: Chrome) -> Image.Image:
-    return Image.open(io.BytesIO(browser.get_screenshot_as_png())).convert("RGB")
+        browser.save_screenshot(str(path))
 
 
 def _serd(*words: str | Path) -> None:
@@ -179,7 +155,7 @@ def _serd(*words: str | Path) -> None:
 
 DRAWN = {
     "episode.gif": draw_episode,
-    "episode_3d.png": draw_episode_3d,
+    "episode_3d.png": draw_episode,
     "map_scenario.png": draw_map_scenario,
     "report_page.png": draw_report_page,
     "teleop_page.png": draw_teleop_page,
@@ -188,7 +164,6 @@ DRAWN = {
 
 
 def main() -> None:
-    """Entry point."""
     parser = argparse.ArgumentParser(prog="make pictures ARGS=...", description=__doc__)
     parser.add_argument("names", nargs="*", choices=[[], *DRAWN], help="all when none is named")
     parser.add_argument("--demo", type=Path, help="a run of the demo, for the pictures of it alone")

@@ -1,7 +1,5 @@
 """How many small faults of a package its tests notice, at places drawn at random.
 
-    .venv/bin/python tools/mutation_score.py guard --places 24 --report guard.json
-
 A fault changes one comparison, operation, number or logical connection of a copy of the tree. The
 tests that mirror the package run on the copy until one fails; a fault that none notices is printed.
 The same seed gives the same places, so that two sets of tests compare.
@@ -34,7 +32,6 @@ PACKAGES = {
 _PAIRS = [(ast.Lt, ast.LtE), (ast.Gt, ast.GtE), (ast.Eq, ast.NotEq), (ast.Is, ast.IsNot)]
 _PAIRS += [(ast.Add, ast.Sub), (ast.Mult, ast.Div), (ast.And, ast.Or)]
 OTHER: dict[Any, Any] = {**dict(_PAIRS), **{second: first for first, second in _PAIRS}}
-SECONDS_PER_FAULT = 600
 
 
 def places(tree: ast.AST) -> list[Any]:
@@ -78,17 +75,15 @@ def tests_notice(tree: Path, tests: Path) -> bool:
         tests = tests.parent
     packages = os.pathsep.join(str(tree / each) for each in ("", "sim", "bags"))
     environment = {**os.environ, "PYTHONPATH": packages}
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", tests]
-    run = subprocess.run
+    words = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", tests]
+    given = {"cwd": tree, "env": environment, "capture_output": True, "timeout": 600.0}
     try:
-        done = run(words, cwd=tree, env=environment, capture_output=True, timeout=SECONDS_PER_FAULT)
+        return subprocess.run(words, **given).returncode != 0
     except subprocess.TimeoutExpired:
         return True
-    return done.returncode != 0
 
 
 def main() -> None:
-    """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("package", choices=PACKAGES)
     parser.add_argument("--places", type=int, default=24, help="how many faults (24)")

@@ -23,8 +23,7 @@ from serd_sim.scenario.scenario import Scenario
 ROOT = Path(__file__).resolve().parents[1]
 #: The settings of each node with their defaults.
 Parameters = dict[str, list[tuple[Setting, Any]]]
-#: Models whose tables stand in a page of docs, each after a comment `<!-- keys: NAME -->`; a table
-#: leaves out the keys of those that its model extends.
+#: Models whose tables stand in a page of docs, each after a comment `<!-- keys: NAME -->`.
 PARTS: dict[str, tuple[type[BaseModel], ...]] = {
     "scenarios.md": (
         *(Scenario, parts.Obstacle, parts.PedestrianSettings, parts.Loop, parts.RobotSettings),
@@ -39,8 +38,7 @@ NODES_PAGE = ROOT / "docs/nodes.md"
 def files() -> dict[Path, str]:
     """The text of each generated file."""
     parameters = {}
-    for node in load_graph().nodes:
-        config = config_of(node)
+    for node, config in ((node, config_of(node)) for node in load_graph().nodes):
         defaults = config.defaults({})
         parameters[node] = [(each, defaults[each.name]) for each in settings_of(config)]
     return {
@@ -79,9 +77,9 @@ def page_of_keys(name: str) -> str:
     """A page of docs with its tables of keys written anew."""
     page = (ROOT / "docs" / name).read_text(encoding="utf-8")
     for part in PARTS[name]:
-        # Keys that hold a model have a table of their own.
-        extended = (base for base in part.__bases__ if base in PARTS[name])
-        inherited = {key for base in extended for key in base.model_fields}
+        # Keys that hold a model have a table of their own, and those of a base are in its table.
+        bases = (base for base in part.__bases__ if base in PARTS[name])
+        inherited = {key for base in bases for key in base.model_fields}
         keys = [
             (each, each.default)
             for each in settings_of(part)

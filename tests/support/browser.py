@@ -1,6 +1,9 @@
 """Chromium without a window; where a machine makes it slow, no limit of its driver ends a test."""
 
 import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 
@@ -38,6 +41,18 @@ def start_chromium(folder: Path) -> webdriver.Chrome:
     # On a busy machine a browser without a window may start without the focus.
     browser.execute_cdp_cmd("Emulation.setFocusEmulationEnabled", {"enabled": True})
     return browser
+
+
+@contextmanager
+def chromium(*, width: int, height: int, scheme: str = "light") -> Iterator[webdriver.Chrome]:
+    """A browser with a profile of its own and a window of this size."""
+    with tempfile.TemporaryDirectory() as folder:
+        browser = start_chromium(Path(folder))
+        try:
+            view(browser, width=width, height=height, scheme=scheme)
+            yield browser
+        finally:
+            browser.quit()
 
 
 def view(browser: webdriver.Chrome, *, width: int, height: int, scheme: str) -> None:

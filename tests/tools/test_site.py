@@ -7,9 +7,9 @@ import pytest
 from support.browser import (
     DEVICES,
     SCHEMES,
+    chromium,
     needs_chromium,
     sideways_px,
-    start_chromium,
     view,
     violations,
 )
@@ -29,14 +29,11 @@ PAGES = (
 @needs_chromium
 @pytest.mark.skipif(not SITE.exists(), reason="no site was built: make site")
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_pages_have_no_violation_and_are_no_wider_than_their_window(scheme, tmp_path):
-    browser = start_chromium(tmp_path)  # the theme keeps the scheme
-    try:
+def test_pages_have_no_violation_and_are_no_wider_than_their_window(scheme):
+    with chromium(width=1280, height=900, scheme=scheme) as browser:  # the theme keeps the scheme
         for page in PAGES:
             for width, height in DEVICES:
                 view(browser, width=width, height=height, scheme=scheme)
                 browser.get((SITE / page).as_uri())
                 assert violations(browser) == [], (page, width)
                 assert sideways_px(browser) == 0, (page, width)
-    finally:
-        browser.quit()
