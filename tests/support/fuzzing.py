@@ -10,8 +10,8 @@ import resource
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import yaml
@@ -118,7 +118,11 @@ def assert_loads_or_one_line(load: Callable[[], object]) -> None:
 @contextmanager
 def _bounded() -> Iterator[None]:
     """TimeoutError after 5 s of CPU time, MemoryError beyond 1 GB more memory than now."""
-    previous = signal.signal(signal.SIGPROF, _time_is_over)
+
+    def time_is_over(*_: object) -> None:
+        raise TimeoutError(f"more than {MOST_CPU_S:g} s of CPU time")
+
+    previous = signal.signal(signal.SIGPROF, time_is_over)
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MOST_MEMORY, hard))
@@ -129,10 +133,6 @@ def _bounded() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
         signal.signal(signal.SIGPROF, previous)
-
-
-def _time_is_over(_signal: int, _frame: FrameType | None) -> None:
-    raise TimeoutError(f"more than {MOST_CPU_S:g} s of CPU time")
 
 
 def _edited(words: Sequence[str], edits: Sequence[Edit]) -> list[str]:
@@ -155,7 +155,7 @@ def _edited(words: Sequence[str], edits: Sequence[Edit]) -> list[str]:
 
 
 def _changed(values: Any, edits: Sequence[tuple[int, str, Any]]) -> Any:
-    root = {"": _copied(values)}
+    root = {"": deepcopy(values)}
     for number, kind, new in edits:
         places = list(_places(root))
         parent, key = places[number % len(places)]
@@ -167,14 +167,8 @@ def _changed(values: Any, edits: Sequence[tuple[int, str, Any]]) -> Any:
             name = new if isinstance(new, (str, int, float, bool, type(None))) else "x"
             parent[name] = parent[key] if kind == "repeat" else parent.pop(key)
         else:
-            parent.insert(key, _copied(parent[key]))
+            parent.insert(key, deepcopy(parent[key]))
     return root[""]
-
-
-def _copied(values: Any) -> Any:
-    if isinstance(values, dict):
-        return {key: _copied(value) for key, value in values.items()}
-    return [_copied(value) for value in values] if isinstance(values, list) else values
 
 
 def _places(values: Any) -> Iterator[tuple[Any, Any]]:

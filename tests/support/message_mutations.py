@@ -2,8 +2,10 @@
 
 import array
 import random
-from collections.abc import Callable, Iterator, MutableSequence
+from collections.abc import Callable, Iterator
 from copy import deepcopy
+from functools import partial
+from operator import setitem
 from typing import Any
 
 import numpy as np
@@ -74,27 +76,16 @@ def _places(message: Any) -> Iterator[Place]:
         value = getattr(message, name)
         if name == "structure_needs_at_least_one_member":
             continue
-
-        def put(new: Any, name: str = name) -> None:
-            setattr(message, name, new)
-
         if hasattr(value, "get_fields_and_field_types"):
             yield from _places(value)
             continue
-        yield ("sec" if name == "sec" else kind), value, put
+        yield ("sec" if name == "sec" else kind), value, partial(setattr, message, name)
         if isinstance(value, list):
             for index, item in enumerate(value[:20]):
                 if hasattr(item, "get_fields_and_field_types"):
                     yield from _places(item)
                 else:
-                    yield _element_kind(kind), item, _setter_of(value, index)
-
-
-def _setter_of(values: MutableSequence[Any], index: int) -> Setter:
-    def put(new: Any) -> None:
-        values[index] = new
-
-    return put
+                    yield _element_kind(kind), item, partial(setitem, value, index)
 
 
 def _element_kind(kind: str) -> str:
@@ -114,12 +105,9 @@ def _another(kind: str, value: Any, rng: random.Random) -> Any:
         return rng.choice((*_TEXTS, value[: len(value) // 2], value + value))
     if isinstance(value, float):
         return rng.choice(_DOUBLES if kind == "double" else _FLOATS)
-    return rng.choice((*_INTEGERS[kind], _near(kind, value, rng)))
-
-
-def _near(kind: str, value: int, rng: random.Random) -> int:
     near = value + rng.choice((-1, 1, 4))
-    return near if min(_INTEGERS[kind]) <= near <= max(_INTEGERS[kind]) else value
+    most = max(_INTEGERS[kind])
+    return rng.choice((*_INTEGERS[kind], min(max(near, min(_INTEGERS[kind])), most)))
 
 
 def _another_array(kind: str, value: Any, rng: random.Random) -> Any:
@@ -128,9 +116,11 @@ def _another_array(kind: str, value: Any, rng: random.Random) -> Any:
         changed[rng.randrange(len(changed))] = rng.choice(_DOUBLES)
         return changed
     way = rng.choice(("empty", "cut", "repeat", "grow", "elements", "elements"))
+    if isinstance(value, array.array) and not value and way != "empty":
+        value = array.array(value.typecode, [0] * rng.choice((1, 7, 1000)))
     size = len(value)
     if way == "empty" or not size:
-        return value[:0] if size or way == "empty" else _filled(kind, value, rng)
+        return value[:0]
     if way == "cut":
         return value[: rng.randrange(size)]
     if way == "repeat":
@@ -142,14 +132,4 @@ def _another_array(kind: str, value: Any, rng: random.Random) -> Any:
     changed = array.array(value.typecode, value)
     for _ in range(rng.choice((1, 3, size))):
         changed[rng.randrange(size)] = _another(_element_kind(kind), value[0], rng)
-    return changed
-
-
-def _filled(kind: str, value: Any, rng: random.Random) -> Any:
-    """Elements for an empty array of numbers."""
-    if not isinstance(value, array.array):
-        return value
-    first = 0.0 if value.typecode in "fd" else 0
-    changed = array.array(value.typecode, [first] * rng.choice((1, 7, 1000)))
-    changed[0] = _another(_element_kind(kind), first, rng)
     return changed

@@ -57,7 +57,7 @@ def measure(posterior: str, data_set: int) -> dict[str, list[int]]:
     """Ranks of the truth in one data set; none where the chains did not mix."""
     try:
         ranks = calibration_ranks(
-            _problem(),
+            small_problem(),
             PRIOR,
             np.random.default_rng([1, data_set]),
             n_data_sets=1,
@@ -85,7 +85,8 @@ def _sampled(
     return found.draws.select(rng.choice(len(found.draws), N_RANKED, replace=False))
 
 
-def _problem() -> TabularProblem:
+def small_problem() -> TabularProblem:
+    """Five states, two actions with an outcome model of three outcomes each, one feature."""
     rng = np.random.default_rng(0)
     models = OutcomeModels(
         rng.integers(5, size=(5, 2, 3)), np.tile([0, 1], (5, 1)), np.ones((5, 2), bool), 2

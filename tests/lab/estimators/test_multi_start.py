@@ -10,7 +10,6 @@ from lab.estimators.early_stopping import (
     validation_score,
 )
 from lab.estimators.multi_start import multi_start
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.policies.policy_model import MdcePolicy
@@ -21,13 +20,13 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import split_episodes, validation_log_likelihood
+from support.small_problems import apart
 
 
 @pytest.fixture
 def always_a():
     """Thirty decisions for a, two thirds of which led on."""
-    zeros = np.zeros(30, int)
-    return Decisions(np.arange(30), zeros.astype(float), zeros, zeros, np.array([0, 1, 1] * 10))
+    return apart(0, 0, [0, 1, 1] * 10)
 
 
 def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a):

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from lab.catalogue import experiment_named
+from lab.experiments.running.experiment import Session
 from lab.routes.network import RouteNetwork, trips_on
 from lab.routes.recursive_logit import RouteLikelihood, fit_routes, route_values, sample_routes
+from serd_sim.episodes.execution import Execution
 
 
 def grid_network(side=4, seed=0):
@@ -108,6 +111,39 @@ def test_weights_are_recovered_with_their_errors_from_many_destinations():
         np.testing.assert_allclose(fit.robust_errors, fit.standard_errors, rtol=0.3)
     assert np.all(np.abs(np.mean(away, axis=0)) < 3 / np.sqrt(12))
     assert np.all(np.sum(np.square(away), axis=0) < 30)  # chi-squared of 12: 0.998
+
+
+def write(folder, name, rows):
+    (folder / name).write_text("".join(f"{r + 1} {c + 1} {v}\n" for r, c, v in rows))
+
+
+def test_the_weights_that_made_trips_are_found_from_files_of_the_public_format(tmp_path):
+    """Links of a grid with places at two of them, turns of random angles, and 300 trips."""
+    weights, rng = np.array([-2.0, -0.5, -0.9, -3.0]), np.random.default_rng(0)
+    grid = grid_network()
+    pairs = np.stack([grid.from_link, grid.to_link], axis=1)
+    angle = rng.choice([0.0, -1.5, np.pi], len(pairs)).round(4)
+    time = rng.uniform(0.2, 1.0, grid.n_links).round(6)[grid.to_link]
+    features = np.stack([time, np.ones(len(pairs)), angle == -1.5, angle > 3], axis=1)
+    exits = [(0, grid.n_links), (grid.n_links - 1, grid.n_links + 1)]
+    network = RouteNetwork(grid.n_links, *pairs.T, features, ("t", "c", "l", "u"), exits)
+    goals = grid.n_links + rng.integers(2, size=300)
+    origins = rng.integers(grid.n_links, size=300)
+    routes = sample_routes(network, weights, origins, goals, rng=rng)
+    write(tmp_path, "linkIncidence.txt", [(*pair, 1) for pair in [*pairs, *exits]])
+    for name, values in (("estimatedtime", time), ("turnangles", angle)):
+        rows = [(*pair, value) for pair, value in zip(pairs, values, strict=True)]
+        write(tmp_path, f"ATTRIBUTE{name}.txt", rows)
+    trips = [[goal, *route, goal] for goal, route in zip(goals, routes, strict=True)]
+    rows = [(n, p, number + 1) for n, trip in enumerate(trips) for p, number in enumerate(trip)]
+    write(tmp_path, "observationsForEstim.txt", rows)
+    experiment = experiment_named("routes")
+    config = experiment.make_config({"data": str(tmp_path)})
+    session = Session(tmp_path / "out", Execution(n_jobs=1), lambda *_: None)
+    found = experiment.write(config, session).set_index("name")
+    found = found.loc[["time", "link constant", "left turn", "u-turn"]]
+    assert np.all(np.abs(found["estimate"] - weights) < 3.5 * found["error"])
+    assert found["converged"].all()
 
 
 SMALL = grid_network(2)

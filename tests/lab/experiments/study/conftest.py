@@ -22,11 +22,6 @@ def study():
 
 
 @pytest.fixture(scope="session")
-def scenario(study):
-    return study.scenario
-
-
-@pytest.fixture(scope="session")
 def problem(study):
     return study.problem
 
@@ -37,11 +32,6 @@ def decisions_of(role, study):
         BAGS / role, study.problem.grid, place.patience_s, place.wait_s
     )
     return found.decisions
-
-
-@pytest.fixture(scope="session")
-def shipped_training(study):
-    return decisions_of("training", study)
 
 
 @pytest.fixture(scope="session")

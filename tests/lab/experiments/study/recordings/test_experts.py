@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lab.experiments.study.recordings.experts import BELIEFS, planned_policy
+from lab.experiments.study.recordings.experts import BELIEFS
 from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
 
 TRUTH = np.array(
@@ -23,12 +23,3 @@ def test_beliefs_are_probabilities_and_err_about_the_crowd_alone():
         np.testing.assert_array_equal(belief[[WITH_FLOW, WAITING]], TRUTH[[WITH_FLOW, WAITING]])
         assert not np.allclose(belief[AGAINST_FLOW], TRUTH[AGAINST_FLOW])
     assert BELIEFS["fears_crowd"](TRUTH)[ACROSS_FLOW, 0] == pytest.approx(0.65)
-
-
-def test_who_ignores_the_crowd_walks_against_it_more_readily(settings, problem):
-    against = problem.outcome_models.model_of == AGAINST_FLOW
-    weights = settings.beliefs.reward_weights
-    chosen = {
-        name: planned_policy(problem, name, weights, TRUTH)[against].mean() for name in BELIEFS
-    }
-    assert chosen["ignores_crowd"] > chosen["knows"] > chosen["fears_crowd"]
