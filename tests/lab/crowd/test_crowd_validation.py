@@ -11,7 +11,7 @@ from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.routes import Routes
-from serd_sim.crowd.social_force import model_named, model_names
+from serd_sim.crowd.social_force import model_named
 from serd_sim.scenario.polygon import contains, edges_of
 
 
@@ -96,22 +96,6 @@ def test_twenty_people_go_round_a_corner_and_nobody_through_the_wall(model, n_ar
         inside = contains(outline, np.stack([crowd.x_m, crowd.y_m], axis=1))
         assert (inside | (crowd.y_m > 11.9)).all()
     assert (crowd.y_m > 11.9).sum() >= n_arrive
-
-
-@pytest.mark.parametrize("model", model_names())
-def test_nobody_passes_a_wall_in_three_thousand_steps_at_3_people_per_square_metre(model):
-    crowd = ring_corridor_crowd(
-        width_m=2.0,
-        length_m=4.0,
-        density_pm2=3.0,
-        share_backwards=0.5,
-        model_name=model,
-        rng=np.random.default_rng(4),
-    )
-    for _ in range(3000):
-        crowd.step(0.05)
-        if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
-            pytest.fail(f"a person is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
 
 
 def measured(frame):

@@ -19,9 +19,8 @@ from lab.experiments.policy_cost import (
     soft_step,
 )
 from serd_core.ascent.ascent import FunctionObjective
-from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration, adjoint
+from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration
 from serd_core.bellman.equations import HardBellman, SoftBellman
-from serd_core.bellman.linear.lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
@@ -81,17 +80,9 @@ def test_the_top_of_a_quadratic_is_found():
     assert ascent.maximise(FunctionObjective(quadratic), TOP, never).n_steps == 0
 
 
-EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)
-
-
 def solved(problem, weights, theta, equation):
     transitions = transitions_at(problem.mdp.transitions, theta)
-    posed = BellmanProblem(
-        equation,
-        problem.features @ weights,
-        transitions,
-        problem.mdp,
-    )
+    posed = BellmanProblem(equation, problem.features @ weights, transitions, problem.mdp)
     return transitions, Newton().solve(posed)
 
 
@@ -102,24 +93,7 @@ def forward(problem, weights, theta, equation, method):
     return method(problem.mdp, transitions, solution.policy, immediate)
 
 
-@EACH_EQUATION
-@settings(deadline=None, max_examples=20)
-@given(seed=st.integers(0, 10_000))
-def test_the_adjoint_is_the_transpose_of_the_forward_gradient(equation, random_problem, seed):
-    problem, table = random_problem(seed)
-    mdp = problem.mdp
-    theta, weights = mdp.transitions.parameters_of(table), np.array([2.0, -1.0])
-    by_q = np.random.default_rng(seed).normal(size=mdp.available.shape) * mdp.available
-    direct = forward(problem, weights, theta, equation, q_gradient_by_lu)
-    expected = np.tensordot(by_q, direct.values, axes=2)
-    transitions, solution = solved(problem, weights, theta, equation)
-    found = adjoint(mdp, transitions, solution, by_q, SparseLu())
-    by_reward = np.tensordot(found.reward_gradient * mdp.available, problem.features, axes=2)
-    by_theta = mdp.transitions.pull_back(theta, found.local_gradient)
-    np.testing.assert_allclose(np.concatenate([by_reward, by_theta]), expected, atol=1e-7)
-
-
-@EACH_EQUATION
+@pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_the_forward_gradient_by_iteration_and_by_lu_is_the_finite_difference_of_q(
