@@ -1,12 +1,15 @@
 """Bags and messages for the tests, made by the rosbags library as an independent judge."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from serd_bag.writer import BagWriter
 
@@ -41,52 +44,68 @@ class Messages:
         stamp = self.make("builtin_interfaces/msg/Time", time_ns // 10**9, time_ns % 10**9)
         return self.make("std_msgs/msg/Header", stamp, frame)
 
-    def pose(self, time_s: float, x: float, y: float, **options: Any) -> bytes:
+    def filled(self, type_name: str, **given: Any) -> bytes:
+        """CDR bytes of a message with these fields, which may be mappings, and zeros elsewhere."""
+        return self.encode(filled(self.store, type_name, given), type_name)
+
+    def pose(self, time_s: float, x: float, y: float, frame: str = "map", **options: Any) -> bytes:
         """A PoseStamped turned by 90 degrees."""
-        point = self.make("geometry_msgs/msg/Point", x, y, 0.0)
-        turned = self.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.5**0.5, 0.5**0.5)
-        pose = self.make("geometry_msgs/msg/Pose", point, turned)
-        frame = options.pop("frame", "map")
-        return self.encode(self.make(POSE, self.header(time_s, frame), pose), POSE, **options)
+        turned = {"z": 0.5**0.5, "w": 0.5**0.5}
+        given = {"position": {"x": x, "y": y}, "orientation": turned}
+        message = {"header": self.header(time_s, frame), "pose": given}
+        return self.encode(filled(self.store, POSE, message), POSE, **options)
 
     def intent(self, time_s: float, east: float, north: float, **options: Any) -> bytes:
         """A Vector3Stamped."""
-        vector = self.make("geometry_msgs/msg/Vector3", east, north, 0.0)
-        return self.encode(self.make(VECTOR, self.header(time_s), vector), VECTOR, **options)
+        message = {"header": self.header(time_s), "vector": {"x": east, "y": north}}
+        return self.encode(filled(self.store, VECTOR, message), VECTOR, **options)
 
     def mark(
         self, time_s: float, event: str, episode: int, outcome: str = "", **more: str
     ) -> bytes:
         """A DiagnosticArray that begins or ends an episode."""
         values = {"episode": str(episode), "driver": "test", "outcome": outcome} | more
-        pairs = [self.make("diagnostic_msgs/msg/KeyValue", *pair) for pair in values.items()]
-        status = self.make("diagnostic_msgs/msg/DiagnosticStatus", 0, "episode", event, "t", pairs)
-        array = self.make(DIAGNOSTICS, self.header(time_s), [status])
-        return self.encode(array, DIAGNOSTICS)
+        pairs = [{"key": key, "value": value} for key, value in values.items()]
+        status = {"name": "episode", "message": event, "hardware_id": "t", "values": pairs}
+        return self.filled(DIAGNOSTICS, header=self.header(time_s), status=[status])
 
     def twist(
         self, forward_mps: float, turn_radps: float = 0.0, stamp_s: float | None = None
     ) -> bytes:
         """A Twist, or a TwistStamped where it has a stamp."""
-        rows = (forward_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)
-        speeds = self.make(TWIST, *(self.make("geometry_msgs/msg/Vector3", *row) for row in rows))
+        speeds = {"linear": {"x": forward_mps}, "angular": {"z": turn_radps}}
         if stamp_s is None:
-            return self.encode(speeds, TWIST)
-        return self.encode(self.make(STAMPED, self.header(stamp_s, ""), speeds), STAMPED)
+            return self.filled(TWIST, **speeds)
+        return self.filled(STAMPED, header=self.header(stamp_s, ""), twist=speeds)
 
     def transform(
         self, time_s: float, parent: str, child: str, x: float, y: float, yaw_rad: float = 0.0
     ) -> bytes:
         """A TFMessage of one transform."""
-        turn = (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
-        moved = self.make(
-            "geometry_msgs/msg/Transform",
-            self.make("geometry_msgs/msg/Vector3", x, y, 0.0),
-            self.make("geometry_msgs/msg/Quaternion", *turn),
-        )
-        joint = "geometry_msgs/msg/TransformStamped"
-        stamped = self.make(joint, self.header(time_s, parent), child, moved)
-        return self.encode(self.make(TF, [stamped]), TF)
+        turn = {"z": math.sin(yaw_rad / 2), "w": math.cos(yaw_rad / 2)}
+        moved = {"translation": {"x": x, "y": y}, "rotation": turn}
+        header = self.header(time_s, parent)
+        joint = {"header": header, "child_frame_id": child, "transform": moved}
+        return self.filled(TF, transforms=[joint])
+
+
+def filled(store: Typestore, type_name: str, given: Any) -> Any:
+    """A message object of rosbags with the fields of a nested mapping, and zeros elsewhere."""
+    if not isinstance(given, Mapping):
+        return given
+
+    def value(node: Nodetype, detail: Any, found: Any) -> Any:
+        if node == Nodetype.NAME:
+            return filled(store, detail, {} if found is None else found)
+        if node == Nodetype.BASE:
+            return ("" if detail[0] == "string" else 0) if found is None else found
+        inner, length = detail
+        if inner[0] == Nodetype.NAME or inner[1][0] == "string":
+            return [value(*inner, each) for each in found or ()]
+        return np.asarray(np.zeros(length) if found is None else found, dtype=inner[1][0])
+
+    fields = store.fielddefs[type_name][1]
+    return store.types[type_name](*(value(*kind, given.get(name)) for name, kind in fields))
 
 
 def write_bag(path: Path, topics: dict[str, Any], rows: Iterable[tuple[str, float, bytes]]) -> Path:

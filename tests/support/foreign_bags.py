@@ -74,20 +74,17 @@ class ForeignBag:
 
     def add_odometry(self, topic, track, *, every=5, ahead_s=0.0, offset_m=0.0):
         """nav_msgs/Odometry of every so many steps of a track."""
-        make = self._messages.make
-        still = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-        twist = make(
-            "geometry_msgs/msg/TwistWithCovariance", make(TWIST, still, still), np.zeros(36)
-        )
         for time_s, x, y, yaw, _ in track[::every]:
-            point = make("geometry_msgs/msg/Point", x + offset_m, y, 0.0)
-            turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-            pose = make(
-                "geometry_msgs/msg/Pose", point, make("geometry_msgs/msg/Quaternion", *turn)
+            place, turn = (
+                {"x": x + offset_m, "y": y},
+                {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)},
             )
-            pose = make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
-            header = self._messages.header(START_S + time_s + ahead_s, "odom")
-            data = self._messages.encode(make(ODOMETRY, header, "base_link", pose, twist), ODOMETRY)
+            data = self._messages.filled(
+                ODOMETRY,
+                header=self._messages.header(START_S + time_s + ahead_s, "odom"),
+                child_frame_id="base_link",
+                pose={"pose": {"position": place, "orientation": turn}},
+            )
             self.add(topic, ODOMETRY, time_s + 0.003, data)
 
     def add_commands(self, topic, commands, *, stamped=False):

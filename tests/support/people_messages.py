@@ -4,6 +4,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from serd_bag.formats.rosbag2.message_types import ADDED, MessageType
+from support.bag_messages import filled
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 PEOPLE = "people_msgs/msg/People"
@@ -28,6 +29,16 @@ _OLDER = {
         "vision_msgs/msg/Detection3D": _OLD_DETECTION,
     },
 }
+#: What a cloud of nobody has.
+_CLOUD = {
+    "height": 1,
+    "fields": [
+        {"name": name, "offset": 4 * index, "datatype": 7, "count": 1}
+        for index, name in enumerate(("x", "y", "vx", "vy"))
+    ],
+    "point_step": 16,
+    "is_dense": True,
+}
 
 
 class PeopleMessages:
@@ -50,79 +61,39 @@ class PeopleMessages:
         frame="map", classes="person", tracked=True,
     ):  # fmt: skip
         """A message object of rosbags; tracked: whether detections have ids."""
-        people = list(enumerate(zip(position_m, velocity_mps, strict=True)))
-        header = self._header(time_s, frame)
+        sec, nanosec = divmod(round(time_s * 1e9), 10**9)
+        header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
+        places, speeds = ([dict(zip("xy", map(float, row), strict=True)) for row in rows]
+                          for rows in (position_m, velocity_mps))  # fmt: skip
+        poses = [{"pose": {"position": place, "orientation": {"w": 1.0}}} for place in places]
         if name == CLOUD:
-            return self._cloud(header, position_m, velocity_mps)
-        if name == PEOPLE:
-            kind = "people_msgs/msg/Person"
-            rows = [
-                self._make(kind, f"p{n}", self._point(at), self._point(by), 1.0, [], [])
+            rows = np.hstack([position_m, velocity_mps]).astype("<f4")
+            values = _CLOUD | {"width": len(rows), "row_step": 16 * len(rows)}
+            values["data"] = np.frombuffer(rows.tobytes(), dtype=np.uint8)
+        elif name == PEOPLE:
+            people = enumerate(zip(places, speeds, strict=True))
+            values = {"people": [
+                {"name": f"p{n}", "position": at, "velocity": by, "reliability": 1.0}
                 for n, (at, by) in people
-            ]
+            ]}  # fmt: skip
         elif name == TRACKED:
-            rows = [self._tracked(n, at, by) for n, (at, by) in people]
+            numbers = ({"track_id": n, "detection_id": n} for n in range(len(poses)))
+            values = {"tracks": [
+                number | {"is_matched": True, "pose": pose, "twist": {"twist": {"linear": by}}}
+                for number, pose, by in zip(numbers, poses, speeds, strict=True)
+            ]}  # fmt: skip
         else:
-            rows = [
-                self._detection(header, f"p{n}" if tracked else "", at, classes)
-                for n, (at, _) in people
-            ]
-        return self._make(name, header, rows)
+            seen = {"score": 0.9, "id": classes, "hypothesis": {"class_id": classes, "score": 0.9}}
+            cloud = _CLOUD | {"header": header}
+            names = [f"p{n}" if tracked else "" for n in range(len(poses))]
+            values = {"detections": [
+                {"header": header, "results": [seen | {"pose": pose}], "source_cloud": cloud,
+                 "bbox": {"center": pose["pose"], "size": {"x": 0.5, "y": 0.5}},
+                 "id": each, "tracking_id": each, "is_tracking": True}
+                for each, pose in zip(names, poses, strict=True)
+            ]}  # fmt: skip
+        return filled(self.store, name, {"header": header, **values})
 
     def encode(self, name, *values, **look):
         """CDR bytes."""
         return bytes(self.store.serialize_cdr(self.message(name, *values, **look), name))
-
-    def _make(self, name, *values):
-        return self.store.types[name](*values)
-
-    def _header(self, time_s, frame):
-        stamp = self._make("builtin_interfaces/msg/Time", *divmod(round(time_s * 1e9), 10**9))
-        return self._make("std_msgs/msg/Header", stamp, frame)
-
-    def _point(self, place):
-        return self._make("geometry_msgs/msg/Point", *map(float, place), 0.0)
-
-    def _pose(self, place):
-        level = self._make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
-        pose = self._make("geometry_msgs/msg/Pose", self._point(place), level)
-        return self._make("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36))
-
-    def _vector(self, values):
-        return self._make("geometry_msgs/msg/Vector3", *map(float, values), 0.0)
-
-    def _tracked(self, number, place, velocity):
-        twist = self._make(
-            "geometry_msgs/msg/Twist", self._vector(velocity), self._vector((0.0, 0.0))
-        )
-        twist = self._make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
-        age = self._make("builtin_interfaces/msg/Duration", 0, 0)
-        kind = "spencer_tracking_msgs/msg/TrackedPerson"
-        return self._make(kind, number, False, True, number, age, self._pose(place), twist)
-
-    def _detection(self, header, name, place, classes):
-        pose = self._pose(place)
-        hypothesis = (
-            (classes, 0.9)
-            if self.layout
-            else (self._make("vision_msgs/msg/ObjectHypothesis", classes, 0.9),)
-        )
-        result = self._make("vision_msgs/msg/ObjectHypothesisWithPose", *hypothesis, pose)
-        box = self._make("vision_msgs/msg/BoundingBox3D", pose.pose, self._vector((0.5, 0.5)))
-        none = np.zeros((0, 2))
-        last = {
-            "": lambda: (name,),
-            "foxy": lambda: (self._cloud(header, none, none), True, name),
-            "noetic": lambda: (self._cloud(header, none, none),),
-        }[self.layout]()
-        return self._make("vision_msgs/msg/Detection3D", header, [result], box, *last)
-
-    def _cloud(self, header, position_m, velocity_mps):
-        rows = np.hstack([position_m, velocity_mps]).astype("<f4")
-        field = self.store.types["sensor_msgs/msg/PointField"]
-        names = ("x", "y", "vx", "vy")
-        fields = [field(name, 4 * index, 7, 1) for index, name in enumerate(names)]
-        data = np.frombuffer(rows.tobytes(), dtype=np.uint8)
-        return self._make(
-            CLOUD, header, 1, len(rows), fields, False, 16, 16 * len(rows), data, True
-        )
