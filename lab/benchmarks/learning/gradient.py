@@ -6,7 +6,6 @@ and then the soft Q-gradient recursion (4.21), each to the same certified accura
 is that of Table 4.2. Times are processor times of one thread.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,7 +17,7 @@ from lab.benchmarks.learning.gridworld_problems import (
     landscape_problem,
     objective_of,
 )
-from lab.benchmarks.report import Row, best_of, peak_memory_mb, save
+from lab.benchmarks.report import Row, best_of, save
 from lab.estimators.forward_gradients import (
     entry_jacobian,
     immediate_gradient,
@@ -46,7 +45,6 @@ from serd_sim.scenario.grid import navigation_problem_of
 from serd_sim.scenario.scenario import load_scenario
 
 ACCURACY = 1e-9
-LARGE_SIDE = 316
 HALLWAY_WEIGHTS = np.array([6.0, 1.0, -0.5])
 HALLWAY_DYNAMICS = np.array(
     [
@@ -71,23 +69,6 @@ def run() -> None:
     save(
         "fit", "SERD on the gridworld: 2 weights, 45 outcome parameters", _fits(world.problem, seen)
     )
-    large_fit()
-
-
-def large_fit() -> None:
-    """Measure one whole fit by evidence on LARGE_SIDE * LARGE_SIDE cells, from nothing."""
-    world = landscape_problem(LARGE_SIDE, 0.99)
-    seen = demonstrations(world, 50, 40)
-    start_s, began_s = time.process_time(), time.perf_counter()
-    found = fit_mdce_serd(world.problem, seen)
-    processor_s = time.process_time() - start_s
-    row = {
-        "states": world.problem.mdp.n_states,
-        "elapsed (s)": time.perf_counter() - began_s,
-        "peak memory (MB)": peak_memory_mb(),
-        **_row("priors by evidence", processor_s, found),
-    }
-    save("large_fit", "SERD with 2 weights, 45 outcome parameters and priors by evidence", [row])
 
 
 def _gradients(name: str, problem: Problem, weights: FloatArray, decisions: Decisions) -> list[Row]:

@@ -33,7 +33,7 @@ def recorded(
 
     SerdError where another study or experiment wrote into the folder: tables share names.
     """
-    require_same_work(folder, command)
+    _require_same_work(folder, command)
     began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
 
     def note(*, finished: bool) -> None:
@@ -76,22 +76,18 @@ def installed_versions(names: Sequence[str]) -> dict[str, str]:
 
 
 def _runs(path: Path) -> list[dict[str, Any]]:
-    if not path.exists():
-        return []
-    content = read_yaml(read_text(path), str(path))
+    content = read_yaml(read_text(path), str(path)) if path.exists() else {"runs": []}
     runs = content.get("runs") if isinstance(content, dict) else None
-    if not isinstance(runs, list) or not all(map(_is_run, runs)):
+    if not isinstance(runs, list) or not all(
+        isinstance(run, dict) and isinstance(run.get("command"), str) for run in runs
+    ):
         raise SerdError(
             f"{path} must list the runs that wrote into its folder, but is damaged; move it away"
         )
     return runs
 
 
-def _is_run(value: object) -> bool:
-    return isinstance(value, dict) and isinstance(value.get("command"), str) and "commit" in value
-
-
-def require_same_work(folder: Path, command: str) -> None:
+def _require_same_work(folder: Path, command: str) -> None:
     """SerdError where another study or experiment wrote into the folder.
 
     A work is named by the word after `python -m lab`, or the third word of `serd study hallway`.
