@@ -1,7 +1,6 @@
-"""Write what is generated from the settings models.
+"""Write nodes.yaml, docs/nodes.md and the tables of keys in docs/scenarios.md and docs/sources.md.
 
-These are nodes.yaml, docs/nodes.md, and the tables of keys in docs/scenarios.md and
-docs/sources.md. Run `make reference` after changing a setting or the graph.
+Run `make reference` after changing a setting or the graph.
 """
 
 import re
