@@ -11,7 +11,7 @@ fi
 read -r prefix site headers suffix numpy < <("$bin/python" -c 'import numpy, sys, sysconfig
 paths = sysconfig.get_paths()
 print(sys.prefix, paths["purelib"], paths["include"], sysconfig.get_config_var("EXT_SUFFIX"), numpy.get_include())')
-if ! command -v gcc g++ >/dev/null || [ ! -e "$headers/Python.h" ]; then
+if ! command -v gcc >/dev/null || ! command -v g++ >/dev/null || [ ! -e "$headers/Python.h" ]; then
   echo "the interfaces are compiled, which needs gcc, g++ and $headers/Python.h; run: apt-get install g++ python3-dev" >&2
   exit 2
 fi
