@@ -1,6 +1,6 @@
 """Tables over repetitions, on results whose every number is made up here."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -21,44 +21,39 @@ OTHER, ASSUMED = "MDCE IRL, likelihood", "tied"
 BETTER_BY = 0.25
 
 
-@dataclass
-class MadeUp:
+def made_up(settings):
     """Ours and the assumed are better by 0.25 in every repetition, and arrive two periods later.
 
     Rows come in no order that repetitions could be matched by.
     """
+    better, steps = (OURS, ASSUMED), np.arange(21)
+    methods = {name: [BASELINE, ASSUMED] for name in EXPERTS} | {PEOPLE: [OURS, OTHER]}
+    measures = [
+        {"expert": expert, "repetition": repetition, "size": size, "method": method}
+        | dict.fromkeys(MEASURES, repetition + BETTER_BY * (method in better))
+        for expert in EXPERTS
+        for size in (2, 20)
+        for method in methods[expert]
+        for repetition in range(N)[:: 1 if method in better else -1]
+    ]
 
-    settings: object
+    def arrival_tables(_, method):
+        arrived, predicted = (
+            np.tile(steps >= at, (N, 1)).astype(float)
+            for at in (12 if method in better else 10, 11)
+        )
+        return ArrivalTables(predicted, arrived, 5, 2.0)
 
-    def methods(self, expert):
-        return [OURS, OTHER] if expert == PEOPLE else [BASELINE, ASSUMED]
-
-    @property
-    def measures(self):
-        rows = [
-            {"expert": expert, "repetition": repetition, "size": size, "method": method}
-            | dict.fromkeys(MEASURES, repetition + BETTER_BY * (method in (OURS, ASSUMED)))
-            for expert in EXPERTS
-            for size in (2, 20)
-            for method in self.methods(expert)
-            for repetition in range(N)[:: 1 if method in (OURS, ASSUMED) else -1]
-        ]
-        return pd.DataFrame(rows)
-
-    def arrival_tables(self, expert, method):
-        del expert
-        period = 12 if method in (OURS, ASSUMED) else 10
-        arrived = (np.arange(21) >= period).astype(float)
-        predicted = (np.arange(21) >= 11).astype(float)
-        return ArrivalTables(np.array([predicted] * N), np.array([arrived] * N), 5, 2.0)
-
-
-@pytest.fixture
-def results(settings):
-    return MadeUp(settings)
+    return SimpleNamespace(
+        settings=settings,
+        methods=methods.get,
+        measures=pd.DataFrame(measures),
+        arrival_tables=arrival_tables,
+    )
 
 
-def test_beliefs_and_arrivals_are_compared_as_differences_to_irl(results):
+def test_beliefs_and_arrivals_are_compared_as_differences_to_irl(settings):
+    results = made_up(settings)
     rows = beliefs(results).to_dict("records")
     assert {row["expert"] for row in rows} == set(EXPERTS) - {PEOPLE}
     for row in rows:
