@@ -15,6 +15,7 @@ from PIL import Image
 
 from lab import RESULTS
 from lab.experiments.running.provenance import FILE_NAME
+from lab.thesis import PAGE, filled
 from serd_bag.files import atomic_write_bytes, read_bytes, read_text
 from serd_cli.errors import FAILED
 from serd_files.yaml_text import read_yaml, write_yaml
@@ -50,7 +51,7 @@ KEPT = (
 
 
 def keep() -> None:
-    """Write the tables and figures of docs/results from lab/results; the rest stays as it is."""
+    """Write tables and figures of docs/results from lab/results, and the numbers of their page."""
     file = DOCUMENTS / FILE_NAME
     noted: dict[str, Any] = _mapping(file) if file.exists() else {}
     for kept in KEPT:
@@ -68,6 +69,7 @@ def keep() -> None:
                 for run in _mapping(runs)["runs"]
             ]
     atomic_write_bytes(file, write_yaml(noted).encode())
+    atomic_write_bytes(PAGE, filled(read_text(PAGE), DOCUMENTS).encode())
 
 
 def check() -> None:

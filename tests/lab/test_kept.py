@@ -19,6 +19,8 @@ from support.pixels import MOST_OTHER, share_of_other_pixels
 def test_what_is_kept_is_compared_and_a_change_is_found(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(root / "docs" / "results", tmp_path / "docs" / "results")
+    for name in ("thesis.md", "hallway_study.md"):
+        shutil.copy(root / "docs" / name, tmp_path / "docs")
     results, kept = tmp_path / "lab" / "results", tmp_path / "docs" / "results"
     with recorded(results / "ascents", "python -m lab ascents", None):
         (results / "ascents").mkdir(parents=True)
@@ -41,6 +43,7 @@ def test_what_is_kept_is_compared_and_a_change_is_found(root, tmp_path, monkeypa
     assert "no results  docs/results/detour.csv" in lines
     assert main(["keep"]) == 0
     assert main(["check"]) == 0
+    assert "10000 steps of gradient ascent" in (tmp_path / "docs" / "thesis.md").read_text()
 
 
 @pytest.mark.skipif(version("matplotlib") < "3.11", reason="drawn by matplotlib 3.11")
