@@ -4,7 +4,7 @@ The other parameters of a node stand in its module. Commands read these without 
 """
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel
@@ -16,9 +16,7 @@ NO_NAMES = ("",)
 
 
 class NodeConfig(StrictModel):
-    """The parameters of a node. changeable: those that can be set while it runs."""
-
-    changeable: ClassVar[tuple[str, ...]] = ()
+    """The parameters of a node, which are fixed while it runs."""
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,10 +53,10 @@ class StackConfig(NodeConfig):
     stamped_cmd_vel: bool = setting(
         False, "cmd_vel is a TwistStamped; in lock-step it always is one"
     )
-    people_from: Literal["given", "scan", "none"] = setting(
+    people_from: Literal["given", "none"] = setting(
         "given",
-        "given: people come from the topic pedestrians; scan: from the lidar's scans; none: people"
-        " are not considered",
+        "given: people come from the topic of people, as people_tracker publishes them from scans;"
+        " none: people are not considered",
     )
     required_nodes: tuple[str, ...] = setting(
         NO_NAMES, "the first command in lock-step waits until these nodes subscribe"
@@ -68,10 +66,10 @@ class StackConfig(NodeConfig):
 class LocalisationConfig(FramesConfig):
     """Where the pose of the robot comes from."""
 
-    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting(
+    pose_from: Literal["robot_pose", "tf"] = setting(
         "robot_pose",
-        "pose of the robot in the map: the topic robot_pose; the topic amcl_pose, carried on by"
-        " odom; or base_link in map by /tf",
+        "pose of the robot in the map: the topic robot_pose; or base_link in map by /tf, which amcl"
+        " and other localisations publish",
     )
     stamp_tolerance_s: float = setting(
         0.0,
@@ -137,27 +135,9 @@ class WatchPageConfig(PageConfig):
 class BagReplayConfig(NodeConfig):
     """Parameters of bag_replay, and options of `serd bag play`."""
 
-    changeable: ClassVar[tuple[str, ...]] = ("rate",)
-
     bag: str = setting("recording", "bag folder, or .mcap, .db3 or .bag file", min_length=1)
     topics: tuple[str, ...] = setting(NO_NAMES, "topics to play; all when empty")
     # Beyond, times of messages overflow.
     rate: float = setting(1.0, "bag seconds per second", ge=1e-6, le=1e6)
     start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)
-    duration_s: float = setting(0.0, "play this much bag time; 0: all", unit="s", ge=0)
-    loop: bool = setting(False, "start again at the end")
-    paused: bool = setting(False, "start paused")
-    clock_hz: float = setting(
-        40.0,
-        "rate of bag time on /clock, in place of a recorded one; 0: none",
-        unit="Hz",
-        ge=0,
-        le=1000,
-    )
     required_nodes: tuple[str, ...] = setting(NO_NAMES, "start when these nodes subscribe")
-    wait_s: float = setting(
-        10.0, "longest wait for subscribers when no node is required", unit="s", ge=0
-    )
-    exit_when_done: bool = setting(
-        True, "end the process after the last message; else its topics end and the node stays"
-    )

@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 GRAPH_FILE = ROOT / "serd_ros" / "graph" / "graph.yaml"
 #: The stacks that together show every node of interest.
-STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
+STACKS = ("demonstrate_and_learn", "navigate", "teleop", "nav2")
 #: The way of the data from a recording to an arrival: each module, and what it passes on.
 JOURNEY = (
     ("serd_bag.reader", "messages"),

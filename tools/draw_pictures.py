@@ -36,8 +36,8 @@ from serd_app.teleop.page.view import (
     watched_scene_of,
     world_state,
 )
-from serd_cli.demo.folder import DemoFolder
-from serd_cli.demo.report import read_recording
+from serd_cli.commands.demo import DemoFolder
+from serd_cli.output.demo import read_recording
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.crossings import CellTracker
 from serd_core.demonstrations.decisions import state_counts

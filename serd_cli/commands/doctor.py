@@ -7,13 +7,12 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
-from importlib.metadata import PackageNotFoundError, distributions, metadata, requires, version
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import typer
-from packaging.requirements import Requirement
 from rich.table import Table
 from rich.text import Text
 
@@ -21,18 +20,17 @@ from serd_bag.recorder_settings import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.discovery import processes_discover_each_other
 from serd_cli.processes.workspace import ros_environment
 
 _LEAST_FREE_BYTES = 1_000_000_000
-_COLOURS = {"works": "green", "optional": "yellow", "fails": "red"}
+_COLOURS = {"works": "green", "fails": "red"}
 
 
 class Check(NamedTuple):
     """One finding; fix: the command that mends it, empty where nothing is to be mended."""
 
     subject: str
-    state: Literal["works", "optional", "fails"]
+    state: Literal["works", "fails"]
     finding: str
     fix: str = ""
 
@@ -40,43 +38,7 @@ class Check(NamedTuple):
 def all_checks(environment: Mapping[str, str], folder: Path) -> Iterator[Check]:
     """Every check as it is made, for commands that write into the folder."""
     ros = ros_environment(environment)
-    yield python()
-    yield from packages()
     yield from (ros_client(ros), discovery(ros), disk(folder))
-
-
-def python() -> Check:
-    """The interpreter is one that the ROS wheels exist for."""
-    found = ".".join(map(str, sys.version_info[:3]))
-    if (3, 10) <= sys.version_info[:2] <= (3, 12):
-        return Check("Python", "works", f"{found} in {sys.prefix}")
-    return Check("Python", "fails", f"{found}, not 3.10 to 3.12", "make setup PYTHON=python3.11")
-
-
-def packages() -> Iterator[Check]:
-    """The distributions that the project requires, and those of its extras, which none needs."""
-    try:
-        found = [Requirement(line) for line in requires("serd") or ()]
-    except PackageNotFoundError:
-        yield Check("packages", "fails", "serd is not installed here", "make setup")
-        return
-    missing = {
-        extra: sorted(
-            each.name
-            for each in found
-            if (each.marker is None or each.marker.evaluate({"extra": extra}))
-            and not any(distributions(name=each.name))
-        )
-        for extra in ("", *(metadata("serd").get_all("Provides-Extra") or ()))
-    }
-    if always := missing.pop(""):
-        yield Check("packages", "fails", f"without {', '.join(always)}", "make setup")
-        return
-    yield Check("packages", "works", f"serd {version('serd')} and all it requires")
-    if partly := ",".join(extra for extra, names in missing.items() if names):
-        yield Check(
-            "extras", "optional", f"not complete: {partly}", f"pip install 'serd[{partly}]'"
-        )
 
 
 def ros_client(environment: Mapping[str, str]) -> Check:
@@ -133,3 +95,52 @@ def doctor(as_json: AsJson = False) -> None:
                 print(f"{each.subject}: {each.fix}")
     if any(each.state == "fails" for each in found):
         raise typer.Exit(FAILED)
+
+
+TOPIC, LONGEST_S = "serd_doctor", 30.0
+_PERIOD_S = 0.05
+_LONGEST_END_S = 5.0
+
+
+def processes_discover_each_other(environment: Mapping[str, str]) -> bool:
+    """Whether a message of one process reaches another."""
+    words, quiet = [sys.executable, "-m", "serd_cli.commands.doctor"], subprocess.DEVNULL
+    talker, listener = (
+        subprocess.Popen([*words, role], env=dict(environment), stdout=quiet, stderr=quiet)
+        for role in ("talk", "listen")
+    )
+    with talker, listener:
+        try:
+            return listener.wait() == 0
+        finally:
+            for process in (talker, listener):  # ended, not killed: DDS frees its shared memory
+                process.terminate()
+                try:
+                    process.wait(_LONGEST_END_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+
+
+def main(role: str) -> int:
+    """Talk until the end, or listen: 0 at the first message, else 1; entry point of a process."""
+    import rclpy
+    from std_msgs.msg import Empty
+
+    rclpy.init()
+    node = rclpy.create_node(f"serd_doctor_{role}")
+    if role == "talk":
+        publisher = node.create_publisher(Empty, TOPIC, 1)
+        while rclpy.ok():
+            publisher.publish(Empty())
+            time.sleep(_PERIOD_S)
+        return 0
+    heard: list[Empty] = []
+    node.create_subscription(Empty, TOPIC, heard.append, 1)
+    until_s = time.monotonic() + LONGEST_S
+    while not heard and time.monotonic() < until_s:
+        rclpy.spin_once(node, timeout_sec=_PERIOD_S)
+    return 0 if heard else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -8,14 +8,18 @@ import os
 import sys
 from typing import Annotated
 
+import typer
 from rich.text import Text
 
 from serd_cli.options import AsJson, arg
 from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.node_commands import parse_assignment, stack_processes
-from serd_cli.processes.stack_run import require_free_domain
 from serd_cli.processes.supervisor import run_together
-from serd_cli.processes.workspace import ros_environment
+from serd_cli.processes.workspace import (
+    find_command,
+    parse_assignment,
+    ros_environment,
+    stack_processes,
+)
 from serd_ros.graph.graph import find_stack, full_namespace, load_graph
 
 
@@ -40,7 +44,20 @@ def launch(
     namespace = full_namespace(str(given.pop("namespace", "")))
     found = find_stack(stack)
     processes = stack_processes(found, given, environment, namespace)
-    require_free_domain(found, environment, namespace)
     run_together(
         processes, environment, lambda name, line: print(f"{name:>15} | {line}", file=sys.stderr)
     )
+
+
+def run(
+    context: typer.Context,
+    package: Annotated[str, arg("ROS package, for example serd_ros")],
+    executable: Annotated[str, arg("its executable, for example hallway_sim")],
+) -> None:
+    """serd run serd_ros hallway_sim --ros-args -p seed:=3
+
+    The process becomes the node, so exit code and signals are the node's own.
+    """
+    environment = ros_environment(os.environ)
+    command = find_command(package, executable, environment)
+    os.execve(command[0], [*command, *context.args], environment)

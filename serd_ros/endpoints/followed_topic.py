@@ -1,38 +1,44 @@
 """Raw subscriptions with the times of each message, and with the quality of service of publishers.
 
 A subscription matches a publisher when it requests no more than is offered: reliability, and
-messages from before it was made (transient local). So it requests what all publishers offer, and
-where only some publishers are latched, a second subscription receives the others.
+messages from before it was made (transient local). So it requests what all publishers offer; where
+only some are latched, it first receives what these have kept.
 """
 
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import rosbags_types
+from serd_bag.messages.plain import transforms
+from serd_ros.convert.motion import PlanarPose, odom_in_map, to_quaternion
+from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints, waiting_messages
 from serd_ros.endpoints.qos import common_qos, is_latched, recording_qos
 from serd_ros.endpoints.topic_types import TopicType
-
-#: Messages of a latched publisher that are compared, which two subscriptions receive.
-_COMPARED = 100
+from serd_ros.errors import MessageError
+from serd_sim.robot.urdf import LinkTransform, Placed
 
 
 @dataclass(frozen=True)
 class Received:
     """A raw message; received_ns, sent_ns: by the clocks of this machine and the publisher's.
 
-    number: from 1 on, of the publisher's messages; it and sent_ns are 0 where not stated.
+    sent_ns is 0 where not stated.
     """
 
     topic: str
     data: bytes
     received_ns: int
     sent_ns: int
-    number: int = 0
 
 
 class FollowedTopic:
@@ -53,18 +59,16 @@ class FollowedTopic:
         self.name, self.kind, self.stamped = name, kind, kind.stamped
         self.offered: tuple[QoSProfile, ...] = ()
         self._others: list[str] = []
-        self._endpoints, self._take = endpoints, endpoints.guarded(topic or name, take)
-        #: The last one follows the publishers; one before it is latched.
-        self._subscriptions: list[Subscription] = []
-        self._taken: deque[tuple[int, bytes]] = deque(maxlen=_COMPARED)
+        self._endpoints, self.take = endpoints, endpoints.guarded(topic or name, take)
+        self._subscription: Subscription | None = None
         if kind.qos is not None:
             self.offered = (kind.qos,)
-            self._subscriptions = [self._subscribe(recording_qos(kind.qos))]
+            self._subscription = self._subscribe(recording_qos(kind.qos))
 
     @property
     def is_subscribed(self) -> bool:
         """Whether there is a subscription."""
-        return bool(self._subscriptions)
+        return self._subscription is not None
 
     def look(self) -> bool:
         """Follow the publishers; whether it subscribed just now."""
@@ -73,29 +77,15 @@ class FollowedTopic:
         self._others = [] if offered else sorted({each.topic_type for each in found})
         if not offered:
             return False
-        is_new = not self._subscriptions
-        if is_new:
+        if self._subscription is None:
             self.offered = tuple(offered)
             latched = [each for each in offered if is_latched(each)]
-            self._subscriptions = [self._subscribe(common_qos(latched or offered))]
-        self._subscriptions[-1:] = self._endpoints.matching(
-            self._subscriptions[-1], offered, self._subscribe, self._take_received
+            self._subscription = self._subscribe(common_qos(latched or offered))
+            return True
+        self._subscription = self._endpoints.matching(
+            self._subscription, offered, self._subscribe, self._take_received
         )
-        return is_new
-
-    def take(self, message: Received) -> None:
-        """Take a message, once where two subscriptions received it."""
-        key = message.sent_ns, message.data
-        if len(self._subscriptions) > 1 and message.sent_ns:
-            if key in self._taken:
-                return
-            self._taken.append(key)
-        self._take(message)
-
-    def close(self) -> None:
-        """End the subscriptions."""
-        while self._subscriptions:
-            self._endpoints.destroy(self._subscriptions.pop())
+        return False
 
     @property
     def silence(self) -> str:
@@ -106,21 +96,123 @@ class FollowedTopic:
 
     def waiting(self) -> Iterator[Received]:
         """Messages that were received and not taken yet."""
-        return (
-            self._received(data, info)
-            for subscription in self._subscriptions
-            for data, info in waiting_messages(subscription)
-        )
+        if self._subscription is not None:
+            for data, info in waiting_messages(self._subscription):
+                yield self._received(data, info)
 
     def _take_received(self, data: bytes, info: Mapping[str, int]) -> None:
         self.take(self._received(data, info))
 
     def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
         received_ns = max(info["received_timestamp"], 0) or time.time_ns()
-        number = info.get("publication_sequence_number") or 0
-        return Received(self.name, data, received_ns, info["source_timestamp"], number)
+        return Received(self.name, data, received_ns, info["source_timestamp"])
 
     def _subscribe(self, profile: QoSProfile) -> Subscription:
         return self._endpoints.subscribe_raw(
             self.kind.message, self.name, self._take_received, profile
         )
+
+
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+_LOOK_PERIOD_S = 0.5
+
+
+def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lambda: None) -> None:
+    """Keep the frames of the node as /tf is; on_change: called after each message of /tf.
+
+    Of a message with a bad transform the others are taken.
+    """
+    node = endpoints.node
+
+    @contextmanager
+    def collected(errors: list[MessageError]) -> Iterator[None]:
+        try:
+            yield
+        except MessageError as error:
+            errors.append(error)
+
+    def take(message: Received, *, static: bool) -> None:
+        try:
+            found = transforms(message.data, TF_TYPE, rosbags_types())
+        except BagError as error:
+            raise MessageError(f"message must be a {TF_TYPE}", error, "correct it") from None
+        errors: list[MessageError] = []
+        for each in found:
+            with collected(errors):
+                node.frames.take(each, static=static)
+        if not static:
+            on_change()
+        if errors:
+            raise errors[0]
+
+    followed = [
+        FollowedTopic(
+            endpoints,
+            node.resolve_topic_name(name),
+            TopicType(TF_TYPE),
+            partial(take, static=name == topics.TF_STATIC),
+            name,
+        )
+        for name in (topics.TF, topics.TF_STATIC)
+    ]
+
+    def look() -> None:
+        for each in followed:
+            each.look()
+
+    endpoints.every(_LOOK_PERIOD_S, look)
+
+
+class TransformPublisher:
+    """Publishes map -> odom -> base_link on `tf` while there are subscribers."""
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        self._frames = endpoints.node.frames
+        self._tf = endpoints.publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
+
+    def publish(self, base_in_map: PlanarPose, base_in_odom: PlanarPose, time_s: float) -> None:
+        """Send both transforms."""
+        if not self._tf.get_subscription_count():
+            return
+        odom = odom_in_map(base_in_map, base_in_odom)
+        message = _message(
+            time_s,
+            (topics.MAP_FRAME, topics.ODOM_FRAME, _level(odom)),
+            (topics.ODOM_FRAME, topics.BASE_FRAME, _level(base_in_odom)),
+        )
+        self._tf.publish(_encoded(self._frames.prefixed(message)))
+
+
+def publish_links(endpoints: Endpoints, links: Iterable[LinkTransform]) -> None:
+    """Publish where the links of a robot are on `tf_static`, with the node's prefix, once."""
+    prefix = endpoints.node.frames.prefix
+    prefixed = ((prefix + parent, prefix + child, placed) for parent, child, placed in links)
+    message = _message(0.0, *prefixed)
+    publisher = endpoints.publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
+    publisher.publish(_encoded(message))
+
+
+def _encoded(message: Any) -> bytes:
+    return bytes(rosbags_types().serialize_cdr(message, TF_TYPE))
+
+
+def _level(pose: PlanarPose) -> Placed:
+    """A pose on the floor, in space."""
+    turned = to_quaternion(pose[2])
+    return (*pose[:2], 0.0), (turned.x, turned.y, turned.z, turned.w)
+
+
+def _message(time_s: float, *links: LinkTransform) -> Any:
+    """A TFMessage of rosbags, which encodes it without the package."""
+    types, stamp = rosbags_types().types, to_stamp(time_s)
+    at = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
+
+    def made(name: str, *fields: Any) -> Any:
+        return types[f"geometry_msgs/msg/{name}"](*fields)
+
+    stamped = []
+    for parent, child, (moved, turned) in links:
+        place, turn = made("Vector3", *map(float, moved)), made("Quaternion", *map(float, turned))
+        header = types["std_msgs/msg/Header"](at, parent)
+        stamped.append(made("TransformStamped", header, child, made("Transform", place, turn)))
+    return types[TF_TYPE](stamped)

@@ -15,18 +15,14 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.motion import PlanarPose, from_any_twist, from_odometry, from_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.commands import CommandPublisher, follow_commands
-from serd_ros.endpoints.localisation import LOCALISATIONS
-from serd_ros.endpoints.observation import follow_scans
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.endpoints.world.worlds import publishers_of
+from serd_ros.endpoints.robot import LOCALISATIONS, CommandPublisher, follow_commands, follow_scans
 from serd_ros.errors import NodeError
-from serd_ros.graph.readiness import Readiness
+from serd_ros.graph.graph import Readiness, publishers_of
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig, StackConfig
 from serd_sim.safety.guard import Guard, GuardOutput
@@ -55,9 +51,7 @@ class GuardConfig(GuardSettings, StackConfig, LidarConfig):
         "built-in scenario or file whose robot is guarded, and at whose walls a lidar must have"
         " returns; any other robot when empty",
     )
-    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting_of(
-        LocalisationConfig, "pose_from"
-    )
+    pose_from: Literal["robot_pose", "tf"] = setting_of(LocalisationConfig, "pose_from")
     people_topic: str = setting_of(ObservationConfig, "people_topic")
     lockstep: bool = setting_of(
         StackConfig, "lockstep", description="answer every command of that stamp with one"
@@ -150,7 +144,6 @@ class GuardNode(SerdNode[GuardConfig]):
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self.frames)
         self._take(Source.ODOMETRY, time_ns, self._guard.receive_odometry, pose, speeds)
-        self._localisation.take_odometry(time_ns, pose)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
         self._take(Source.POSE, time_ns, self._guard.receive_pose, pose)

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -44,7 +43,6 @@ _CHECKPOINT_PERIOD_S = 1.0
 #: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
 _UNCONVERGED = 1
-_REPLAY = "bag_replay"
 
 
 class LearnerConfig(LearningSettings, ManagedConfig):
@@ -70,12 +68,6 @@ class LearnerConfig(LearningSettings, ManagedConfig):
         "",
         "table of the recorded flow of people, as `serd demos` writes it; the scenario's own"
         " flow when empty",
-    )
-    exit_when_done: bool = setting(True, "with a bag: end the process when the model is learned")
-    exit_with_publishers: bool = setting(
-        False,
-        "live: end the process when nothing publishes what is learned from any more, or a replay"
-        " has finished, and all is learned; without a model with exit code 2",
     )
 
     @property
@@ -145,12 +137,8 @@ class Learning(Activity):
         # An episode that ended before a deactivation is still to be gathered.
         n_ended = 0 if memory is None else memory.drive.n_ended
         self._ended_s = self._node.wall_s() if n_ended else None
-        #: Wall time at which something published episodes, or a message came; None before.
-        self._published_s = self._ended_s
-        self._is_played = self._is_learned = False
-        self._refusal = "no episode has ended"
+        self._heard_s = self._node.wall_s()
         self._checkpoint_due_s = 0.0
-        self._ends = bool(self._config.bag) and self._config.exit_when_done
         self._worker = FitWorker()
         if memory is not None:
             self._listen(endpoints, memory)
@@ -170,22 +158,11 @@ class Learning(Activity):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
-        if self._config.exit_with_publishers:
-            take_report = self._on_diagnostics
-            endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """The end of a replay, also of a bag without the topics that are learned from."""
-        for status in message.status:
-            if status.name == _REPLAY:
-                self._is_played = status.message == "finished"
-                if self._published_s is None:
-                    self._published_s = self._node.wall_s()
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
         before = (drive.n_ended, drive.n_late)
-        self._published_s = self._node.wall_s()
+        self._heard_s = self._node.wall_s()
         try:
             drive.take(topic, data)
         except BagError as error:
@@ -207,35 +184,20 @@ class Learning(Activity):
             self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
-        elif self._config.exit_with_publishers and not self._worker.busy:
-            self._end_with_source()
-
-    def _end_with_source(self) -> None:
-        if self._ended_s is not None or not self._source_ended():
-            return
-        memory = self._memory
-        if self._is_learned or (memory is not None and memory.n_decisions and not memory.unlearned):
-            self._node.finish(0)
-        else:
-            self._node.fail(f"no model was learned: {self._refusal}")
-
-    def _source_ended(self) -> bool:
-        """Whether there was something to learn from, and neither a publisher, or one that plays,
-        nor an unread message is left.
-
-        Messages that have arrived are taken one after the other, without gaps of this length.
-        """
-        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
-        if not self._is_played and any(map(self._node.count_publishers, observed)):
-            self._published_s = self._node.wall_s()
-        since_s = self._published_s
-        return since_s is not None and self._node.wall_s() - since_s > _SETTLING_S
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
             return False
-        is_due = self._node.wall_s() - self._ended_s >= _SETTLING_S
-        return is_due and (memory.drive.caught_up or self._source_ended())
+        now_s = self._node.wall_s()
+        is_due = now_s - self._ended_s >= _SETTLING_S
+        return is_due and (memory.drive.caught_up or self._has_ended(now_s))
+
+    def _has_ended(self, now_s: float) -> bool:
+        """Whether nothing publishes what is learned from, and all that arrived has been taken."""
+        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
+        if any(map(self._node.count_publishers, observed)):
+            self._heard_s = now_s
+        return now_s - self._heard_s > _SETTLING_S
 
     def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
@@ -317,7 +279,6 @@ class Learning(Activity):
 
     def _conclude(self, outcome: FitOutcome) -> None:
         save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
-        self._is_learned = True
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
@@ -327,14 +288,13 @@ class Learning(Activity):
         values = {**outcome.values(), "model": self._config.output}
         level = OK if outcome.fit.converged else WARN
         self._node.report(0.0, values, level=level, message=outcome.fit.message)
-        if self._ends:
+        if self._memory is None:
             self._node.finish(0 if outcome.fit.converged else _UNCONVERGED)
 
     def _refuse(self, reason: str) -> None:
         """The model stays as it is."""
-        if self._ends:
+        if self._memory is None:
             self._node.fail(reason)
             return
-        self._refusal = reason
         self._node.get_logger().warning(f"not learned: {reason}")
         self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)

@@ -14,7 +14,7 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationSource, follow_scans
+from serd_ros.endpoints.robot import ObservationSource, follow_scans
 from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings

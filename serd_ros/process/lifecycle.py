@@ -3,9 +3,8 @@
 States and transitions are those of https://design.ros2.org/articles/node_lifecycle.html. Without
 `managed` the node configures and activates itself at its start, and has no lifecycle services.
 
-Its parameters can be set while it is unconfigured. An error of the project refuses a transition
-with its sentence, in the log and as status `NODE: lifecycle`; any other exception is an internal
-error, after which the node is unconfigured.
+An error of the project refuses a transition with its sentence in the log; any other exception is an
+internal error, after which the node is unconfigured.
 """
 
 from collections.abc import Callable
@@ -15,17 +14,10 @@ from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState
 from rclpy.lifecycle.node import TransitionCallbackReturn as _Result
 
 from serd_files.errors import USER_ERRORS
-from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.frames import Frames
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import Config
-
-_STATE_AFTER = {
-    "configure": "inactive", "activate": "active", "deactivate": "inactive",
-    "cleanup": "unconfigured", "shutdown": "finalized",
-}  # fmt: skip
-_DONE, _REFUSED, _FAILED = _Result.SUCCESS, _Result.FAILURE, _Result.ERROR
 
 
 class Activity:
@@ -62,7 +54,7 @@ class Lifecycle(LifecycleNodeMixin):
     """Brings a node up."""
 
     def __init__(self, node: ManagedNode[Any]) -> None:
-        self.state, self.activity, self._node = "active", Activity(), node
+        self.activity, self._node = Activity(), node
         self._activate: Activate | None = None
         self._endpoints: Endpoints | None = None
         node.at_end.callback(self._close)
@@ -75,7 +67,6 @@ class Lifecycle(LifecycleNodeMixin):
         self.default_callback_group = node.default_callback_group
         super().__init__()
         node.guard_services()
-        self._enter("unconfigured")
         node.get_logger().info("unconfigured: waiting for a lifecycle manager")
 
     def on_configure(self, _: LifecycleState) -> _Result:
@@ -101,11 +92,9 @@ class Lifecycle(LifecycleNodeMixin):
     def on_error(self, _: LifecycleState) -> _Result:
         """Free everything, so that the node can be configured again."""
         self._clean_up()
-        self._enter("unconfigured", report=False)
-        return _DONE
+        return _Result.SUCCESS
 
     def _configure(self) -> None:
-        self._node.parameters.read_again()
         self._node.frames = Frames(getattr(self._node.config, "frame_prefix", ""))
         self._activate = self._node.configure()
 
@@ -124,46 +113,29 @@ class Lifecycle(LifecycleNodeMixin):
         self._activate = None
 
     def _close(self) -> None:
-        if self.state == "active":
-            self.activity.close()
+        self.activity.close()
 
     def _rise(
         self, transition: str, make: Callable[[], None], take_back: Callable[[], None]
     ) -> _Result:
         result = self._result_of(transition, make)
-        if result == _REFUSED:
+        if result == _Result.FAILURE:
             take_back()
-        elif result == _DONE:
-            self._enter(_STATE_AFTER[transition])
         return result
 
     def _fall(self, transition: str, *steps: Callable[[], None]) -> _Result:
         """Every step is made, whatever those before it did."""
         results = [self._result_of(transition, step) for step in steps]
-        if any(each != _DONE for each in results):
-            return _FAILED
-        self._enter(_STATE_AFTER[transition])
-        return _DONE
+        is_done = all(each == _Result.SUCCESS for each in results)
+        return _Result.SUCCESS if is_done else _Result.ERROR
 
     def _result_of(self, transition: str, step: Callable[[], None]) -> _Result:
         try:
             step()
         except USER_ERRORS as error:
             self._node.get_logger().error(f"{transition} refused: {error}")
-            self._report(ERROR, f"{transition} refused: {error}")
-            return _REFUSED
+            return _Result.FAILURE
         except Exception as error:
             self._node.callbacks.note(transition, step, error)
-            self._report(ERROR, f"{transition} failed: {error}")
-            return _FAILED
-        return _DONE
-
-    def _enter(self, state: str, *, report: bool = True) -> None:
-        self.state = state
-        self._node.parameters.enter(state)
-        if report:
-            self._report(OK, "")
-
-    def _report(self, level: bytes, message: str) -> None:
-        values = {"state": self.state}
-        self._node.report(0.0, values, level=level, message=message, part="lifecycle")
+            return _Result.ERROR
+        return _Result.SUCCESS

@@ -20,14 +20,13 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import Received
+from serd_ros.endpoints.followed_topic import TF_TYPE, Received
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.graph.graph import load_graph
-from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
+from serd_ros.nodes.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
-from serd_ros.nodes.teleop.page import TeleopPageNode
+from serd_ros.nodes.teleop_page import TeleopPageNode
 from serd_sim.episodes.result import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
 from support.nodes_in_process import NodeInProcess, deliver, node_in_process

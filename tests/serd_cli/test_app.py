@@ -80,11 +80,13 @@ def test_the_overview_fits_a_screen_with_whole_sentences(serd, monkeypatch):
 
 def test_each_module_of_commands_defines_the_command_of_its_name(root):
     files = (root / "serd_cli" / "commands").glob("[!_]*.py")
-    assert {path.stem for path in files} == set(COMMANDS)
+    assert {path.stem for path in files} == set(COMMANDS) - {"run"}
 
 
 def test_each_command_prints_its_result_as_json_on_request():
     for words, command in all_commands().items():
+        if words in ("run", "bag play"):
+            continue  # a node takes the place of the process
         assert "--json" in [opt for each in command.params for opt in each.opts], words
 
 
@@ -104,7 +106,7 @@ def test_a_line_is_completed_by_commands_and_by_their_options(line, number, word
 
 @pytest.mark.parametrize(
     ("words", "unbuffered", "code"),
-    [("scenario schema", "", 0), ("--help", "1", 0), ("bag info none", "1", 2)],
+    [("scenario list --json", "", 0), ("--help", "1", 0), ("bag info none", "1", 2)],
 )
 def test_a_reader_that_ends_early_changes_no_exit_code(words, unbuffered, code):
     reader, writer = os.pipe()

@@ -32,7 +32,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from serd_bag.formats.rosbag2.message_types import message_type
-from serd_ros.endpoints.raw_type import raw_message_class
+from serd_ros.endpoints.topic_types import raw_message_class
 from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.motion import compose, motion_between
 from serd_sim.scenario.scenario import load_scenario

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
-from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.workspace import stack_processes
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos

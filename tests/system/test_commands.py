@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.processes.node_commands import executables_of, find_command
-from serd_cli.processes.workspace import PROJECT, ros_environment
+from serd_cli.processes.workspace import PROJECT, executables_of, find_command, ros_environment
 from serd_ros.graph.graph import load_graph
 from support.waiting import PATIENCE_S
 

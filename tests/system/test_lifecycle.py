@@ -11,9 +11,9 @@ from lifecycle_msgs.msg import Transition, TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from nav_msgs.msg import Odometry
 
-from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.workspace import node_command
 from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.pose import to_pose_stamped
+from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import config_of, load_graph
 from serd_ros.settings import ManagedConfig

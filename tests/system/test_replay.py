@@ -12,7 +12,7 @@ from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_app.learning.learning_files import read_learning_files
 from serd_bag.reader import BagReader
-from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.workspace import node_command
 from serd_files.model_file import ModelFile, load_model
 from serd_files.yaml_config import yaml_model
 from serd_ros.endpoints import qos
@@ -44,24 +44,19 @@ def table_without_source(path: Path) -> list[str]:
     return [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
 
 
-def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, bag, tmp_path):
+def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(
+    nodes, probe, replay, bag, tmp_path
+):
     save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
-    received = tmp_path / "received.csv"
-    learner = nodes.start_stack(
-        "replay_and_learn",
-        bag=str(bag),
-        bag_replay__rate=500.0,
-        learner__output=str(tmp_path / "model.yaml"),
-        learner__decisions=str(received),
-    )["learner"]
+    received, model = tmp_path / "received.csv", tmp_path / "model.yaml"
+    nodes.start_stack("learn", output=str(model), decisions=str(received))
+    replay(rate=500.0, required_nodes=["learner"])
     wanted = table_without_source(tmp_path / "offline.csv")
     probe.spin_until(
         lambda: received.exists() and len(table_without_source(received)) == len(wanted)
     )
     assert table_without_source(received) == wanted
-    probe.spin_until(lambda: learner.poll() is not None)
-    assert learner.returncode == 0
-    assert (tmp_path / "model.yaml").exists()
+    probe.spin_until(model.exists)
     # What `serd learn` reads of the table is beside it.
     assert read_learning_files(received, discount=0.9).scenario == HALLWAY
 

@@ -30,21 +30,20 @@ needs_nav2 = pytest.mark.skipif(
 
 
 @pytest.mark.parametrize(
-    ("stack", "pose_from", "period_s"),
+    ("stack", "period_s"),
     [
-        pytest.param("robot_nav2", "tf", 0.1, marks=needs_nav2),
-        ("robot", "amcl_pose", 0.103),
-        ("robot_people", "tf", 0.103),
+        pytest.param("robot_nav2", 0.1, marks=needs_nav2),
+        ("robot_people", 0.103),
     ],
 )
 def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
-    stack, pose_from, period_s, nodes, probe, start_robot, save_model_of
+    stack, period_s, nodes, probe, start_robot, save_model_of
 ):
     goals = Goals(probe)
     follow = "nav2" if stack == "robot_nav2" else "cmd_vel"
     people = ["--people"] if stack == "robot_people" else []
     start_robot("--follow", follow, "--period", period_s, *people)
-    nodes.start_stack(stack, pose_from=pose_from, model=str(save_model_of()))
+    nodes.start_stack(stack, model=str(save_model_of()))
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
 
     def logs():

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 from serd_app.drives.episode_spans import START
 from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
-from serd_ros.convert.pose import from_pose
+from serd_ros.convert.motion import from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_sim.drivers.expert import ScriptedExpert
 from serd_sim.episodes.episode import run_episode

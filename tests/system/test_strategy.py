@@ -15,7 +15,7 @@ from serd_core.grid.navigation import MODEL_NAMES
 from serd_files.episode_table import load_episodes
 from serd_files.model_file import OutcomeModel
 from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.pose import from_pose, to_pose_stamped
+from serd_ros.convert.motion import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
 from support.arrival_messages import from_arrival_message
 from support.waiting import PATIENCE_S

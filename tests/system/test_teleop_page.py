@@ -23,7 +23,7 @@ from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_diagnostics
-from serd_ros.convert.pose import from_odometry, from_pose
+from serd_ros.convert.motion import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of

@@ -8,9 +8,9 @@ from geometry_msgs.msg import TwistStamped
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
-from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.workspace import node_command
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.raw_type import raw_message_class
+from serd_ros.endpoints.topic_types import raw_message_class
 from support.transforms_message import transforms_message
 from support.waiting import PATIENCE_S
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from aiohttp import ClientSession
 
-from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.workspace import stack_processes
 from serd_ros.graph.graph import find_stack
 from support.processes import read_json_object
 from support.waiting import PATIENCE_S

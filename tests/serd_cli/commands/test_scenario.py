@@ -1,7 +1,5 @@
 """`serd scenario`: which places there are, pictures and movies of them, and places from maps."""
 
-import json
-
 import imageio_ffmpeg
 import pytest
 from PIL import Image
@@ -10,7 +8,7 @@ from serd_app.journeys import film
 from serd_files.yaml_config import model_yaml
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.names import builtin_scenarios
-from serd_sim.scenario.scenario import Scenario, load_scenario
+from serd_sim.scenario.scenario import load_scenario
 from support.ros_maps import depot, maze, write_map
 
 
@@ -44,16 +42,6 @@ def test_showing_a_scenario_or_a_file_of_one_draws_it(serd, tmp_path):
     assert values["remark"] == mine.patience_remark
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert "drives 0.8 m within patience_s = 4 s, less than a cell of 1 m" in serd(*words).out
-
-
-def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
-    printed = serd("scenario", "schema").values
-    assert set(printed["properties"]) == set(Scenario.model_fields)
-    assert "walkable_area_m" in printed["required"]
-    assert printed["additionalProperties"] is False
-    path = tmp_path / "new" / "scenario.schema.json"
-    assert serd("scenario", "schema", "--output", path).code == 0
-    assert json.loads(path.read_text()) == printed
 
 
 def test_a_map_becomes_a_scenario_file_and_a_picture(serd, tmp_path):

@@ -8,16 +8,16 @@ import pytest
 from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
 from serd_cli.commands import watch as watch_module
-from serd_cli.commands.teleop import TeleopSettings
-from serd_cli.errors import UsageError
-from serd_cli.options import free_folder
-from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.teleop_session import (
+from serd_cli.commands.teleop import (
     SessionSummary,
+    TeleopSettings,
     driver_lines,
     require_page,
     summarise_session,
 )
+from serd_cli.errors import UsageError
+from serd_cli.options import free_folder
+from serd_cli.processes.workspace import stack_processes
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, Progress, report_address
 

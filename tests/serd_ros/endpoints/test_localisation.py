@@ -1,4 +1,4 @@
-"""Poses by `amcl_pose` and odometry, and what a message of /tf with a bad transform leaves."""
+"""What lacks of an observation, and what a message of /tf with a bad transform leaves."""
 
 import math
 
@@ -7,11 +7,11 @@ import pytest
 from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
 from serd_bag.messages.plain import transforms
 from serd_ros.convert.frames import Frames
-from serd_ros.convert.pose import to_odometry
+from serd_ros.convert.motion import to_odometry
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.endpoints.raw_type import raw_message_class
-from serd_ros.endpoints.transforms import TF_TYPE, TransformPublisher, follow_transforms
+from serd_ros.endpoints.followed_topic import TF_TYPE, TransformPublisher, follow_transforms
+from serd_ros.endpoints.robot import ObservationSource
+from serd_ros.endpoints.topic_types import raw_message_class
 from serd_ros.settings import LocalisationConfig
 from support.nodes_in_process import deliver, node_in_process
 from support.observations import observation_at
@@ -49,39 +49,6 @@ def running():
     with node_in_process("teleop_mux") as found:
         yield found
         found.assert_alive()
-
-
-@pytest.mark.parametrize("far", [(1.1, 0.0, 0.0), (0.0, 0.0, 1.1)])
-def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far, running):
-    located = Located(running, pose_from="amcl_pose")
-    located.odometry(START, (0.0, 0.0, 0.0))
-    located.pose("amcl_pose", START)
-    located.odometry(START + 0.1, (0.9, 0.0, 0.0))
-    located.odometry(START + 0.2, (0.9, 0.0, 0.9))
-    assert located.state == (2, "")
-    located.odometry(START + 0.3, far)
-    located.odometry(START + 0.4, (0.0, 0.0, 0.0))
-    n_seen, fault = located.state
-    assert n_seen == 2
-    assert "more than 1 m or 1 rad since the last amcl_pose" in fault
-    assert located.source._missing() == [fault]
-    located.pose("amcl_pose", START + 0.4)
-    located.odometry(START + 0.5, (0.1, 0.0, 0.0))
-    assert located.state == (3, "")
-
-
-def test_an_amcl_pose_that_comes_before_the_odometry_of_its_time_belongs_to_that(running):
-    """As after a pause of the node, in which odometry was lost."""
-    located = Located(running, pose_from="amcl_pose")
-    located.pose("amcl_pose", START)
-    located.odometry(START, (0.0, 0.0, 0.0))
-    located.pose("amcl_pose", START + 2.0)
-    for step, angle_rad in enumerate((1.5, 1.7)):
-        located.odometry(START + 2.0 + 0.1 * step, (3.0, 0.0, angle_rad))
-    assert located.state == (3, "")
-    first, second, third = located.seen
-    assert second.pose == pytest.approx(first.pose)
-    assert third.pose[2] - second.pose[2] == pytest.approx(0.2)
 
 
 def test_what_has_stopped_is_named_and_no_difference_of_clocks(running):

@@ -6,7 +6,6 @@ from typing import Generic
 import pytest
 from rclpy.node import Node
 
-from serd_ros.episodes.page_view import WatchView
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import (
     PACKAGE,
@@ -19,7 +18,8 @@ from serd_ros.graph.graph import (
     placed_nodes,
     stack_parameters,
 )
-from serd_ros.nodes.bags.demo_recorder import DemoRecorderConfig
+from serd_ros.nodes.demo_recorder import DemoRecorderConfig
+from serd_ros.nodes.watch_page import WatchView
 from serd_ros.process.lifecycle import ManagedNode
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NodeConfig
@@ -80,8 +80,6 @@ def test_all_that_the_page_shows_is_recorded_but_for_diagnostics():
         ("live", {"local_planner.scenario": "corridor"},
          {"local_planner.scenario": "corridor", "hallway_sim.scenario": "hallway"}),
         # A name does not reach a node to which the stack gives its own value.
-        ("replay_and_learn", {"bag": "drive"}, {"bag_replay.bag": "drive", "learner.bag": ""}),
-        ("replay_and_learn", {"learner.bag": "drive"}, {"learner.bag": "drive"}),
         ("demonstrate_and_learn", {"output": "drive"},
          {"demo_recorder.output": "drive", "learner.output": "model.yaml",
           "scripted_expert.output": ""}),
@@ -114,7 +112,6 @@ def test_no_name_means_different_things_in_the_nodes_it_reaches():
         ("live", "hallway_sim.sede", "hallway_sim has no parameter 'sede'; did you mean 'seed'"),
         ("demonstrate", "required_nodes",
          "name the node: hallway_sim.required_nodes or local_planner.required_nodes"),
-        ("replay_and_learn", "bag_replay.rate", "parameter bag must be given, .*; add bag:=VALUE"),
     ],
 )  # fmt: skip
 def test_a_wrong_or_missing_name_gets_the_right_one(stack, name, sentence):

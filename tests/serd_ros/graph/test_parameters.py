@@ -7,9 +7,8 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.graph import config_of, load_graph
 from serd_ros.nodes.guard import GuardConfig
 from serd_ros.nodes.hallway_sim import HallwaySimConfig
-from serd_ros.nodes.learner import LearnerConfig
 from serd_ros.nodes.local_planner import LocalPlannerConfig
-from serd_ros.process.parameters import validated
+from serd_ros.process.serd_node import validated
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.names import builtin_scenarios
@@ -37,10 +36,6 @@ def test_the_defaults_of_every_node_are_valid(node):
 def test_a_bad_value_names_the_parameter_the_rule_and_the_value(values, sentence):
     with pytest.raises(NodeError, match=f"parameter of hallway_sim: {sentence}"):
         validated("hallway_sim", values, HallwaySimConfig)
-
-
-def test_a_whole_number_is_taken_for_a_float():
-    assert validated("learner", {"pseudo_count": 1}, LearnerConfig).pseudo_count == 1.0
 
 
 def config(scenario, **given):

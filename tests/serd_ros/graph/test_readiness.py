@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from serd_ros.graph.readiness import PATIENCE_S, Readiness
+from serd_ros.graph.graph import PATIENCE_S, Readiness
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import pytest
 from rclpy.serialization import serialize_message
 
-from serd_ros.convert.command import to_twist_stamped
+from serd_ros.convert.motion import to_twist_stamped
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.world.command import Command
@@ -46,30 +46,17 @@ def test_a_jump_is_a_step_of_more_than_a_second(steps_ns, jump):
     assert {clock.advance(each) for each in steps_ns[1:]} == {jump}
 
 
-@pytest.mark.parametrize(
-    ("later_s", "people_from"), [(START + 1.5, "given"), (START - 1.5, "scan"), (0.0, "given")]
-)
-def test_the_planner_stands_after_a_jump_until_the_next_waypoint(later_s, people_from):
-    with node_in_process("local_planner", lockstep=False, people_from=people_from) as running:
-        scan = ("scan",) if people_from == "scan" else ()
-        feed(running, START, *scan, "waypoint")
+@pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5, 0.0])
+def test_the_planner_stands_after_a_jump_until_the_next_waypoint(later_s):
+    with node_in_process("local_planner", lockstep=False) as running:
+        feed(running, START, "waypoint")
         assert speed(running) > 0.0
         for wait_s in (0.0, 0.05):
-            feed(running, later_s + wait_s, *scan)
+            feed(running, later_s + wait_s)
             assert speed(running) == 0.0
-        feed(running, later_s + 0.1, *scan, "waypoint")
+        feed(running, later_s + 0.1, "waypoint")
         assert speed(running) > 0.0
         running.assert_alive()
-
-
-def test_people_in_scans_are_tracked_anew_in_a_new_session():
-    with node_in_process("local_planner", lockstep=False, people_from="scan") as running:
-        for time_s in (START, 0.0):
-            feed(running, time_s, "scan")
-            tracker = running.work._planner.perception.tracker
-            assert len(tracker.identity) > 0
-            assert tracker.identity.min() == 0
-            assert tracker._time_s == time_s
 
 
 def episode(start_s):
@@ -170,20 +157,6 @@ def test_a_world_in_lock_step_answers_the_stamp_it_waits_for_and_no_other():
             assert stamp_s(running.sent["clock"].clock) == now_s
         running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), now_s))
         assert stamp_s(running.sent["clock"].clock) == pytest.approx(now_s + 0.05)
-        running.assert_alive()
-
-
-@pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5])
-def test_nav2_drives_after_a_jump_only_to_the_next_waypoint(later_s, nav2_server):
-    with node_in_process("nav2_bridge", publish_tf=True) as running:
-        feed(running, START, "waypoint")
-        goal = nav2_server.answer()
-        feed(running, later_s)
-        assert goal.canceled
-        assert running.work._goals.state == "no goal"
-        feed(running, later_s + 0.1, "waypoint")
-        nav2_server.answer()
-        assert running.work._goals.state == "driving"
         running.assert_alive()
 
 

@@ -7,7 +7,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from std_msgs.msg import Bool
 
-from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.motion import to_odometry, to_pose_stamped
 from serd_ros.errors import NodeError
 from serd_ros.nodes import guard
 from support.nodes_in_process import node_in_process

@@ -11,21 +11,20 @@ from geometry_msgs.msg import Twist, Vector3
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.plain import transforms
 from serd_files.yaml_config import model_yaml
-from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.frames import Frames
-from serd_ros.convert.pose import to_goal_area_message
+from serd_ros.convert.motion import to_goal_area_message, to_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.followed_topic import TF_TYPE
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.endpoints.transforms import TF_TYPE
-from serd_ros.graph.readiness import PATIENCE_S
+from serd_ros.graph.graph import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.robot.urdf import BUILTIN_URDF
@@ -164,14 +163,6 @@ def test_a_world_without_a_processor_for_long_sends_its_tick_again_and_goes_on(b
     assert time_after_command(begun) == 0.05
 
 
-def test_the_time_in_which_a_world_is_paused_is_no_silence(begun):
-    for paused in (True, False):
-        begun.call("pause", SetBool.Request(data=paused))
-        look(begun, 1.0, times=9)
-    assert not begun.node.finished.done()
-    assert time_after_command(begun) == 0.05
-
-
 def test_a_robot_in_its_goal_is_not_waited_for_until_the_goal_is_elsewhere(begun):
     for first_m, last_m, time_s in ((-100.0, 100.0, 0.05), (90.0, 100.0, 0.1)):
         corners = (first_m, first_m), (last_m, first_m), (last_m, last_m), (first_m, last_m)
@@ -212,9 +203,8 @@ def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
             for _ in range(5):
                 running.call_timers()
         elif between == "turn":
-            requests = running.node._requests
-            x_m, y_m, yaw_rad = requests._start_pose
-            requests._start_pose = x_m, y_m, yaw_rad + math.tau
+            x_m, y_m, yaw_rad = running.node._start_pose
+            running.node._start_pose = x_m, y_m, yaw_rad + math.tau
         found.append(ask(running))
         assert [episode_of(each).episode for each in found] == episodes
 

@@ -1,12 +1,9 @@
 """Live, the planner answers each observation at once, and stops when they stop coming."""
 
-import math
-
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_intent
-from serd_ros.convert.pose import to_odometry, to_pose_stamped, to_waypoint_message
+from serd_ros.convert.motion import to_intent, to_odometry, to_pose_stamped, to_waypoint_message
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.nodes import local_planner
 from serd_sim.world.waypoint import Waypoint
@@ -81,23 +78,6 @@ def seen(monkeypatch):
     take = lambda _, observation: observations.append(observation)  # noqa: E731
     monkeypatch.setattr(local_planner.Planning, "_on_observation", take)
     return observations
-
-
-def test_amcl_pose_is_carried_on_by_odometry(seen):
-    given = {"people_from": "none", "pose_from": "amcl_pose", "stamp_tolerance_s": 0.3}
-    with node_in_process("local_planner", lockstep=False, **given) as running:
-        observe(running, 10.0, "odom")
-        assert seen == []
-        found = valid_message("amcl_pose", 9.98)
-        running.receive("amcl_pose", found)
-        odometry = valid_message("odom", 10.1)
-        odometry.pose.pose.position.x += 0.2
-        running.receive("odom", odometry)
-        (observation,) = seen
-        place = found.pose.pose.position
-        assert observation.time_s == pytest.approx(10.1)
-        moved_m = math.dist((observation.x_m, observation.y_m), (place.x, place.y))
-        assert moved_m == pytest.approx(0.2)
 
 
 def test_people_are_those_of_the_topic_that_is_named_for_them(seen):

@@ -5,12 +5,11 @@ from std_msgs.msg import Bool
 
 from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import to_diagnostics
-from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.motion import from_intent, to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
-from serd_ros.episodes.page_view import episode_values
+from serd_ros.nodes.watch_page import episode_values
 from serd_sim.episodes.result import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at

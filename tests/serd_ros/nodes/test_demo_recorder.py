@@ -7,10 +7,8 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
-from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from serd_bag.reader import BagReader
 from serd_files.errors import USER_ERRORS
@@ -75,19 +73,6 @@ def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_
     assert kept.topic == "/odom"
 
 
-def test_a_stop_request_keeps_the_messages_that_wait(record, tmp_path):
-    with record("odom") as running:
-        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
-        wait_until(odometry.get_subscription_count)
-        for _ in range(100):
-            odometry.publish(Odometry())
-        assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
-        response = running.call("stop_recording", Trigger.Request())
-        sentence = f"100 messages in {tmp_path / 'bag'}"
-        assert (response.success, response.message) == (True, sentence)
-    assert len(list(BagReader(tmp_path / "bag").messages())) == 100
-
-
 def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(record, tmp_path):
     with record("/clock", "robot_pose", "cmd_vel") as running:
         for time_s in (900.0, 5.0):
@@ -106,20 +91,6 @@ def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(tmp_path):
     ):
         pass
     assert not (tmp_path / "bag").exists()
-
-
-def test_a_topic_of_the_stack_is_followed_also_from_a_publisher_that_offers_less(record):
-    with record("odom") as running:
-        running.node.create_publisher(Odometry, "odom", qos.SENSOR)
-
-        def follows():
-            running.call_timers()
-            found = [each for each in running.node.subscriptions if each.topic_name == "/odom"]
-            asked = [each.qos_profile.reliability for each in found]
-            return asked == [ReliabilityPolicy.BEST_EFFORT]
-
-        wait_until(follows)
-        running.assert_alive()
 
 
 def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_path):

@@ -14,9 +14,8 @@ from serd_ros.convert.diagnostics import UNCOUNTED, from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.endpoints.world.worlds import several_worlds
-from serd_ros.episodes.starter import EpisodeStarter
+from serd_ros.endpoints.episodes import EpisodeStarter
+from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver
@@ -31,7 +30,6 @@ _CLOCK_ROUNDING_S = 1e-6
 #: Without a reset, an episode begins with an observation of at most this wall time ago (s), or of
 #: two control periods where these are longer.
 _FRESH_S = 0.5
-_LOOK_PERIOD_S = 1.0
 
 
 @dataclass
@@ -98,14 +96,13 @@ class EpisodeRunner:
         #: The topics of a world that this node depends on.
         follows_clock = self._resets_world or self._node.get_parameter("use_sim_time").value
         clock, takes_pose = bool(follows_clock), config.pose_from == topics.ROBOT_POSE
-        self._world_topics = [topics.CLOCK] * clock + [topics.ROBOT_POSE] * takes_pose
+        world_topics = [topics.CLOCK] * clock + [topics.ROBOT_POSE] * takes_pose
         self._starter = EpisodeStarter(
             endpoints, config.required_nodes,
             on_ready=self.next_episode, on_start=self._begin_episode, on_wait=self._log_waiting,
-            needs_reset=self._resets_world, world_topics=self._world_topics,
+            needs_reset=self._resets_world, world_topics=world_topics,
         )  # fmt: skip
         self._starter.wait()
-        endpoints.every(_LOOK_PERIOD_S, self._look_for_other_worlds)
 
     def set_scenario(self, scenario: Scenario) -> None:
         """End episodes in the goal area of this scenario from now on, the running one too."""
@@ -152,16 +149,6 @@ class EpisodeRunner:
             self._drive = self._waiting = None
             self._world_reports.clear()
             self._starter.wait()
-
-    def _look_for_other_worlds(self) -> None:
-        """Discard the episode while several nodes publish the world; another one begins after."""
-        several = several_worlds(self._node, self._world_topics) if self.driving else ""
-        if not several:
-            return
-        self._node.get_logger().error(f"there must be {several}; the episode is discarded")
-        self.discard()
-        self._waiting = None
-        self._starter.wait()
 
     def _log_waiting(self, missing: str) -> None:
         self._node.get_logger().info(f"waiting for {missing}")

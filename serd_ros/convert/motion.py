@@ -1,6 +1,10 @@
-"""Poses, goals, paths, odometry and frames: (x, y, yaw) to and from messages (REP 103, 105)."""
+"""Poses, goals, paths, odometry and frames: (x, y, yaw) to and from messages (REP 103, 105).
+
+People and policy arrows become markers, for RViz.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -10,21 +14,28 @@ from geometry_msgs.msg import (
     PolygonStamped,
     Pose,
     PoseStamped,
-    PoseWithCovarianceStamped,
     Quaternion,
     Twist,
+    TwistStamped,
+    Vector3,
+    Vector3Stamped,
 )
 from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
+from sensor_msgs.msg import Joy
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 from serd_bag.messages.plain import yaw_of_quaternion
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, action_of_direction, direction_of_action
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.stamp import require_finite, require_frame, stamp_ns, to_header
+from serd_ros.convert.stamp import LARGEST, require_finite, require_frame, stamp_ns, to_header
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from serd_sim.safety.motion import STANDING, compose, motion_between
 from serd_sim.scenario.goal import Area
-from serd_sim.world.observation import Observation
+from serd_sim.world.command import Command
+from serd_sim.world.observation import Observation, People
 from serd_sim.world.waypoint import Waypoint
 
 PlanarPose = tuple[float, float, float]
@@ -53,12 +64,9 @@ def from_pose(message: Pose) -> PlanarPose:
     return x_m, y_m, yaw_rad
 
 
-def from_pose_stamped(
-    message: PoseStamped | PoseWithCovarianceStamped, frames: Frames = NO_FRAMES
-) -> tuple[int, PlanarPose]:
+def from_pose_stamped(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[int, PlanarPose]:
     """(stamp_ns, pose in the map)."""
-    inner = message.pose if isinstance(message, PoseStamped) else message.pose.pose
-    pose = frames.pose_in(topics.MAP_FRAME, message.header.frame_id, from_pose(inner))
+    pose = frames.pose_in(topics.MAP_FRAME, message.header.frame_id, from_pose(message.pose))
     return stamp_ns(message.header.stamp), pose
 
 
@@ -159,3 +167,102 @@ def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
         to_pose_stamped((x, y, yaw), time_s) for (x, y), yaw in zip(points_m, yaws, strict=True)
     ]
     return Path(header=to_header(topics.MAP_FRAME, time_s), poses=poses)
+
+
+_ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
+_PEOPLE = ColorRGBA(r=0.85, g=0.48, b=0.15, a=1.0)
+
+
+def to_people_markers(people: People, radius_m: float, time_s: float) -> MarkerArray:
+    """All people as one list of balls, and a line to where each will be in a second."""
+    bodies = _marker(0, "people", Marker.SPHERE_LIST, time_s)
+    bodies.scale = Vector3(x=2.0 * radius_m, y=2.0 * radius_m, z=2.0 * radius_m)
+    lines = _marker(0, "velocities", Marker.LINE_LIST, time_s)
+    lines.scale = Vector3(x=0.05, y=0.0, z=0.0)
+    bodies.color = lines.color = _PEOPLE
+    soon_m = people.position_m + people.velocity_mps
+    for (x_m, y_m), (soon_x_m, soon_y_m) in zip(people.position_m, soon_m, strict=True):
+        here = Point(x=float(x_m), y=float(y_m), z=radius_m)
+        bodies.points.append(here)
+        lines.points += [here, Point(x=float(soon_x_m), y=float(soon_y_m), z=radius_m)]
+    return MarkerArray(markers=[bodies, lines])
+
+
+def to_policy_markers(
+    centers_m: NDArray[np.float64], actions: Sequence[Action], cell_size_m: float, time_s: float
+) -> MarkerArray:
+    """One arrow per cell, a flat disc where the policy waits. centers_m: (S, 2)."""
+    markers, length = [], 0.6 * cell_size_m
+    for number, (center, action) in enumerate(zip(centers_m, actions, strict=True)):
+        east, north = DIRECTION_VECTORS[action]
+        waits = action == Action.WAIT
+        marker = _marker(number, "policy", Marker.CYLINDER if waits else Marker.ARROW, time_s)
+        tail = center - 0.5 * length * np.array([east, north])
+        marker.color = _ARROW
+        marker.pose = to_pose((tail[0], tail[1], math.atan2(north, east)))
+        size = (0.2, 0.2, 0.02) if waits else (length, 0.08, 0.08)
+        marker.scale = Vector3(x=size[0], y=size[1], z=size[2])
+        markers.append(marker)
+    return MarkerArray(markers=markers)
+
+
+def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:
+    header = to_header(topics.MAP_FRAME, time_s)
+    return Marker(header=header, ns=namespace, id=number, type=kind, action=Marker.ADD)
+
+
+def to_twist(command: Command) -> Twist:
+    """A plain Twist, what Nav2 in Jazzy and teleop_twist_keyboard send."""
+    message = Twist()
+    message.linear.x = float(command.linear_mps)
+    message.angular.z = float(command.angular_radps)
+    return message
+
+
+def to_twist_stamped(command: Command, time_s: float) -> TwistStamped:
+    """A TwistStamped whose stamp is that of the observation it answers."""
+    return TwistStamped(header=to_header(topics.BASE_FRAME, time_s), twist=to_twist(command))
+
+
+def from_twist(message: Twist) -> Command:
+    """The command of a Twist; what a unicycle cannot do (linear.y, ...) is ignored.
+
+    One beyond LARGEST becomes NaN, and one that is not finite stays so: who follows it stops.
+    """
+    speeds = message.linear.x, message.angular.z
+    return Command(*(math.nan if abs(each) > LARGEST else each for each in speeds))
+
+
+def from_twist_stamped(message: TwistStamped) -> tuple[int, Command]:
+    """(stamp_ns, command); an empty frame is the robot's."""
+    require_frame(message.header, topics.BASE_FRAME, "")
+    return stamp_ns(message.header.stamp), from_twist(message.twist)
+
+
+def from_any_twist(message: Twist | TwistStamped) -> Command:
+    """The command of a message with a stamp or without."""
+    is_plain = isinstance(message, Twist)
+    return from_twist(message) if is_plain else from_twist_stamped(message)[1]
+
+
+def to_intent(action: Action, time_s: float) -> Vector3Stamped:
+    """The unit direction of an action in the map, (0, 0) to wait."""
+    message = Vector3Stamped(header=to_header(topics.MAP_FRAME, time_s))
+    message.vector.x, message.vector.y = direction_of_action(action)
+    return message
+
+
+def from_intent(message: Vector3Stamped, frames: Frames = NO_FRAMES) -> tuple[int, Action]:
+    """(stamp_ns, action): the action whose axis is nearest to the direction in the map."""
+    direction = message.vector.x, message.vector.y
+    require_finite("vector", direction)
+    if message.header.frame_id != topics.MAP_FRAME:
+        matrix = frames.place(message.header.frame_id, topics.MAP_FRAME).matrix
+        direction = tuple(matrix[:2, :2] @ direction)
+    return stamp_ns(message.header.stamp), action_of_direction(*direction)
+
+
+def to_joy(axes: Sequence[float], buttons: Sequence[int], time_s: float) -> Joy:
+    """A joystick's state as joy_node publishes it."""
+    values = {"axes": list(map(float, axes)), "buttons": list(map(int, buttons))}
+    return Joy(header=to_header("", time_s), **values)

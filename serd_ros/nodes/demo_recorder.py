@@ -11,9 +11,6 @@ from collections.abc import Iterable
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Literal
-
-from std_srvs.srv import Trigger
 
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import message_stamp_ns
@@ -54,18 +51,11 @@ class DemoRecorderConfig(ManagedConfig):
         min_length=1,
     )
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
-    record_at_start: bool = setting(True, "start recording at once, without start_recording")
     minimum_free_mb: float = setting(
         _RECORDER.min_free_bytes / 1e6,
         "stop recording when less disk space is free",
         unit="MB",
         ge=0,
-    )
-    maximum_file_mb: float = setting(
-        0.0, "start another file of the bag beyond this size; 0: one file", unit="MB", ge=0
-    )
-    compression: Literal["none", "zstd"] = setting(
-        _RECORDER.compression, "compression of the bag's chunks"
     )
 
 
@@ -93,22 +83,20 @@ class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
 
 
 class Recording(Activity):
-    """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
+    """Subscribes raw and records; each activation begins a bag, `output`, `output-2`, ..."""
 
     def __init__(self, kinds: dict[str, TopicType], bags: list[Path], endpoints: Endpoints) -> None:
         self._node, self._config, self._bags = endpoints.node, endpoints.node.config, bags
         self._clock_topic = self._node.resolve_topic_name(topics.CLOCK)
-        self._recorder: BagRecorder | None = None
         self._recording_clock: RecordingClock | None = None
         self._topics = {
             name: FollowedTopic(endpoints, name, kind, self._take) for name, kind in kinds.items()
         }
-        endpoints.serve(Trigger, topics.START_RECORDING, self._on_start)
-        endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
+        self._recorder: BagRecorder | None = self._begun()
+        for topic in self._topics.values():
+            self._declare(topic)
         endpoints.every(_POLL_PERIOD_S, self._poll)
         endpoints.every(_REPORT_PERIOD_S, self._report)
-        if self._config.record_at_start:
-            self._start()
 
     def close(self) -> None:
         """Finish the bag, with all that has come in."""
@@ -183,42 +171,14 @@ class Recording(Activity):
         self._finish_bag()
         self._node.fail(recorder.status.problem)
 
-    def _start(self) -> None:
-        settings = RecorderSettings(
-            min_free_bytes=round(self._config.minimum_free_mb * 1e6),
-            max_file_bytes=round(self._config.maximum_file_mb * 1e6) or None,
-            compression=self._config.compression,
-        )
-        # `output`, or `output-2`, ... for later recordings of this process.
+    def _begun(self) -> BagRecorder:
+        settings = RecorderSettings(min_free_bytes=round(self._config.minimum_free_mb * 1e6))
         output = folder = Path(self._config.output)
         numbers = count(2)
         while self._bags and folder.exists():
             folder = output.with_name(f"{output.name}-{next(numbers)}")
-        self._recorder = BagRecorder(folder, settings=settings)
         self._bags.append(folder)
-        if self._recording_clock is not None and not self._recording_clock.simulated:
-            self._recording_clock = None  # there may be a /clock now
-        for topic in self._topics.values():
-            self._declare(topic)
-
-    def _on_start(self, _: Trigger.Request) -> str:
-        if self._recorder is not None:
-            raise NodeError(f"recording into {self._recorder.directory}")
-        self._start()
-        assert self._recorder is not None
-        return f"recording into {self._recorder.directory}"
-
-    def _on_stop(self, _: Trigger.Request) -> str:
-        """What came in before the call is in the bag, in whatever order it is looked at."""
-        recorder = self._recorder
-        if recorder is None:
-            raise NodeError("nothing is being recorded")
-        self._record_what_waits()
-        self._finish_bag()
-        status = recorder.status
-        if status.problem:
-            raise NodeError(status.problem)
-        return f"{status.n_messages} messages in {recorder.directory}"
+        return BagRecorder(folder, settings=settings)
 
     def _report(self) -> None:
         self._look_at(self._topics.values())

@@ -1,22 +1,37 @@
-"""Observations: pose, speeds and people, put together by stamp; and the scans of a lidar."""
+"""The topics of a robot: where it is, what it observes, the scans of its lidar, its commands.
+
+A node that was stopped finds the commands that waited for it. By the time of their arrival they
+would be new, so the time counts at which the middleware sent them, and only the newest one waits.
+"""
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
 
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.motion import (
+    PlanarPose,
+    from_odometry,
+    from_pose_stamped,
+    to_twist,
+    to_twist_stamped,
+)
 from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.localisation import LOCALISATIONS
+from serd_ros.endpoints.followed_topic import follow_transforms
 from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.errors import MessageError
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
+from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation, People
 from serd_sim.world.observation_inbox import ObservationInbox
 
@@ -75,10 +90,9 @@ class ObservationSource:
         self._pass_on(self._inbox.take_pose(time_ns, pose))
 
     def _on_odometry(self, message: Odometry) -> None:
-        time_ns, pose, speeds = from_odometry(message, self._node.frames)
+        time_ns, _, speeds = from_odometry(message, self._node.frames)
         self._came_wall_s["odom"] = self._node.wall_s()
         self._pass_on(self._inbox.take_speeds(time_ns, speeds))
-        self._localisation.take_odometry(time_ns, pose)
 
     def _on_people(self, time_ns: int, people: People) -> None:
         self._came_wall_s["people"] = self._node.wall_s()
@@ -165,3 +179,104 @@ def follow_scans(
         take(time_ns, Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message), mount))
 
     endpoints.subscribe(LaserScan, topics.SCAN, on_scan, profile)
+
+
+TakePose = Callable[[int, PlanarPose], None]
+
+
+class PoseTopic:
+    """`robot_pose` as it comes. topic: what must be published for it."""
+
+    topic: ClassVar[str] = topics.ROBOT_POSE
+
+    def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
+        def on_pose(message: PoseStamped) -> None:
+            take(*from_pose_stamped(message, endpoints.node.frames))
+
+        follow_transforms(endpoints)
+        endpoints.subscribe(PoseStamped, self.topic, on_pose, qos.STATE)
+
+    def fault(self) -> str:
+        """Why there is no pose although the topic is published; empty if unknown."""
+        return ""
+
+
+class TransformPose:
+    """`base_link` in `map` by /tf, as often as the transform next to `base_link` comes."""
+
+    topic: ClassVar[str] = topics.TF
+
+    def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
+        self._frames, self._take_pose = endpoints.node.frames, take
+        self._last_ns: int | None = None
+        follow_transforms(endpoints, self._on_change)
+
+    def _on_change(self) -> None:
+        try:
+            placed = self._frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
+        except MessageError:
+            return
+        if placed.stamp_ns is not None and placed.stamp_ns != self._last_ns:
+            self._last_ns = placed.stamp_ns
+            self._take_pose(placed.stamp_ns, placed.pose)
+
+    def fault(self) -> str:
+        """What /tf lacks."""
+        try:
+            placed = self._frames.place(topics.BASE_FRAME, topics.MAP_FRAME)
+        except MessageError as error:
+            return str(error)
+        return "" if placed.stamp_ns is not None else "base_link does not move in map by /tf"
+
+
+LOCALISATIONS: dict[str, type[PoseTopic | TransformPose]] = {
+    "robot_pose": PoseTopic,
+    "tf": TransformPose,
+}
+
+
+#: Clocks of machines may differ by this much.
+_CLOCKS_AGREE_S = 0.2
+
+
+class CommandPublisher:
+    """Publishes commands of a robot."""
+
+    def __init__(self, endpoints: Endpoints, topic: str, *, stamped: bool) -> None:
+        self._frames, self._stamped = endpoints.node.frames, stamped
+        self._publisher = endpoints.publisher(_kind(stamped), topic, qos.STATE)
+
+    def publish(self, command: Command, time_s: float) -> None:
+        """Send a command. time_s: of the observation that it answers."""
+        if self._stamped:
+            message = self._frames.prefixed(to_twist_stamped(command, time_s))
+            self._publisher.publish(message)
+        else:
+            self._publisher.publish(to_twist(command))
+
+
+def follow_commands(
+    endpoints: Endpoints, topic: str, take: Callable[[Any, float], None], *, stamped: bool
+) -> None:
+    """Call back with each command and its age (s) by the clocks of its publisher and this machine.
+
+    The age is 0 where the middleware does not state when a message was sent. A command that was
+    sent in the future is dropped with a MessageError, since its age is unknown.
+    """
+
+    def take_sent(message: Any, info: Mapping[str, int]) -> None:
+        sent_ns = info["source_timestamp"]
+        age_s = (time.time_ns() - sent_ns) * 1e-9 if sent_ns > 0 else 0.0
+        if age_s < -_CLOCKS_AGREE_S:
+            raise MessageError(
+                f"commands must be sent at most {_CLOCKS_AGREE_S:g} s in the future",
+                f"{-age_s:.1f} s",
+                "set the clocks of the machines",
+            )
+        take(message, max(age_s, 0.0))
+
+    endpoints.subscribe(_kind(stamped), topic, take_sent, qos.NEWEST)
+
+
+def _kind(stamped: bool) -> type[Twist | TwistStamped]:
+    return TwistStamped if stamped else Twist

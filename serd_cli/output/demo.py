@@ -24,10 +24,10 @@ from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportI
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
-from serd_cli.demo.folder import DemoFolder, DemoSettings
+from serd_cli.commands.demo import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, print_json
 from serd_files.model_file import load_model
-from serd_ros.convert.pose import from_pose
+from serd_ros.convert.motion import from_pose
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics

@@ -1,7 +1,7 @@
 """bag_replay: plays a bag into its topics, as a ROS 2 node.
 
 A learner, a recorder or a viewer subscribes as to the recorded world. Bag time is that of the log
-times, and is published on /clock.
+times; a recorded /clock is played as any other topic.
 """
 
 import math
@@ -11,8 +11,6 @@ from collections.abc import Collection, Iterable
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool, Trigger
 
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
@@ -20,12 +18,11 @@ from serd_bag.playback import Excerpt, Playback, UntilDamage
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
-from serd_ros.convert.stamp import to_stamp
-from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints import qos
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
-from serd_ros.graph.readiness import Readiness
+from serd_ros.graph.graph import Readiness
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import BagReplayConfig
@@ -33,6 +30,8 @@ from serd_ros.settings import BagReplayConfig
 _TURN_S = 0.005
 _AT_ONCE = 200
 _REPORT_PERIOD_S = 0.5
+#: The longest wait (s) for a subscriber where no node is required.
+_WAIT_S = 10.0
 _CONFIRMED_WITHIN = Duration(seconds=10.0)
 _UNCONFIRMED_AT_MOST = qos.STATE_DEPTH // 2
 
@@ -44,7 +43,6 @@ class ReplayPublishers:
     """
 
     def __init__(self, endpoints: Endpoints, topics: Iterable[Topic]) -> None:
-        self._endpoints = endpoints
         self.skipped: dict[str, str] = {}
         self._of: dict[str, Publisher] = {}
         self._n_unconfirmed: Counter[str] = Counter()
@@ -81,12 +79,6 @@ class ReplayPublishers:
         for topic in list(self._n_unconfirmed):
             self._confirm(topic)
 
-    def close(self) -> None:
-        """End all topics."""
-        for publisher in self._of.values():
-            self._endpoints.destroy(publisher)
-        self._of.clear()
-
     def _confirm(self, topic: str) -> None:
         self._n_unconfirmed[topic] = 0
         publisher = self._of[topic]
@@ -110,46 +102,35 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._reader = BagReader(config.bag)
         kinds = self._reader.topics
         wanted = selected_topics(kinds, [name for name in config.topics if name])
-        if config.clock_hz > 0:
-            clock = "rosgraph_msgs/msg/Clock"
-            wanted = frozenset(each for each in wanted if kinds[each].type_name != clock)
         self._outlet = ReplayPublishers(endpoints, [kinds[name] for name in wanted])
         for topic, kind in self._outlet.skipped.items():
             text = f"{topic} is not played: {kind} is not in CDR or not installed"
             self.get_logger().warning(text)
-        played, duration_s = frozenset(self._outlet.topics), config.duration_s or math.inf
-        self._excerpt = Excerpt(played, config.start_s, duration_s)
-        self._n_sent, self._has_ended, self._rate = 0, False, config.rate
+        excerpt = Excerpt(frozenset(self._outlet.topics), config.start_s, math.inf)
+        self._n_sent = 0
         self._readiness = Readiness(self, config.required_nodes, now_s)
-        self._waiting_until_s: float | None = now_s + config.wait_s
-        self._playback = self._from_the_beginning()
-        endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
-        endpoints.serve(Trigger, topics.STEP, self._on_step)
-        endpoints.on_set({"rate": self._on_rate})
-        self._bag_clock = endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self._waiting_until_s: float | None = now_s + _WAIT_S
+        self._sound = UntilDamage(excerpt.messages(self._reader))
+        self._playback = Playback(self._sound, rate=config.rate)
+        self._require_messages()
         endpoints.every(_TURN_S, self._turn)
         endpoints.every(_REPORT_PERIOD_S, self._report_playback)
-        if config.clock_hz > 0:
-            endpoints.every(1.0 / config.clock_hz, self._send_clock)
 
-    def _from_the_beginning(self) -> Playback:
-        self._sound = UntilDamage(self._excerpt.messages(self._reader))
-        playback = Playback(self._sound, rate=self._rate)
+    def _require_messages(self) -> None:
         if self._sound.damage:
             raise NodeError(self._sound.damage)
-        if playback.finished:
+        if self._playback.finished:
             raise NodeError(
                 f"bag {self.config.bag} must hold a message to play, got none from"
-                f" {self.config.start_s:g} s on; begin earlier, play longer or other topics"
+                f" {self.config.start_s:g} s on; begin earlier, or play other topics"
             )
-        if self.config.paused:
-            playback.pause(self.wall_s())
-        return playback
 
     def _turn(self) -> None:
         if self._waiting_until_s is not None and not self._has_subscribers():
             return
-        self._publish(self._playback.due(self.wall_s(), at_most=_AT_ONCE))
+        messages = self._playback.due(self.wall_s(), at_most=_AT_ONCE)
+        self._outlet.publish(messages)
+        self._n_sent += len(messages)
         if self._playback.finished:
             self._end()
 
@@ -167,29 +148,6 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self.get_logger().info(f"waiting for {waited_for}", throttle_duration_sec=2.0)
         return False
 
-    def _publish(self, messages: list[RawMessage]) -> None:
-        self._outlet.publish(messages)
-        self._n_sent += len(messages)
-
-    def _on_pause(self, request: SetBool.Request) -> str:
-        (self._playback.pause if request.data else self._playback.resume)(self.wall_s())
-        return "paused" if self._playback.paused else "playing"
-
-    def _on_step(self, _: Trigger.Request) -> str:
-        if not self._playback.paused:
-            raise NodeError("the replay must be paused for a step, it plays; call pause before")
-        message = self._playback.step()
-        self._publish([] if message is None else [message])
-        return "no message is left" if message is None else message.topic
-
-    def _on_rate(self, rate: float) -> None:
-        self._rate = rate
-        self._playback.set_rate(self.wall_s(), rate)
-
-    def _send_clock(self) -> None:
-        if self._waiting_until_s is None:
-            self._bag_clock.publish(Clock(clock=to_stamp(self._bag_time_s())))
-
     def _bag_time_s(self) -> float:
         return self._playback.bag_time_ns(self.wall_s()) * 1e-9
 
@@ -197,30 +155,20 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         if self._waiting_until_s is not None:
             return
         playback = self._playback
-        state = "finished" if playback.finished else "paused" if playback.paused else "playing"
+        state = "finished" if playback.finished else "playing"
         damage = self._sound.damage
-        values = {"messages": self._n_sent, "rate": self._rate, "bag": self.config.bag}
+        values = {"messages": self._n_sent, "rate": self.config.rate, "bag": self.config.bag}
         level = ERROR if damage else OK
         self.report(self._bag_time_s(), values, level=level, message=damage or state)
 
     def _end(self) -> None:
         """All sound messages have been played; a damaged bag ends the node with the damage."""
-        damage = self._sound.damage
-        if self.config.loop and not damage:
-            self._playback = self._from_the_beginning()
-            return
-        if self._has_ended:
-            return
-        self._has_ended = True
         self._outlet.finish()
         self._report_playback()
-        if damage:
+        if damage := self._sound.damage:
             self.fail(damage)
             return
         text = f"played {self._n_sent} messages of {self.config.bag}"
         self.get_logger().info(text)
         write_progress(Progress(text=text, n_messages=self._n_sent))
-        if self.config.exit_when_done:
-            self.finish(0)
-        else:
-            self._outlet.close()
+        self.finish(0)

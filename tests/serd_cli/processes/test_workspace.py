@@ -6,8 +6,12 @@ import pytest
 
 from serd_bag.errors import FileError
 from serd_cli.errors import UsageError
-from serd_cli.processes.node_commands import find_command, parse_assignment
-from serd_cli.processes.workspace import LOOPBACK_PROFILE, ros_environment
+from serd_cli.processes.workspace import (
+    LOOPBACK_PROFILE,
+    find_command,
+    parse_assignment,
+    ros_environment,
+)
 
 
 @pytest.mark.parametrize(

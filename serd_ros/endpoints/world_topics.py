@@ -16,15 +16,19 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from serd_bag.files import read_text
-from serd_ros.convert.command import from_any_twist, from_twist_stamped
-from serd_ros.convert.markers import to_people_markers
-from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.motion import (
+    from_any_twist,
+    from_twist_stamped,
+    to_odometry,
+    to_people_markers,
+    to_pose_stamped,
+)
 from serd_ros.convert.sensors import to_occupancy_grid, to_people_message, to_scan
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.commands import follow_commands
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.transforms import TransformPublisher, publish_links
+from serd_ros.endpoints.followed_topic import TransformPublisher, publish_links
+from serd_ros.endpoints.robot import follow_commands
 from serd_sim.crowd.social_force import model_named
 from serd_sim.robot.urdf import link_transforms
 from serd_sim.scenario.occupancy import occupancy_raster
@@ -43,13 +47,11 @@ _REPORT_PERIOD_S = 0.5
 class WorldPublisher:
     """Publishes the time of the world and its present state as a robot observes it.
 
-    Scan and markers only while there are subscribers. with_tf: also as transforms. n_ticks: that
-    were published.
+    Scan and markers only while there are subscribers. with_tf: also as transforms.
     """
 
     def __init__(self, endpoints: Endpoints, world: HallwayWorld, *, with_tf: bool) -> None:
         self._node, self._world = endpoints.node, world
-        self.n_ticks = 0
         self._clock = endpoints.publisher(Clock, topics.CLOCK, qos.CLOCK)
         self._pedestrians = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
         self._odometry = endpoints.publisher(Odometry, topics.ODOM, qos.STATE)
@@ -70,7 +72,6 @@ class WorldPublisher:
 
     def publish(self) -> None:
         """Send the present tick: the clock, then what the robot observes."""
-        self.n_ticks += 1
         world, observation = self._world, self._world.observation
         self._clock.publish(Clock(clock=to_stamp(world.time_s)))
         if world.is_scan_tick:
@@ -109,7 +110,7 @@ class WorldPublisher:
 
 
 class LockstepLoop:
-    """One step per stamped command, unless it is paused.
+    """One step per stamped command.
 
     publish: sends the present tick. timeout_s: without an answer, after which the node ends.
     """
@@ -123,7 +124,7 @@ class LockstepLoop:
     ) -> None:
         self._node, self._world = endpoints.node, world
         self._publish, self._timeout_s = publish, timeout_s
-        self.paused = self._begun = False
+        self._begun = False
         self._awaited_ns: int | None = None
         self._sent_wall_s = self._watched_wall_s = self._node.wall_s()
         #: How long the command was awaited since the begin of the tick.
@@ -143,7 +144,7 @@ class LockstepLoop:
 
     def _on_command(self, message: TwistStamped) -> None:
         time_ns, command = from_twist_stamped(message)
-        if self.paused or time_ns != self._awaited_ns:
+        if time_ns != self._awaited_ns:
             return
         self._world.step(command)
         self._begin_tick()
@@ -162,7 +163,7 @@ class LockstepLoop:
         """Send an unanswered tick again; give up after a long time without an answer."""
         now_s = self._node.wall_s()
         turn_s, self._watched_wall_s = now_s - self._watched_wall_s, now_s
-        if self.paused or self._awaited_ns is None:
+        if self._awaited_ns is None:
             return
         self._silent_s += turn_s if turn_s <= _LONGEST_TURN_S else 0.0
         if self._silent_s > self._timeout_s:
@@ -177,7 +178,7 @@ class LockstepLoop:
 
 
 class LiveLoop:
-    """One step per control period of (scaled) real time, with a dead-man's switch, unless paused.
+    """One step per control period of (scaled) real time, with a dead-man's switch.
 
     publish: sends the present tick. timeout_s: without a command, after which the robot stops.
     """
@@ -194,7 +195,7 @@ class LiveLoop:
     ) -> None:
         self._world, self._publish = world, publish
         self._guard = CommandGuard(timeout_s)
-        self.paused = self._running = False
+        self._running = False
         follow_commands(endpoints, topics.CMD_VEL, self._take, stamped=stamped)
         endpoints.every(world.scenario.control_period_s / real_time_factor, self._step)
 
@@ -211,7 +212,6 @@ class LiveLoop:
         self._guard.receive(from_any_twist(message), self._world.time_s - age_s)
 
     def _step(self) -> None:
-        if self.paused or not self._running:
-            return
-        self._world.step(self._guard.current(self._world.time_s))
-        self._publish()
+        if self._running:
+            self._world.step(self._guard.current(self._world.time_s))
+            self._publish()

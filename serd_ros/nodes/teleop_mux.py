@@ -1,4 +1,4 @@
-"""teleop_mux: which of several velocity commands drives the robot, as a ROS 2 node.
+"""teleop_mux: which of several velocity commands drives; teleop_joy: a joystick as one of them.
 
 After twist_mux; see serd_app.teleop.twist_mux for the rules. It publishes all the time: a stop when
 no input drives. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true and release
@@ -8,17 +8,19 @@ it with false; `e_stop_engaged` is its state.
 from functools import partial
 
 from geometry_msgs.msg import Twist, TwistStamped
+from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from serd_app.teleop.joy_mapping import JoyDriver, load_joy_mapping
 from serd_app.teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits, load_mux
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import from_any_twist
 from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.motion import from_any_twist, to_twist
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.commands import CommandPublisher, follow_commands
+from serd_ros.endpoints.robot import CommandPublisher, follow_commands
 from serd_ros.process.serd_node import SerdNode
-from serd_ros.settings import FramesConfig, StackConfig
+from serd_ros.settings import FramesConfig, NodeConfig, StackConfig
 from serd_sim.scenario.settings import RobotSettings
 
 _REPORT_PERIOD_S = 0.2
@@ -113,3 +115,36 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         }
         level, message = (WARN, "e-stop") if output.e_stop else (OK, "")
         self.report(self.now_s(), values, level=level, message=message)
+
+
+class TeleopJoyConfig(NodeConfig):
+    """Parameters of teleop_joy."""
+
+    mapping: str = setting(
+        "", "YAML file of axes and buttons as teleop_twist_joy has it; built in when empty"
+    )
+
+
+class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
+    """`joy` in, `cmd_vel_joy` out; publishes nothing while the enable button is not held."""
+
+    config_class = TeleopJoyConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self._driver = JoyDriver(load_joy_mapping(self.config.mapping))
+        self._commands = self.endpoints.publisher(Twist, topics.CMD_VEL_JOY, qos.COMMAND)
+        self._override = self.endpoints.publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
+        self.endpoints.subscribe(Joy, topics.JOY, self._on_joy, qos.COMMAND)
+        self.endpoints.subscribe(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
+
+    def _on_e_stop(self, _: Bool) -> None:
+        """Engaged or released: the axes must return to neutral."""
+        self._driver.require_neutral()
+
+    def _on_joy(self, message: Joy) -> None:
+        command = self._driver.command(list(message.axes), list(message.buttons))
+        if command is not None:
+            self._commands.publish(to_twist(command))
+        if self._driver.overrides(message.buttons):
+            self._override.publish(Bool(data=True))

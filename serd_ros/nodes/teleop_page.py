@@ -31,13 +31,13 @@ from serd_app.teleop.page.view import scene_of
 from serd_app.teleop.session import DirectionChoice
 from serd_core.grid.grid import Action
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import to_intent, to_joy, to_twist
 from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.motion import to_intent, to_joy, to_twist
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.episodes.page_view import PageView, episode_values, serve_page
-from serd_ros.episodes.person_episodes import PersonEpisodes
+from serd_ros.endpoints.episodes import PersonEpisodes
+from serd_ros.endpoints.robot import ObservationSource
+from serd_ros.nodes.watch_page import PageView, episode_values, serve_page
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, PageConfig
 from serd_sim.episodes.settings import EpisodeSettings
