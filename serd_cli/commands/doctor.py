@@ -8,37 +8,38 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from serd_bag.recorder_settings import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
-from serd_cli.output.terminal import console, print_json
+from serd_cli.output.terminal import console, facts_table, print_json
 from serd_cli.processes.workspace import ros_environment
 
 _LEAST_FREE_BYTES = 1_000_000_000
-_COLOURS = {"works": "green", "fails": "red"}
 
 
 class Check(NamedTuple):
-    """One finding; fix: the command that mends it, empty where nothing is to be mended."""
+    """One finding; fix: the command that mends it, empty where it works."""
 
     subject: str
-    state: Literal["works", "fails"]
     finding: str
     fix: str = ""
 
+    @property
+    def state(self) -> str:
+        """Whether it works."""
+        return "fails" if self.fix else "works"
 
-def all_checks(environment: Mapping[str, str], folder: Path) -> Iterator[Check]:
-    """Every check as it is made, for commands that write into the folder."""
+
+def all_checks(environment: Mapping[str, str], folder: Path) -> list[Check]:
+    """Every check, for commands that write into the folder."""
     ros = ros_environment(environment)
-    yield from (ros_client(ros), discovery(ros), disk(folder))
+    return [ros_client(ros), discovery(ros), disk(folder)]
 
 
 def ros_client(environment: Mapping[str, str]) -> Check:
@@ -47,21 +48,21 @@ def ros_client(environment: Mapping[str, str]) -> Check:
     done = subprocess.run(words, env=dict(environment), capture_output=True, text=True, check=False)
     if done.returncode == 0:
         distribution = environment.get("ROS_DISTRO", "ROS wheels of this environment")
-        return Check("rclpy", "works", distribution)
+        return Check("rclpy", distribution)
     reason = (done.stderr.strip().splitlines() or ["ended without a message"])[-1]
     foreign = environment.get("ROS_DISTRO", "jazzy") != "jazzy"
     fix = "open a shell without a sourced ROS set-up" if foreign else "make setup"
-    return Check("rclpy", "fails", reason, fix)
+    return Check("rclpy", reason, fix)
 
 
 def discovery(environment: Mapping[str, str]) -> Check:
     """A message of one process reaches another."""
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if processes_discover_each_other(environment):
-        return Check("DDS discovery", "works", f"two processes meet in domain {domain}")
+        return Check("DDS discovery", f"two processes meet in domain {domain}")
     variables = "ROS_DISCOVERY_SERVER and FASTRTPS_DEFAULT_PROFILES_FILE"
     fix = f"allow UDP on loopback and unset {variables}"
-    return Check("DDS discovery", "fails", f"two processes do not meet in domain {domain}", fix)
+    return Check("DDS discovery", f"two processes do not meet in domain {domain}", fix)
 
 
 def disk(folder: Path) -> Check:
@@ -69,31 +70,27 @@ def disk(folder: Path) -> Check:
     free = shutil.disk_usage(folder).free
     finding = f"{free / 1e9:.1f} GB free in {folder}"
     if not os.access(folder, os.W_OK):
-        return Check("disk", "fails", f"{folder} is not writable", "change to a folder of your own")
+        return Check("disk", f"{folder} is not writable", "change to a folder of your own")
     if free < _LEAST_FREE_BYTES:
         least_gb = RecorderSettings().min_free_bytes / 1e9
         fix = f"free some space; recording stops below {least_gb:g} GB"
-        return Check("disk", "fails", finding, fix)
-    return Check("disk", "works", finding)
+        return Check("disk", finding, fix)
+    return Check("disk", finding)
 
 
 def doctor(as_json: AsJson = False) -> None:
     """Make all checks and print them."""
-    found = list(all_checks(os.environ, Path.cwd()))
+    found = all_checks(os.environ, Path.cwd())
     if as_json:
-        print_json([each._asdict() for each in found])
+        print_json([{**each._asdict(), "state": each.state} for each in found])
     else:
-        table = Table(show_header=False)
-        table.add_column(no_wrap=True)
-        table.add_column(no_wrap=True)
-        table.add_column(overflow="fold")
-        for each in found:
-            table.add_row(each.subject, Text(each.state, _COLOURS[each.state]), each.finding)
-        console.print(table)
+        console.print(
+            facts_table((each.subject, f"{each.state}: {each.finding}") for each in found)
+        )
         for each in found:
             if each.fix:
                 print(f"{each.subject}: {each.fix}")
-    if any(each.state == "fails" for each in found):
+    if any(each.fix for each in found):
         raise typer.Exit(FAILED)
 
 

@@ -22,7 +22,7 @@ from serd_cli.options import (
     validated,
     with_settings,
 )
-from serd_cli.output.terminal import console, counting_bar, print_json
+from serd_cli.output.terminal import console, counting_bar, facts_table, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
@@ -197,14 +197,14 @@ def print_list(scenarios: Mapping[str, Scenario]) -> None:
 
 def print_scenario(values: Mapping[str, Any], remark: str) -> None:
     """A row per value, and the path of the picture below."""
-    table = Table(show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, value in values.items():
-        if name != "picture":
-            text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-            table.add_row(name.replace("_", " "), text)
-    console.print(table)
+    texts = {
+        name.replace("_", " "): ", ".join(map(str, value))
+        if isinstance(value, list)
+        else str(value)
+        for name, value in values.items()
+        if name != "picture"
+    }
+    console.print(facts_table(texts.items()))
     if remark:
         console.print(remark, soft_wrap=True)
     print(f"picture: {values['picture']}")  # in one piece, however long

@@ -9,9 +9,8 @@ import shlex
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from rich.text import Text
 
@@ -133,7 +132,7 @@ def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_jso
             words += ["--mapping", str(mapping)]
         command = shlex.join([*words, "--output", str(folder / "decisions.csv")])
     if as_json:
-        recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else asdict(summary)
+        recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else summary._asdict()
         print_json({"bag": None if summary is None else bag, **recorded, "decisions": command})
         return
     text = f"nothing was recorded in {folder}" if summary is None else f"\n{summary}\nbag: {bag}"
@@ -142,8 +141,7 @@ def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_jso
         progress_console.print(f"decisions: {command}", soft_wrap=True)
 
 
-@dataclass(frozen=True)
-class SessionSummary:
+class SessionSummary(NamedTuple):
     """outcomes: of all episodes; n_decisions: of those that were not discarded."""
 
     outcomes: dict[str, int]
@@ -156,13 +154,10 @@ class SessionSummary:
 
     def __str__(self) -> str:
         """The counts in words."""
-        named = {
-            name.replace("_", " "): n for name, n in self.outcomes.items() if name != DISCARDED
-        }
-        how = ", ".join(f"{n} {name}" for name, n in sorted(named.items()))
+        counts = sorted((name.replace("_", " "), n) for name, n in self.outcomes.items())
         return (
-            f"{counted(self.n_kept, 'episode')} kept{f' ({how})' if how else ''}, "
-            f"{self.outcomes.get(DISCARDED, 0)} discarded; "
+            f"{counted(self.n_kept, 'episode')} kept; "
+            f"{', '.join(f'{n} {name}' for name, n in counts)}; "
             f"{counted(self.n_decisions, 'decision')} by directions"
         )
 

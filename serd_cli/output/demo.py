@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
-from rich.text import Text
 
 from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
 from serd_app.demonstrations.recorded import report_of_table
@@ -25,7 +23,7 @@ from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.commands.demo import DemoFolder, DemoSettings
-from serd_cli.output.terminal import console, print_json
+from serd_cli.output.terminal import console, facts_table, print_json
 from serd_files.model_file import load_model
 from serd_ros.convert.motion import from_pose
 from serd_ros.convert.sensors import from_people_message
@@ -60,12 +58,9 @@ def report_demo(
     if as_json:
         print_json({**summary.as_json(), "report": page})
         return
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    for what, how_much in summary_rows(summary):
-        table.add_row(Text(what, style="bold"), how_much)
     console.print()
     console.print(headline_of(summary))
-    console.print(table)
+    console.print(facts_table(summary_rows(summary)))
     command = shlex.join(["serd", "navigate", str(folder.model), "--episodes", "200"])
     console.print(f"more episodes, in process: {command}", soft_wrap=True)
     print(f"report: {page}")

@@ -7,7 +7,6 @@ only some are latched, it first receives what these have kept.
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -17,7 +16,8 @@ from rclpy.subscription import Subscription
 
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import rosbags_types
-from serd_bag.messages.plain import transforms
+from serd_bag.messages.plain import Transform, transforms
+from serd_ros.convert.frames import Frames
 from serd_ros.convert.motion import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
@@ -124,26 +124,16 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
     """
     node = endpoints.node
 
-    @contextmanager
-    def collected(errors: list[MessageError]) -> Iterator[None]:
-        try:
-            yield
-        except MessageError as error:
-            errors.append(error)
-
     def take(message: Received, *, static: bool) -> None:
         try:
             found = transforms(message.data, TF_TYPE, rosbags_types())
         except BagError as error:
             raise MessageError(f"message must be a {TF_TYPE}", error, "correct it") from None
-        errors: list[MessageError] = []
-        for each in found:
-            with collected(errors):
-                node.frames.take(each, static=static)
+        faults = [_fault_of(node.frames, each, static=static) for each in found]
         if not static:
             on_change()
-        if errors:
-            raise errors[0]
+        for error in filter(None, faults):
+            raise error
 
     followed = [
         FollowedTopic(
@@ -161,6 +151,15 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
             each.look()
 
     endpoints.every(_LOOK_PERIOD_S, look)
+
+
+def _fault_of(frames: Frames, transform: Transform, *, static: bool) -> MessageError | None:
+    """Take a transform, or say why it is none."""
+    try:
+        frames.take(transform, static=static)
+    except MessageError as error:
+        return error
+    return None
 
 
 class TransformPublisher:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import LaserScan, PointCloud2
+from sensor_msgs.msg import LaserScan
 
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import (
@@ -81,8 +81,6 @@ class ObservationSource:
         self._people: PeopleTopic | None = None
         if needs_people:
             self._people = PeopleTopic(endpoints, people_topic, self._on_people)
-        elif people_topic:  # publishers wait for it, as for those of all nodes
-            endpoints.subscribe(PointCloud2, people_topic, lambda _: None, qos.STATE)
         endpoints.every(_LOOK_PERIOD_S, self._look)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:

@@ -29,7 +29,6 @@ MARKERS_POLICY = "markers/policy"
 
 RESET = "reset"
 SET_E_STOP = "set_e_stop"
-PAUSE = "pause"
 LEARN = "learn"
 
 TF = "tf"

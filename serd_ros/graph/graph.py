@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
-from rclpy.node import Node
 
 from serd_bag.nearest import hint
 from serd_files.moved_names import where_or_near
@@ -21,6 +20,9 @@ from serd_files.yaml_config import StrictModel, load_yaml_model
 from serd_ros.endpoints import topics
 from serd_ros.errors import NodeError
 from serd_ros.settings import NodeConfig
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
@@ -194,13 +196,13 @@ _FIX = (
 )
 
 
-def publishers_of(node: Node, topic: str) -> list[str]:
+def publishers_of(node: "Node", topic: str) -> list[str]:
     """Full names of the nodes that publish a topic, one for each publisher."""
     found = node.get_publishers_info_by_topic(topic)
     return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
 
 
-def several_worlds(node: Node, world_topics: Sequence[str] = WORLD_TOPICS) -> str:
+def several_worlds(node: "Node", world_topics: Sequence[str] = WORLD_TOPICS) -> str:
     """What must be, what is and the fix, where several publish a world; empty where none do."""
     for topic in world_topics:
         names = publishers_of(node, topic)
@@ -213,7 +215,7 @@ def several_worlds(node: Node, world_topics: Sequence[str] = WORLD_TOPICS) -> st
 class Readiness:
     """Looks at one node's publishers; `required_nodes` must be present in its namespace."""
 
-    def __init__(self, node: Node, required_nodes: Sequence[str], now_s: float) -> None:
+    def __init__(self, node: "Node", required_nodes: Sequence[str], now_s: float) -> None:
         # A ROS parameter cannot be an empty list, so none is written [""].
         self._required = tuple(name for name in required_nodes if name)
         self._node, self._since_s = node, now_s

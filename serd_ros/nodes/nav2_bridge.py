@@ -35,7 +35,6 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     mode: Literal["to_pose", "through_poses"] = setting(
         "to_pose", "to_pose: send each waypoint; through_poses: send the plan of the strategy"
     )
-    behavior_tree: str = setting("", "behavior tree of Nav2; its default when empty")
     waypoint_timeout_s: float = setting(
         1.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
     )
@@ -102,8 +101,8 @@ class Nav2Bridge(Activity):
     def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
         poses = [to_pose_stamped(target, time_s) for target in targets]
         if self._config.mode == "through_poses":
-            return self._goal(poses=poses, behavior_tree=self._config.behavior_tree)
-        return self._goal(pose=poses[0], behavior_tree=self._config.behavior_tree)
+            return self._goal(poses=poses)
+        return self._goal(pose=poses[0])
 
     def _watch(self) -> None:
         if self._goals.expire(self._node.wall_s()):

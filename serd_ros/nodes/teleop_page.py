@@ -111,7 +111,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self._view = PageView(scenario)
         self._view.subscribe(endpoints)
         scene = scene_of(scenario, self._view.grid)
-        self._server, self._overlay = serve_page(self, scene, scenario)
+        self._server = serve_page(self, scene, scenario)
 
     def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""
@@ -127,7 +127,6 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         for request in self._server.take():
             self._obey(request)
         there = self._is_there()
-        self._overlay.send()
         self._server.show(self._state(there=there))
         return there
 

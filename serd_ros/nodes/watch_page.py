@@ -18,7 +18,6 @@ from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import (
-    ModelOverlay,
     overlay_message,
     overlay_of,
     point,
@@ -27,7 +26,6 @@ from serd_app.teleop.page.view import (
 )
 from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Grid
-from serd_files.errors import USER_ERRORS
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
@@ -65,12 +63,11 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         self._view = WatchView(scenario)
         self._view.subscribe(self.endpoints)
         scene = watched_scene_of(scenario, self._view.grid)
-        self._server, self._overlay = serve_page(self, scene, scenario)
+        self._server = serve_page(self, scene, scenario)
         self.endpoints.every(_PERIOD_S, self._show)
 
     def _show(self) -> None:
         self._server.take()  # a page that only watches has nothing to request
-        self._overlay.send()
         self._server.show(self._view.watched_state(self.wall_s()))
 
 
@@ -236,47 +233,35 @@ def _counts(tally: EpisodeTally) -> dict[str, int]:
 
 
 class LearnedOverlay:
-    """The newest model of a learner as layers of the page, solved in a thread beside the node.
-
-    Models that come while one is solved wait; of these only the newest is solved.
-    """
+    """The newest model of a learner as layers of the page, solved in a thread beside the node."""
 
     def __init__(self, endpoints: Endpoints, scenario: Scenario, server: PageServer) -> None:
         self._node, self._scenario, self._server = endpoints.node, scenario, server
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="overlay")
-        self._newest: str | None = None
-        self._solved: Future[ModelOverlay] | None = None
+        self.newest: Future[None] | None = None
         endpoints.subscribe(String, topics.MODEL, self._take, qos.LATCHED)
-
-    def send(self) -> None:
-        """Send what has been solved to the pages and begin with the newest model; never waits."""
-        if self._solved is not None and self._solved.done():
-            solved, self._solved = self._solved, None
-            try:
-                self._server.show_overlay(overlay_message(solved.result()))
-            except USER_ERRORS as error:
-                self._node.get_logger().warning(f"no overlay: {error}")
-        if self._solved is None and self._newest is not None:
-            text, self._newest = self._newest, None
-            self._solved = self._pool.submit(_solve, text, self._scenario)
 
     def close(self) -> None:
         """Wait for the model that is being solved."""
         self._pool.shutdown(cancel_futures=True)
 
     def _take(self, message: String) -> None:
-        self._newest = message.data
+        """Of models that wait only the newest is solved."""
+        if self.newest is not None:
+            self.newest.cancel()
+        self.newest = self._pool.submit(self._show, message.data)
+
+    def _show(self, text: str) -> None:
+        try:
+            file = yaml_model(text, ModelFile, name=_NAME)
+            strategy = load_strategy(_NAME, self._scenario, "optimal", file=file)
+            self._server.show_overlay(overlay_message(overlay_of(strategy)))
+        except Exception as error:
+            self._node.get_logger().warning(f"no overlay: {error}")
 
 
-def _solve(text: str, scenario: Scenario) -> ModelOverlay:
-    file = yaml_model(text, ModelFile, name=_NAME)
-    return overlay_of(load_strategy(_NAME, scenario, "optimal", file=file))
-
-
-def serve_page(
-    node: SerdNode[Any], scene: Mapping[str, Any], scenario: Scenario
-) -> tuple[PageServer, LearnedOverlay]:
-    """The server of a node's page and the layers that it shows, both closed with the node."""
+def serve_page(node: SerdNode[Any], scene: Mapping[str, Any], scenario: Scenario) -> PageServer:
+    """The server of a node's page with the layers of a learned model, closed with the node."""
     config = node.config
     access = PageAccess(config.address, read_token(config.token_file))
     server = PageServer(scene, access, config.port)
@@ -284,4 +269,4 @@ def serve_page(
     node.at_end.callback(server.close)
     node.at_end.callback(overlay.close)
     report_address(server.url, node.get_logger().info)
-    return server, overlay
+    return server

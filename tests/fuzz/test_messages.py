@@ -53,14 +53,11 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     ],
     "local_planner": [
         {"lockstep": False, "required_nodes": [""]},
-        {"lockstep": False, "required_nodes": [""], "people_from": "scan"},
         {"lockstep": True, "required_nodes": [""]},
-        {**OWN_ROBOT, "pose_from": "amcl_pose"},
         {**OWN_ROBOT, "pose_from": "tf"},
     ],
     "people_tracker": [
         {},
-        {"pose_from": "amcl_pose", "stamp_tolerance_s": 0.1},
         {"pose_from": "tf", "stamp_tolerance_s": 0.1},
     ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
@@ -69,9 +66,9 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
     "teleop_page": [{"port": 0}],
     "watch_page": [{"port": 0}],
-    "demo_recorder": [{"compression": "zstd"}],
+    "demo_recorder": [{}],
     "learner": [{"learn_on": "call"}],
-    "nav2_bridge": [{"publish_tf": True}, {"mode": "through_poses"}],
+    "nav2_bridge": [{}, {"mode": "through_poses"}],
 }
 CASES = [
     (kind, parameters)

@@ -3,10 +3,7 @@
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import Float64MultiArray, String
-from visualization_msgs.msg import MarkerArray
 
 from serd_app.journeys.navigate import drive
 from serd_app.navigation.navigator import load_arrivals
@@ -38,9 +35,8 @@ class Watch:
     def __init__(self, probe):
         self.probe, node = probe, probe.node
         self.y_m = 0.0
-        self.messages, self.laws, self.traps = [], [], []
+        self.messages, self.laws = [], []
         self.goals = node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-        self.parameters = AsyncParameterClient(node, "strategy")
         node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
         node.create_subscription(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
 
@@ -48,22 +44,13 @@ class Watch:
         self.probe.spin_until(condition)
 
     def subscribe_late(self):
-        """To the latched topics, as a viewer that is started during a drive."""
-        node = self.probe.node
-        node.create_subscription(Float64MultiArray, "arrival", self._take_law, qos.LATCHED)
-        node.create_subscription(MarkerArray, "markers/traps", self.traps.append, qos.LATCHED)
+        """To a latched topic, as a viewer that is started during a drive."""
+        create = self.probe.node.create_subscription
+        create(Float64MultiArray, "arrival", self._take_law, qos.LATCHED)
 
     def send_goal(self, x_m, y_m):
         self.spin_until(lambda: self.goals.get_subscription_count() > 0)
         self.goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
-
-    def set(self, name, value):
-        """Set a parameter of the strategy; the reason of a refusal, empty when it was taken."""
-        self.spin_until(self.parameters.services_are_ready)
-        future = self.parameters.set_parameters([Parameter(name, value=value)])
-        self.spin_until(future.done)
-        (result,) = future.result().results
-        return "" if result.successful else result.reason
 
     def reported(self, words):
         return any(words in each for each in self.messages)
@@ -92,7 +79,7 @@ def arrivals(tmp_path):
 def row_of_a_goal_during_an_episode(watch, folder):
     """Send a goal while the robot is under way; again where it came too late for this episode."""
     for _ in range(5):
-        assert watch.set("goal", "") == ""
+        watch.send_goal(*EAST_END)
         n_rows = len(arrivals(folder))
         watch.spin_until(lambda: watch.y_m < 4.0)
         watch.spin_until(lambda: watch.y_m > 8.0)
@@ -143,12 +130,6 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
     rows = arrivals(tmp_path)
     assert (rows[0].goal_x_m, rows[0].goal_y_m) == EAST_END
 
-    assert "none.yaml: it does not exist" in watch.set("model", str(tmp_path / "none.yaml"))
-    assert watch.set("goal", "") == ""
-    n_rows = len(arrivals(tmp_path))
-    spin_until(lambda: len(arrivals(tmp_path)) > n_rows)
-    assert (arrivals(tmp_path)[-1].goal_x_m, arrivals(tmp_path)[-1].goal_y_m) == EAST_END
-
     nodes.kill("strategy")
     kept = arrivals(tmp_path)
     nodes.restart("strategy")
@@ -167,7 +148,6 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
     # Nothing leads to the goal where robots are learned never to move.
     save_model_of(outcome_models=UNMOVED)
     spin_until(lambda: watch.reported("in a trap"))
-    spin_until(lambda: watch.traps and len(watch.traps[-1].markers[0].points) > 100)
     assert "cells are traps" in nodes.log_of("strategy")
 
     # A learner in the same graph publishes a model whose policy arrives.

@@ -12,7 +12,7 @@ from serd_cli.processes.workspace import node_command
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.topic_types import raw_message_class
 from support.transforms_message import transforms_message
-from support.waiting import PATIENCE_S
+from support.waiting import PATIENCE_S, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TF = "tf2_msgs/msg/TFMessage"
@@ -47,7 +47,8 @@ def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp
             writer.write("/tf", data, 10**9 + number * 10**8)
     given = {"output": str(tmp_path / "bag"), "topics": ["tf"], "minimum_free_mb": 0.0}
     recorder = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
-    played = {"bag": str(tmp_path / "played"), "rate": 20.0, "wait_s": float(PATIENCE_S)}
+    wait_until((tmp_path / "bag" / "bag_0.mcap").exists)
+    played = {"bag": str(tmp_path / "played"), "rate": 20.0}
     replay = nodes.start(node_command("bag_replay", played, {}, ros_env), "bag_replay")
     assert replay.wait(PATIENCE_S) == 0
     recorder.send_signal(signal.SIGTERM)

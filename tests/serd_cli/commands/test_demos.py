@@ -141,15 +141,6 @@ def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, 
     assert values["flow"]["n_sightings"] == 60
 
 
-def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag):
-    bags = drive_bag("one"), drive_bag("two", x_m=40.5)
-    assert serd("demos", *bags, "--cell-size-m", "1").code == 0
-    grid = load_grid(GRID)
-    expected = [grid.state_at(x_m, 1.5 + row) for x_m in (4.5, 40.5) for row in range(6)]
-    assert load_decisions(TABLE).state.tolist() == expected
-    assert grid.state_at(20.5, 3.5) == -1
-
-
 def test_cells_fit_the_motion_of_a_foreign_robot_where_no_size_is_given(serd, drive_bag, mapping):
     """It drives half a metre in a second."""
     options = mapping("pose_topic: /amcl", "action_topic: /wish")

@@ -16,6 +16,7 @@ from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import Messages
 from support.commands import printed_in
 from support.foreign_bags import STEP_S, ForeignBag
+from support.made_once import made_once
 from tests.serd_cli.test_map_journey import SPEED_MPS, laps
 
 FIGURES = {"forecast", "visitation", "policy", "outcomes", "gain", "surprises"}
@@ -32,20 +33,22 @@ def foreign_bag(folder):
     return bag.write(folder)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def three_commands(tmp_path_factory):
     """A folder in which three commands were run, and what they printed."""
-    folder = tmp_path_factory.mktemp("three")
-    bag = foreign_bag(folder / "bag")
-    printed = [
-        printed_in(folder, *words)
+
+    def run(folder):
+        bag, printed = foreign_bag(folder / "bag"), ""
         for words in (
             ("bag", "suggest", bag, "--output", "mapping.yaml"),
             ("demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
             ("learn", "decisions.csv", "--report", "report"),
-        )
-    ]
-    return folder, "".join(printed)
+        ):
+            printed += printed_in(folder, *words)
+        (folder / "printed.txt").write_text(printed)
+
+    folder = made_once(tmp_path_factory, "three-commands", run)
+    return folder, (folder / "printed.txt").read_text()
 
 
 @pytest.fixture

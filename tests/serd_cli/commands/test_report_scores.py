@@ -14,6 +14,7 @@ from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
 from serd_core.semi_markov.timed_decisions import TimedDecisions
 from support.commands import printed_in
+from support.made_once import made_once
 
 
 def walks(path, y_m, seed, n=30):
@@ -33,14 +34,16 @@ def walks(path, y_m, seed, n=30):
     return path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def learned(tmp_path_factory):
     """Learned from people who keep to the southern side."""
-    folder = tmp_path_factory.mktemp("learned")
-    people = walks(folder / "people.csv", 0.5, seed=0)
-    printed_in(folder, "demos", people, "--cell-size-m", 1)
-    printed_in(folder, "learn", "decisions.csv")
-    return folder
+
+    def run(folder):
+        people = walks(folder / "people.csv", 0.5, seed=0)
+        printed_in(folder, "demos", people, "--cell-size-m", 1)
+        printed_in(folder, "learn", "decisions.csv")
+
+    return made_once(tmp_path_factory, "people-who-keep-south", run)
 
 
 @pytest.fixture

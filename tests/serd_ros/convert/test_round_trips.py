@@ -140,6 +140,13 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
     assert np.array_equal(got.people_velocity_mps, sent.people_velocity_mps)
 
 
+def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
+    observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4, yaw_rate_radps=0.1)
+    time_ns, pose, speeds = motion.from_odometry(motion.to_odometry(observation, (5.0, 6.0, 0.7)))
+    assert (time_ns, speeds) == (1_000_000_000, (0.4, 0.1))
+    assert pose == pytest.approx((5.0, 6.0, 0.7))
+
+
 def test_a_scan_keeps_its_ranges_and_its_geometry():
     settings = LidarSettings()
     ranges = np.linspace(0.2, 9.0, settings.n_rays).astype(np.float32)
