@@ -127,13 +127,6 @@ def test_a_full_disk_under_the_output_gets_a_sentence(words):
     assert done.stderr == f"serd: cannot write the output: {sentence}\n"
 
 
-def test_a_closed_output_gets_a_sentence():
-    done = serd_process("scenario list", preexec_fn=lambda: os.close(1), stdout=None)
-    assert done.returncode == 2
-    sentence = "the output must be open, got a closed one; redirect it to /dev/null"
-    assert done.stderr == f"serd: {sentence}\n"
-
-
 def test_a_path_that_no_file_can_have_gets_a_sentence(serd, tmp_path):
     (tmp_path / "here" / "loop").symlink_to("loop")
     levels = "serd: cannot read loop: Too many levels of symbolic links; check the path and"

@@ -127,8 +127,6 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
     spin_until(lambda: watch.reported("refused: goal must be in a walkable cell"))
     turned = row_of_a_goal_during_an_episode(watch, tmp_path)
     assert turned.outcome == "arrived"
-    rows = arrivals(tmp_path)
-    assert (rows[0].goal_x_m, rows[0].goal_y_m) == EAST_END
 
     nodes.kill("strategy")
     kept = arrivals(tmp_path)

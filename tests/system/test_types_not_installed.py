@@ -3,37 +3,17 @@
 import signal
 
 import pytest
-from geometry_msgs.msg import TwistStamped
 
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from serd_cli.processes.workspace import node_command
-from serd_ros.endpoints import qos
-from serd_ros.endpoints.topic_types import raw_message_class
 from support.transforms_message import transforms_message
 from support.waiting import PATIENCE_S, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TF = "tf2_msgs/msg/TFMessage"
 N_SENT = 50
-
-
-def test_raw_and_compiled_classes_of_one_type_exchange_messages(probe):
-    sent = TwistStamped()
-    sent.header.frame_id, sent.twist.linear.x = "b" * 300_000, 3.5
-    raw = raw_message_class(message_type("geometry_msgs/msg/TwistStamped"))
-    there, back = [], []
-    back_publisher = probe.node.create_publisher(raw, "back", qos.STATE)
-    probe.node.create_subscription(raw, "there", there.append, qos.STATE, raw=True)
-    probe.node.create_subscription(TwistStamped, "back", back.append, qos.STATE)
-    publisher = probe.node.create_publisher(TwistStamped, "there", qos.STATE)
-    probe.spin_until(lambda: publisher.get_subscription_count())
-    publisher.publish(sent)
-    probe.spin_until(lambda: there and back_publisher.get_subscription_count())
-    back_publisher.publish(there[0])
-    probe.spin_until(lambda: back)
-    assert back == [sent]
 
 
 def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):

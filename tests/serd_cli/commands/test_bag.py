@@ -5,11 +5,8 @@ from dataclasses import replace
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_bag.formats.mcap.writer import McapWriter
 from serd_bag.reader import BagReader
-from serd_bag.writer import BagWriter
-from serd_cli.output import terminal
 from serd_cli.processes import stack_run
 from serd_files.yaml_config import load_yaml_model
-from support.bag_messages import POSE
 
 
 def contents(bag):
@@ -68,18 +65,6 @@ def test_bags_are_recovered_and_converted_with_what_is_lost_or_left_out(
     ended = serd("bag", "convert", other)
     assert ended.code == 1
     assert "0 messages, 108 left out" in ended.out
-
-
-def test_topics_have_width_in_a_pipe_also_beside_long_delays(serd, messages, tmp_path, monkeypatch):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/a/rather/long/name", POSE)
-        for number in range(50):
-            pose = messages.pose(number, 0.0, 0.0)
-            writer.write("/a/rather/long/name", pose, round((1.7e9 + 1.5 * number) * 1e9))
-    monkeypatch.setattr(terminal.console, "_width", 80)
-    out = serd("bag", "check", tmp_path / "bag").out
-    assert max(map(len, out.splitlines()[1:6])) <= 80
-    assert "│ /a/rather/" in out
 
 
 def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, key_driven_bag, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from serd_app.demonstrations.decision_table import load_decisions, save_decision
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
+from serd_app.learning.settings import MethodName
 from serd_core.bayes.draws import N_DRAWS
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.policies.solved_policy import soft_policy
@@ -98,16 +100,6 @@ def test_the_expert_s_weights_lie_within_their_standard_errors(by_default):
     assert len(model.draws.reward_weights) == N_DRAWS
 
 
-def test_true_times_of_moves_lie_near_their_intervals(by_default):
-    values, _ = by_default
-    times = {row["model"]: row for row in values["knowledge"]["durations"]}
-    for name, true_s in MEAN_S.items():
-        row = times[name]
-        assert row["lower_s"] / 1.3 < true_s < 1.3 * row["upper_s"]
-    mean_s = values["mean_dwell_s"]["with_flow"]
-    assert mean_s == pytest.approx(times["with_flow"]["median_s"], 0.05)
-
-
 def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(by_default):
     values, folder = by_default
     assert (values["scenario"], values["flow"], values["n_episodes"]) == ("hallway", "scenario", 30)
@@ -115,17 +107,6 @@ def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(b
     known = "posterior.csv", "durations.csv", "next_demonstration.csv", "next_demonstration.png"
     for name in known:
         assert (folder / f"model.{name}").stat().st_size > 100
-
-
-def test_states_alone_are_learned_from_where_no_method_counts_actions(serd, demonstrations):
-    table = demonstrations(n_episodes=60)
-    save_decisions(table, load_decisions(table).with_hidden_actions())
-    words = ("learn", table, "--method")
-    values = serd(*words, "mdce_serd_evidence", "--json").values
-    assert abs(values["outcome_probabilities"][0][1] - TRUTH[0, 1]) < 0.1
-    assert values["weight.goal"] > 0
-    refusal = serd(*words, "policy_matching").refusal
-    assert "where actions are hidden, got policy_matching, which counts actions" in refusal
 
 
 def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrations):
@@ -240,27 +221,14 @@ def test_files_of_decisions_with_a_period_are_refused_with_the_command_that_make
         assert "run 'serd demos' and then 'serd learn' again" in serd(command, model).refusal
 
 
-@pytest.mark.parametrize("method", ["mdce_serd_coupled", "pm_serd", "relative_entropy_irl"])
+@pytest.mark.parametrize(
+    "method", [name for name in get_args(MethodName) if not name.endswith("evidence")]
+)
 def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method):
-    table = demonstrations(n_episodes=6)
-    values = serd("learn", table, "--method", method, "--prior-weight", "0.1", "--json").values
-    assert values["method"] == method
-    assert values["converged"]
-    model = load_model(values["model"], expected_grid=GRID)
-    assert (model.method, model.fit.n_episodes) == (method, 6)
-    assert all(each.mean_s > 0.2 for each in model.outcome_models)
+    words = ("--method", method, "--prior-weight", "0.1", "--json")
+    values = serd("learn", demonstrations(n_episodes=6), *words).values
+    assert (values["method"], values["converged"]) == (method, True)
+    assert load_model(values["model"], expected_grid=GRID).method == method
     strategy = load_strategy(values["model"], HALLWAY, "optimal")
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
-
-
-def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):
-    words = [word for weight in ("0.1", "1000") for word in ("--prior-weight", weight)]
-    words += ["--method", "mdce_serd", "--json"]
-    values = serd("learn", demonstrations(n_episodes=8), *words).values
-    scores = values["validation_log_likelihoods"]
-    assert set(scores) == {"0.1", "1000.0"}
-    assert str(values["prior_weight"]) == max(scores, key=scores.get)
-    assert values["knowledge"] is None
-    prior = load_model(values["model"]).prior
-    assert f"weight {values['prior_weight']:g} (chosen on validation episodes)" in prior

@@ -47,17 +47,6 @@ def test_the_table_says_what_the_numbers_are_of(serd, save_model_of):
         assert sentence in ended.out
 
 
-def test_a_trapped_policy_drives_the_way_of_least_time_and_its_cells_are_counted(
-    serd, save_model_of
-):
-    path = save_model_of(reward_weights={"goal": 0.1, "inverse_wall_distance": -5.0})
-    ended = serd("navigate", path, *NEAR)
-    assert ended.code == 0, ended.err
-    words = " ".join(ended.out.split())
-    assert "1 episode: 1 arrived" in words
-    assert "cells the way of least expected time is taken instead" in words
-
-
 def test_an_interrupted_drive_goes_on_where_it_stopped_with_the_same_result(
     serd, save_model_of, tmp_path
 ):

@@ -10,9 +10,7 @@ import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_files.model_file import load_model
-from serd_files.yaml_config import model_yaml, save_yaml_model
-from serd_sim.scenario.grid import flow_of, grid_of
-from serd_sim.scenario.scenario import load_scenario
+from serd_files.yaml_config import save_yaml_model
 from support.bag_messages import Messages
 from support.commands import printed_in
 from support.foreign_bags import STEP_S, ForeignBag
@@ -126,17 +124,3 @@ def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_wit
     found = json.loads(learned("report", "model.yaml", "--json").out)
     assert set(found["reward_weights"]) == {"goal", "inverse_wall_distance"}
     assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
-
-
-def test_a_recording_is_reported_against_a_model_of_a_scenario_with_people(serd, root, tmp_path):
-    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
-    place = tmp_path / "place.yaml"
-    place.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
-    assert serd("demos", bag, "--scenario", place).code == 0
-    assert serd("learn", "decisions.csv", "--method", "mdce_irl").code == 0
-    place.unlink()
-    for recorded in ("decisions.csv", bag):
-        ended = serd("report", "model.yaml", "--demonstrations", recorded)
-        assert ended.code == 0, ended.err
-    assert {"flow", "surprises", "visitation"} <= shown("report/report.html")
-    assert (flow_of(load_scenario("hallway"), grid_of(load_scenario("hallway"))) >= 0).any()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
@@ -72,26 +71,6 @@ def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, mod
     page = Path("report/report.html").read_text(encoding="utf-8")
     assert "Least usual demonstrations" in page
     assert f"mean rank {unusual['mean_rank']:.2f}" in page
-
-
-def test_several_recordings_are_scored_together_and_decisions_alone(model, tmp_path):
-    recordings = [walks(tmp_path / f"run{n}.csv", 0.5, seed=n, n=n) for n in (5, 6)]
-    alone = [familiarity_of(model, [each]).as_json() for each in recordings]
-    both = familiarity_of(model, recordings).as_json()
-    for name in ("n_episodes", "n_decisions"):
-        assert both[name] == sum(each[name] for each in alone)
-    assert "places in m are assumed" in both["discretised"]
-    table = tmp_path / "decisions.csv"
-    found = familiarity_of(model, [table])
-    assert found.discretised == ""
-    whole = load_decisions(table)
-    n_censored = int(found.files.demonstrations.decisions.censored.sum())
-    assert len(found.decisions) + n_censored + found.files.n_after_goal == len(whole)
-    assert f"decisions left out: {found.files.left_out()}" in found.sentence()
-    with pytest.raises(AppError, match="a table of decisions must be compared alone"):
-        familiarity_of(model, [recordings[0], table])
-    with pytest.raises(AppError, match="--mapping must be left out for a table of decisions"):
-        familiarity_of(model, [table], mapping=TableMapping(unit="m"))
 
 
 def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):

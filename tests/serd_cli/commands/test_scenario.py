@@ -64,15 +64,6 @@ def test_a_map_becomes_a_scenario_file_and_a_picture(serd, tmp_path):
     assert values["cells_area_m2"] < values["free_area_m2"]
 
 
-def test_an_area_becomes_a_scenario(serd, tmp_path):
-    (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 12 0, 12 4, 4 4, 4 12, 0 12, 0 0))")
-    ended = serd("scenario", "from-map", tmp_path / "hall.wkt", "--cell-size-m", 0.8)
-    assert ended.code == 0, ended.err
-    assert ended.out.startswith("a free area of 80 m2 with 6 walls and 0 solids in it; ")
-    text = (tmp_path / "here" / "hall-scenario.yaml").read_text()
-    assert text.startswith("# Place of the area hall.wkt.\n")
-
-
 def test_an_edited_scenario_is_replaced_only_where_output_names_it(serd, tmp_path):
     words = ("scenario", "from-map", write_map(tmp_path, "maze", maze(cells=6)))
     words += ("--cell-size-m", 0.4, "--robot-radius-m", 0.15)

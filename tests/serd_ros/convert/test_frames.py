@@ -13,7 +13,6 @@ from serd_ros.convert.frames import Frames
 from serd_ros.convert.motion import (
     from_intent,
     from_odometry,
-    from_pose_stamped,
     to_intent,
     to_pose,
 )
@@ -38,13 +37,6 @@ def frames():
     known.take(transform("base_footprint", "base_link", 0.1, 0.0, 0.0), static=True)
     known.take(transform("base_link", "laser", 0.0, 0.0, 0.0, roll=math.pi), static=True)
     return known
-
-
-def test_a_pose_in_odom_is_turned_and_moved_into_the_map(frames):
-    message = PoseStamped(pose=to_pose((3.0, 0.5, 0.2)))
-    message.header.frame_id = "/odom"
-    _, pose = from_pose_stamped(message, frames)
-    assert pose == pytest.approx((1.5, 4.0, math.pi / 2 + 0.2))
 
 
 def test_a_chain_of_frames_is_followed_and_its_stamp_is_that_of_the_motion(frames):

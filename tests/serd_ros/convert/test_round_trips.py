@@ -102,16 +102,6 @@ def test_a_number_that_is_none_is_refused_by_its_field(convert, sound, field, se
         convert(message)
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1.1e6])
-def test_people_whose_place_or_velocity_is_no_number_are_refused_by_its_name(wrong):
-    for column, name in enumerate(("x", "y", "vx", "vy")):
-        values = np.ones((3, 4))
-        values[1, column] = wrong
-        message = sensors.to_people_message(People(values[:, :2], values[:, 2:], np.arange(3)), 0.0)
-        with pytest.raises(MessageError, match=f"^{name} must be finite and at most 1e.06"):
-            sensors.from_people_message(message)
-
-
 @pytest.mark.parametrize("limits", [(0.0, 0.0), (20.0, 10.0), (-1.0, 10.0)])
 def test_a_scan_that_has_no_valid_range_is_rejected_where_ranges_are_read(limits):
     message = deepcopy(SCAN)
@@ -204,13 +194,6 @@ def test_an_episode_mark_and_values_of_diagnostics_survive():
     assert diagnostics.values_of(message, "other") is None
 
 
-def test_a_path_looks_along_its_legs():
-    path = motion.to_path(np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), 0.0)
-    yaws = [motion.from_pose(pose.pose)[2] for pose in path.poses]
-    assert yaws == pytest.approx([math.pi / 2, 0.0, 0.0])
-    assert len(motion.to_path(np.zeros((0, 2)), 0.0).poses) == 0
-
-
 def places(points):
     return [(each.x, each.y) for each in points]
 
@@ -260,14 +243,6 @@ def test_the_next_start_of_a_learner_survives_and_must_be_a_place():
             diagnostics.from_learner_report(report(**values))
     with pytest.raises(MessageError, match="must be finite"):
         diagnostics.from_learner_report(report(next_x_m=1.0, next_y_m=math.nan))
-
-
-def test_a_goal_is_taken_from_the_map_only():
-    message = motion.to_pose_stamped((3.5, 20.25, 1.0), 7.0)
-    assert motion.from_goal_message(message) == (3.5, 20.25)
-    message.header.frame_id = ""
-    with pytest.raises(MessageError, match="must be 'map' or joined with it by /tf, got ''"):
-        motion.from_goal_message(message)
 
 
 def test_the_goal_area_survives_in_single_precision_and_the_own_one_exactly():

@@ -10,9 +10,7 @@ from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.messages.plain import Header, Transform
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.endpoints.topic_types import message_class, raw_message_class
-from serd_ros.settings import ObservationConfig
 from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
@@ -128,14 +126,6 @@ def test_a_type_that_holds_no_people_is_named_until_one_that_does_is_published_b
     listening.look_until(lambda: listening.topic.fault)
     listening.other.destroy_publisher(other)
     listening.look_until(lambda: not listening.topic.fault)
-
-
-def test_what_the_observation_lacks_names_the_topic_of_people():
-    with node_in_process("teleop_mux") as running:
-        source = ObservationSource(
-            running.node.endpoints, 0.05, lambda _: None, ObservationConfig(people_topic="tracks")
-        )
-        assert "tracks has no publisher" in source._missing()
 
 
 def test_publishers_of_another_version_of_a_type_are_named_and_not_decoded(listening):

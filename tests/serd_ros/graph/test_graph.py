@@ -22,7 +22,6 @@ from serd_ros.nodes.demo_recorder import DemoRecorderConfig
 from serd_ros.nodes.watch_page import WatchView
 from serd_ros.process.lifecycle import ManagedNode
 from serd_ros.process.serd_node import SerdNode
-from serd_ros.settings import NodeConfig
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -37,14 +36,6 @@ def test_every_module_of_the_nodes_is_in_the_graph():
     paths = (ROOT / PACKAGE / "nodes").rglob("*.py")
     modules = {path for path in paths if path.stem != "__init__"}
     assert modules == set(map(_path_of, load_graph().nodes))
-
-
-def test_every_executable_makes_the_node_of_its_name():
-    for node in load_graph().nodes:
-        made = class_of(node)
-        assert made.__module__ == module_of(node)
-        assert issubclass(made, SerdNode)
-        assert issubclass(config_of(node), NodeConfig)
 
 
 def test_the_classes_of_a_node_above_rclpys_override_nothing_of_it():
@@ -131,13 +122,6 @@ def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_d
     assert {each.namespace for each in placed} == {"/robot1"}
     assert nodes["guard"].remappings == {"/clock": "/robot1/clock"}
     assert nodes["hallway_sim"].parameters["seed"] == 4
-
-
-@pytest.mark.parametrize(
-    ("name", "full"), [("", ""), ("/", ""), ("robot1", "/robot1"), ("/fleet/r_2/", "/fleet/r_2")]
-)
-def test_a_namespace_is_written_in_full(name, full):
-    assert full_namespace(name) == full
 
 
 @pytest.mark.parametrize("name", ["1robot", "robot-1", "a//b", "robot 1", "a/2"])

@@ -62,13 +62,6 @@ def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
     assert parameters == LocalPlannerConfig.defaults({})
 
 
-def test_what_is_not_given_is_the_scenarios(slow_corridor):
-    found = config(slow_corridor)
-    assert (found.max_vel_x, found.sim_time) == (0.7, 2.0)
-    assert (found.acc_lim_x, found.min_vel_x, found.vx_samples) == (2.0, -0.3, 9)
-    assert found.controller_frequency == 10.0
-
-
 def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
     scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
     limited = scenario.local_planner.limited(scenario.robot)

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2, PointField
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from serd_bag.errors import FileError
 from serd_ros.convert.diagnostics import values_of
@@ -181,25 +181,6 @@ def test_a_full_disk_ends_the_node_with_its_sentence_and_no_traceback(capsys):
         assert running.node.finished.result() == 2
         running.receive("e_stop", valid_message("e_stop", 0.0))
     assert capsys.readouterr().err == "teleop_mux: the disk is full; free some space\n"
-
-
-@pytest.mark.parametrize(
-    ("kind", "service", "asked"),
-    [
-        ("hallway_sim", "reset", Trigger.Request()),
-        ("teleop_mux", "set_e_stop", SetBool.Request(data=True)),
-        ("learner", "learn", Trigger.Request()),
-    ],
-)
-def test_a_service_answers_every_call_before_anything_else_has_come(kind, service, asked, tmp_path):
-    parameters = {
-        "learner": {"output": str(tmp_path / "model.yaml")},
-        "hallway_sim": {"people": 0},
-    }
-    with node_in_process(kind, **parameters.get(kind, {})) as running:
-        for _ in range(3):
-            assert running.call(service, asked).message
-        running.assert_alive()
 
 
 def test_a_parameter_of_an_unknown_type_is_refused():

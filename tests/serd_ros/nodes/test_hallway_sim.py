@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.plain import transforms
-from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.motion import to_goal_area_message, to_twist_stamped
@@ -31,7 +30,6 @@ from serd_sim.robot.urdf import BUILTIN_URDF
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until
-from support.wheeled_robots import physical, urdf_with
 
 
 @contextmanager
@@ -93,18 +91,6 @@ def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
     assert len(placed) == 5
     assert {each.stamp_ns for each in placed.values()} == {None}
     assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
-
-
-@pytest.mark.parametrize("drive", ["kinematic", "physical"])
-def test_the_urdf_is_that_which_the_scenario_names_with_either_drive(drive, tmp_path):
-    urdf = urdf_with(tmp_path, ('xyz="0.2 0 0.031"', 'xyz="0.2 0 0.031" rpy="0 0.5 0"'))
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(model_yaml(physical(drive=drive, urdf=str(urdf))))
-    with node_in_process("hallway_sim", scenario=str(scenario)), viewer() as received:
-        text, frames = description_and_frames(received)
-    assert text == urdf.read_text(encoding="utf-8")
-    turned = frames.place("front_caster", "base_link", level=False).matrix
-    assert turned[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([math.sin(0.5), 0.0, math.cos(0.5)])
 
 
 def ask(robot):

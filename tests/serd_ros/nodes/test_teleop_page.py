@@ -123,13 +123,6 @@ def test_a_held_direction_is_published_once_in_each_cell_and_release_stops(perso
     assert person.intents[-1][0] == pytest.approx(BEGIN_S + 5.05)
 
 
-def test_a_blocked_robot_gets_the_held_direction_again_after_patience(person):
-    person.drive("north", duration_s=9.0)
-    assert person.actions == [NORTH] * 3
-    since_s = [time_s - person.intents[0][0] for time_s, _ in person.intents]
-    assert since_s == pytest.approx([0.0, 4.0, 8.0])
-
-
 def test_decisions_count_from_the_first_direction_on_with_waits_of_a_second(person):
     person.drive(None)
     person.begin_episode()
@@ -147,16 +140,6 @@ def test_a_key_that_is_held_for_a_moment_drives_and_is_no_decision(held_s, n_dec
     driver.drive("east", duration_s=held_s)
     assert driver.actions == [NORTH, EAST]
     assert driver.episodes.n_decisions == n_decisions
-
-
-def test_a_key_that_is_held_while_the_stack_starts_counts_once_it_runs(person):
-    """Without a heartbeat before in which nothing was held, and while the process is late."""
-    for after_s in (0.05, 0.05, 0.8, 0.05, 1.5, 0.05):
-        person.beat("north", after_s)
-    assert person.actions == []
-    person.drive("north", 3.5, 4.3)
-    assert person.actions == [NORTH, NORTH]
-    assert not person.is_gone
 
 
 def test_a_key_that_is_held_while_an_episode_begins_decides_at_its_first_observation(person):

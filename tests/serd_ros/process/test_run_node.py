@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from serd_ros.nodes.teleop_mux import TeleopJoyNode
-from serd_ros.process.run_node import _StopSignal, process_ends_within, run_node
+from serd_ros.process.run_node import _StopSignal, run_node
 from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -152,21 +152,6 @@ def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code():
     program = [sys.executable, "-c", HANGING_NODE]
     ended = subprocess.run(program, stdout=subprocess.PIPE, text=True, check=False)
     assert (ended.returncode, ended.stdout) == (2, "closed\n")
-
-
-LIMITED = """
-import time
-from serd_ros.process.run_node import process_ends_within
-with process_ends_within(9, 50):
-    pass
-time.sleep(0.2)  # what returned in time goes on
-"""
-
-
-def test_what_returns_in_time_goes_on_and_an_error_inside_is_raised():
-    assert subprocess.run([sys.executable, "-c", LIMITED], check=False).returncode == 0
-    with pytest.raises(ValueError, match="inside"), process_ends_within(1, 60_000):
-        raise ValueError("inside")
 
 
 MANY = 1_000_000
