@@ -84,6 +84,8 @@ _LEFT: dict[tuple[Kind, str], str] = {
         "demo_recorder records from its start to its end; with managed:=true from activation to"
         " deactivation"
     ),
+    ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
+    ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
     ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",
     ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
     ("key", "decision_period_s"): (

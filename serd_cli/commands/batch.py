@@ -96,9 +96,8 @@ def _seeds(first: int, count: int) -> range:
 
 
 def print_episodes(summaries: "Sequence[ConditionSummary]", output: Path) -> None:
-    """Both tables, and where the rows are."""
+    """The table, and where the rows are."""
     console.print(summary_table(summaries))
-    console.print(metrics_table(summaries))
     print(f"episodes: {output.resolve()}")
 
 
@@ -120,25 +119,6 @@ def summary_table(summaries: "Sequence[ConditionSummary]") -> Table:
             f"{each.mean_time_of_arrival_s:.1f} s" if each.n_arrived else "",
             f"{each.mean_distance_m:.1f} m",
             ", ".join(f"{round(per * each.n_episodes)}" for per in contacts),
-        )
-    return table
-
-
-def metrics_table(summaries: "Sequence[ConditionSummary]") -> Table:
-    """One row per condition: the way, nearness to people and smoothness."""
-    names = ("SPL", "stands", "personal zone", "collision < 1 s", "people", "jerk", "turns")
-    table = table_of("Means over the episodes", "condition", names)
-    for each in summaries:
-        metrics = each.metrics
-        table.add_row(
-            _condition(each),
-            f"{each.spl:.2f}",
-            f"{100 * metrics.standing_share:.0f} %",
-            f"{100 * metrics.personal_share:.0f} %",
-            f"{100 * metrics.collision_ahead_share:.1f} %",
-            f"{metrics.people_disturbance_mps2:.2f} m/s²",
-            f"{metrics.mean_abs_jerk_mps3:.1f} m/s³",
-            f"{metrics.path_irregularity_radpm:.2f} rad/m",
         )
     return table
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich.table import Table
 
 from serd_app.places.settings import PlaceSettings
 from serd_bag.quantities import counted
@@ -22,7 +21,7 @@ from serd_cli.options import (
     validated,
     with_settings,
 )
-from serd_cli.output.terminal import console, counting_bar, facts_table, print_json
+from serd_cli.output.terminal import console, counting_bar, facts_table, print_json, table_of
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
@@ -184,10 +183,7 @@ place in which people were tracked.
 
 def print_list(scenarios: Mapping[str, Scenario]) -> None:
     """A row per scenario."""
-    table = Table(title="Built-in scenarios", title_justify="left")
-    table.add_column("name", no_wrap=True)
-    table.add_column("people", justify="right")
-    table.add_column("cells", justify="right")
+    table = table_of("Built-in scenarios", "name", ("people", "cells"))
     table.add_column("description", overflow="fold")
     for name, each in scenarios.items():
         numbers = str(each.pedestrians.count), str(grid_of(each).n_states)

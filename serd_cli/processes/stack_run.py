@@ -10,13 +10,11 @@ from typing import Any
 
 from domain_coordinator import domain_id
 from rich.markup import escape
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
-from rich.table import Column
 
 from serd_bag.reader import BagReader
 from serd_bag.topic import selected_topics
 from serd_cli.errors import UsageError
-from serd_cli.output.terminal import WorkProgress
+from serd_cli.output.terminal import counting_bar
 from serd_cli.processes.supervisor import Line, Process, run_together
 from serd_cli.processes.workspace import node_command, ros_environment, stack_processes
 from serd_ros.graph.graph import Stack, find_stack
@@ -66,14 +64,7 @@ def run_stack(
     """
     stack = find_stack(name) if on_address is None else _watched(find_stack(name))
     processes = stack_processes(stack, parameters, environment)
-    bar = WorkProgress(
-        TextColumn("{task.description:<12}"),
-        BarColumn(bar_width=20),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
-        expand=True,
-    )
+    bar = counting_bar("{task.description:<12}", "[dim]{task.fields[text]}", bar_width=20)
     task = bar.add_task(name, total=total, text="starting the nodes")
     with log_of_nodes(logs / f"{name}.log") as log, bar:
 

@@ -51,12 +51,7 @@ class DemoRecorderConfig(ManagedConfig):
         min_length=1,
     )
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
-    minimum_free_mb: float = setting(
-        _RECORDER.min_free_bytes / 1e6,
-        "stop recording when less disk space is free",
-        unit="MB",
-        ge=0,
-    )
+    minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
 
 
 class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):

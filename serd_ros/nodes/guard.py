@@ -47,22 +47,14 @@ class GuardConfig(GuardSettings, StackConfig, LidarConfig):
     """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
 
     scenario: str = setting(
-        "",
-        "built-in scenario or file whose robot is guarded, and at whose walls a lidar must have"
-        " returns; any other robot when empty",
+        "", "the guarded robot, and walls that a lidar must see; any other robot when empty"
     )
     pose_from: Literal["robot_pose", "tf"] = setting_of(LocalisationConfig, "pose_from")
     people_topic: str = setting_of(ObservationConfig, "people_topic")
-    lockstep: bool = setting_of(
-        StackConfig, "lockstep", description="answer every command of that stamp with one"
-    )
+    lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
     stamped_cmd_vel: bool = setting(False, "cmd_vel_raw and cmd_vel are TwistStamped")
-    stop_pub_timeout: float = setting(
-        1.0, "publish nothing after this time of stops without a command", unit="s", ge=0
-    )
-    clock_timeout: float = setting(
-        1.0, "live: stop after this wall time without an advance of the clock", unit="s", gt=0
-    )
+    stop_pub_timeout: float = setting(1.0, "publish no stop longer", unit="s", ge=0)
+    clock_timeout: float = setting(1.0, "live: stop when the clock stands", unit="s", gt=0)
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:

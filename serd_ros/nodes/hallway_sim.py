@@ -42,15 +42,11 @@ class HallwaySimConfig(FramesConfig):
     start_area: str = setting_of(WorldSettings, "start_area")
     goal: str = setting_of(NavigationSettings, "goal")
     lockstep: bool = setting_of(StackConfig, "lockstep")
-    lockstep_timeout_s: float = setting(
-        60.0, "end after this wall time without a command in lock-step", unit="s", gt=0
-    )
+    lockstep_timeout_s: float = setting(60.0, "end without commands", unit="s", gt=0)
     gui: bool = setting(False, "show PyBullet's window")
     real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
-    command_timeout_s: float = setting(
-        0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
-    )
+    command_timeout_s: float = setting(0.2, "stop without commands", unit="s", gt=0, le=0.5)
     publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
     required_nodes: tuple[str, ...] = setting(NO_NAMES, "reset fails until these nodes subscribe")
 

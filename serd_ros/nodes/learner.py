@@ -12,18 +12,16 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.recorded import Place, files_beside, save_learnable
+from serd_app.demonstrations.recorded import Place, save_learnable
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.methods import require_learnable
-from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
+from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
 from serd_bag.files import require_file_place
 from serd_files.errors import USER_ERRORS
-from serd_files.files import shared_file
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
@@ -50,30 +48,13 @@ class LearnerConfig(LearningSettings, ManagedConfig):
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     bag: str = setting("", "learn from this bag at start; from live topics when empty")
-    actions: Literal["recorded", "hidden"] = setting(
-        "recorded", "hidden: learn from poses and episodes alone, without intents"
-    )
     learn_on: Literal["call", "episode"] = setting(
-        "episode",
-        "live: learn at the end of each episode, or only when the service learn is called",
+        "episode", "live: learn at the end of each episode, or when the service learn is called"
     )
-    state: str = setting(
-        "",
-        "live: folder of checkpoints, from which a killed learner resumes; beside the output"
-        " when empty",
-    )
+    state: str = setting("", "live: folder of checkpoints; beside the output when empty")
     output: str = setting("model.yaml", "model file to write", min_length=1)
     decisions: str = setting("", "also write the table of decisions to this file")
-    flow: str = setting(
-        "",
-        "table of the recorded flow of people, as `serd demos` writes it; the scenario's own"
-        " flow when empty",
-    )
-
-    @property
-    def is_hidden(self) -> bool:
-        """Whether decisions have no recorded action."""
-        return self.actions == "hidden"
+    flow: str = setting("", "table of the flow of people by `serd demos`; else the scenario's own")
 
 
 class LearnerNode(ManagedNode[LearnerConfig]):
@@ -84,13 +65,13 @@ class LearnerNode(ManagedNode[LearnerConfig]):
     def configure(self) -> Activate:
         """Read the scenario and what an earlier learner kept."""
         config = self.config
-        require_learnable(config.method, hidden=config.is_hidden)
         scenario = load_scenario(config.scenario)
         task = task_in(scenario, config.discount, config.flow)
         place = Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
         require_file_place(Path(config.output))
         if config.decisions:
-            _require_place_of_decisions(config, task)
+            require_file_place(Path(config.decisions))
+            require_replaceable(Path(config.decisions), task.scenario_yaml)
         require_replaceable(Path(config.output), task.scenario_yaml)
         memory = None if config.bag else self._memory_of(scenario, task)
         return partial(Learning, task, place, memory)
@@ -100,25 +81,12 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         memory = LearnerMemory(
             scenario,
             Path(config.state or output.with_name(f"{output.stem}_learner")),
-            hidden=config.is_hidden,
             feature_names=task.problem.feature_names,
         )
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         if remark := memory.start_remark:
             self.get_logger().warning(remark)
         return memory
-
-
-def _require_place_of_decisions(config: LearnerConfig, task: LearningTask) -> None:
-    table = Path(config.decisions)
-    require_file_place(table)
-    of_model = outcome_files(Path(config.output)).values()
-    if (file := shared_file(files_beside(table).values(), of_model)) is not None:
-        raise NodeError(
-            f"decisions must not be written over the model's files, got {table}, beside which"
-            f" {file} is written; name another file"
-        )
-    require_replaceable(table, task.scenario_yaml)
 
 
 class Learning(Activity):
@@ -153,8 +121,7 @@ class Learning(Activity):
         self._worker.stop()
 
     def _listen(self, endpoints: Endpoints, memory: LearnerMemory) -> None:
-        actions = () if self._config.is_hidden else (topics.INTENT,)
-        for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
+        for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
@@ -243,7 +210,7 @@ class Learning(Activity):
     def _read(self) -> Demonstrations:
         config, place = self._config, self._place
         demonstrations, report = demonstrations_of_bag(
-            config.bag, place.grid, place.patience_s, place.wait_s, hidden=config.is_hidden
+            config.bag, place.grid, place.patience_s, place.wait_s
         )
         text = f"{len(demonstrations.decisions)} decisions from {config.bag}: {report}"
         self._node.get_logger().info(text)

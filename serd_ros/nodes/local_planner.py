@@ -42,12 +42,8 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     planner: str = setting_of(WorldSettings, "planner")
-    lockstep: bool = setting_of(
-        StackConfig, "lockstep", description="answer every observation with one command"
-    )
-    input_timeout_s: float = setting(
-        0.5, "stop the robot when pose or people are older", unit="s", gt=0, le=0.5
-    )
+    lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
+    input_timeout_s: float = setting(0.5, "stop without observations", unit="s", gt=0, le=0.5)
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:

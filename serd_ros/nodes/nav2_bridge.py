@@ -35,9 +35,7 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     mode: Literal["to_pose", "through_poses"] = setting(
         "to_pose", "to_pose: send each waypoint; through_poses: send the plan of the strategy"
     )
-    waypoint_timeout_s: float = setting(
-        1.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
-    )
+    waypoint_timeout_s: float = setting(1.0, "cancel without waypoints", unit="s", gt=0)
 
 
 class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):

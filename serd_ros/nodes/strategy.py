@@ -55,19 +55,12 @@ class StrategyConfig(NavigationSettings, DriverConfig):
     """Parameters of strategy."""
 
     lockstep: bool = setting_of(
-        StackConfig,
-        "lockstep",
-        description="the world waits for every decision; otherwise waypoints are repeated five"
-        " times a second, so that the planner stands soon after this node has ended",
+        StackConfig, "lockstep", description="the world waits; otherwise waypoints are repeated"
     )
     reset: bool = setting(
         True, "reset the world before each episode; false: a goal starts one where the robot is"
     )
-    people: int = setting(
-        -1,
-        "number of people for which times of arrival are predicted; -1: as the scenario has it",
-        ge=-1,
-    )
+    people: int = setting(-1, "forecast among so many people; -1: the scenario's", ge=-1)
 
 
 class StrategyNode(ManagedNode[StrategyConfig]):

@@ -33,12 +33,8 @@ class TeleopMuxConfig(FramesConfig):
     mux: str = setting("", "YAML file of inputs and locks as twist_mux has it; built in when empty")
     rate_hz: float = setting(50.0, "rate of cmd_vel", unit="Hz", ge=10, le=200)
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
-    max_vel_x_mps: float = setting(
-        _ROBOT.max_vel_x_mps, "largest speed of any command", unit="m/s", gt=0
-    )
-    min_vel_x_mps: float = setting(
-        _ROBOT.min_vel_x_mps, "largest speed backwards", unit="m/s", le=0
-    )
+    max_vel_x_mps: float = setting(_ROBOT.max_vel_x_mps, "largest speed", unit="m/s", gt=0)
+    min_vel_x_mps: float = setting(_ROBOT.min_vel_x_mps, "backwards", unit="m/s", le=0)
     max_vel_theta_radps: float = setting(
         _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
     )
@@ -120,9 +116,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
 class TeleopJoyConfig(NodeConfig):
     """Parameters of teleop_joy."""
 
-    mapping: str = setting(
-        "", "YAML file of axes and buttons as teleop_twist_joy has it; built in when empty"
-    )
+    mapping: str = setting("", "YAML file as of teleop_twist_joy; built in when empty")
 
 
 class TeleopJoyNode(SerdNode[TeleopJoyConfig]):

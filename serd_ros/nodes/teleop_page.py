@@ -62,9 +62,7 @@ class TeleopPageConfig(PageConfig):
     driver: str = setting("teleop_page", "name of the driver in the episode marks", min_length=1)
     mode: Mode = setting("directions", "directions: publish intent; velocity: cmd_vel_teleop")
     timeout_s: float = setting_of(EpisodeSettings, "timeout_s")
-    required_nodes: tuple[str, ...] = setting(
-        NO_NAMES, "an episode starts when these nodes subscribe"
-    )
+    required_nodes: tuple[str, ...] = setting(NO_NAMES, "an episode waits for these nodes")
     speed_mps: float = setting(0.6, "speed in velocity mode", unit="m/s", gt=0)
     turn_radps: float = setting(1.5, "turning rate in velocity mode", unit="rad/s", gt=0)
 

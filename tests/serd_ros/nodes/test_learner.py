@@ -1,43 +1,27 @@
-"""The learner's parameter `actions`: what it subscribes to, and the methods it accepts."""
+"""What the learner refuses at its start, and how it answers a call to learn."""
 
 import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
-from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_app.errors import AppError
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_bag.errors import FileError
-from serd_ros.errors import NodeError
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
-from support.waiting import wait_until
-
-
-@pytest.mark.parametrize("actions", ["recorded", "hidden"])
-def test_intents_are_subscribed_unless_actions_are_hidden(tmp_path, actions):
-    with node_in_process("learner", actions=actions, output=str(tmp_path / "m.yaml")) as running:
-        subscribed = {each.topic_name.strip("/") for each in running.node.subscriptions}
-    assert {"robot_pose", "episode"} <= subscribed
-    assert ("intent" in subscribed) == (actions == "recorded")
 
 
 @pytest.mark.parametrize(
     ("given", "error", "sentence"),
     [
-        ({"actions": "hidden", "method": "policy_matching"}, AppError, "are hidden, got policy_ma"),
         ({"output": ""}, FileError, "it is a folder; name a file"),
-        ({"decisions": "m.csv"}, NodeError, "must not be written over the model's files"),
-        ({"decisions": "m.grid.csv"}, NodeError, "must not be written over the model's files"),
-        ({"decisions": "link/m.csv"}, NodeError, "must not be written over the model's files"),
+        ({"decisions": ""}, FileError, "it is a folder; name a file"),
     ],
 )
 def test_what_cannot_be_learned_or_written_is_rejected_at_the_start(
     given, error, sentence, tmp_path
 ):
-    (tmp_path / "link").symlink_to(tmp_path)
     paths = {name: str(tmp_path / given[name]) for name in ("output", "decisions") if name in given}
     given = {"output": str(tmp_path / "m.yaml"), **given, **paths}
     with pytest.raises(error, match=sentence), node_in_process("learner", **given):
@@ -48,15 +32,6 @@ def test_what_cannot_be_learned_or_written_is_rejected_at_the_start(
 def shipped(root):
     """The recording of the hallway that is part of the repository."""
     return next(path.parent for path in sorted((root / "bags/data").rglob("metadata.yaml")))
-
-
-def test_decisions_without_actions_are_made_of_the_poses_of_a_bag_alone(shipped, tmp_path):
-    table = tmp_path / "decisions.csv"
-    given = {"bag": str(shipped), "actions": "hidden", "decisions": str(table)}
-    with node_in_process("learner", output=str(tmp_path / "m.yaml"), **given) as running:
-        wait_until(lambda: "diagnostics" in running.sent, turn=running.call_timers)
-        assert running.sent["diagnostics"].status[0].message == "learning"
-    assert load_decisions(table).hidden.all()
 
 
 @pytest.mark.parametrize("n_decisions", [5, None])
