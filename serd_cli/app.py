@@ -37,7 +37,7 @@ COMMANDS = {
     "doctor": "Check what is installed and works; name the command to mend it.",
 }
 #: The module of a command that has none of its own name; its help is the function's docstring.
-_MODULES = {"run": "launch"}
+_MODULES = {"run": "launch", "watch": "launch"}
 #: All that follows the executable is passed on.
 _SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
 

@@ -15,13 +15,7 @@ from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, opt
-from serd_cli.output.terminal import (
-    console,
-    finite_values,
-    print_json,
-    run_episodes,
-    table_of,
-)
+from serd_cli.output.terminal import console, finite_values, print_json, run_episodes, table_of
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.execution import Execution
 from serd_sim.planning.catalogue import planner_names

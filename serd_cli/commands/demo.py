@@ -102,19 +102,9 @@ def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
         "strategy.output": str(folder.navigation),
     }
     return (
-        Phase(
-            "demonstrate",
-            here | demonstrate,
-            settings.demonstrations,
-            folder.demonstrations,
-        ),
+        Phase("demonstrate", here | demonstrate, settings.demonstrations, folder.demonstrations),
         Phase("learn", here | learn, 1),
-        Phase(
-            "navigate",
-            here | navigate,
-            settings.episodes,
-            folder.navigation,
-        ),
+        Phase("navigate", here | navigate, settings.episodes, folder.navigation),
     )
 
 

@@ -30,11 +30,7 @@ def navigate(
     """Parse the options, let the model drive and print prediction and measurement."""
     from serd_app.journeys.navigate import navigate as drive_and_compare
     from serd_app.places.kept_scenario import scenario_of_model
-    from serd_cli.output.arrival import (
-        arrival_values,
-        drive_in_process,
-        print_arrival,
-    )
+    from serd_cli.output.arrival import arrival_values, drive_in_process, print_arrival
     from serd_cli.output.terminal import print_json
     from serd_files.model_file import load_model
 

@@ -22,8 +22,6 @@ from serd_cli.options import (
     with_settings,
 )
 from serd_cli.output.terminal import console, counting_bar, facts_table, print_json, table_of
-from serd_files.settings import setting
-from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.scenario.goal import point_of
@@ -86,12 +84,6 @@ def show(
         print_scenario(values, loaded.patience_remark)
 
 
-class MovieSettings(StrictModel):
-    """How fast an episode is shown."""
-
-    speed: float = setting(4.0, "times real time", gt=0, le=1000)
-
-
 def film(
     output: Annotated[Path, opt("file to write: .mp4, .gif or .png")],
     scenario: ScenarioName = "hallway",
@@ -101,7 +93,7 @@ def film(
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
     view: View = "top",
-    speed: float = option(MovieSettings, "speed"),
+    speed: Annotated[float, opt("times real time", min=0.1, max=1000)] = 4.0,
     at_s: At = None,
     as_json: AsJson = False,
 ) -> None:
@@ -118,7 +110,6 @@ def film(
     from serd_sim.episodes.batch import EpisodeTask
 
     require_suffix(output, *SUFFIXES)
-    validated(MovieSettings, speed=speed)
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
     task = EpisodeTask(scenario, seed, 0, people, start_area, planner, policy)
@@ -146,7 +137,18 @@ def from_map(
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Parse the options, write the scenario and print what was found in the map."""
+    """Write a scenario from the map that a robot navigates by.
+
+    serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
+
+    MAP is the YAML file beside the image, as map_saver writes it, or a bag
+    with a nav_msgs/OccupancyGrid. The largest free area that is connected is
+    walkable (with --start the one around it), its borders are the walls. The
+    scenario and a plan of it are written; docs/maps.md has all of it.
+
+    A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
+    place in which people were tracked.
+    """
     from serd_app.journeys.from_map import scenario_from_map
 
     path = output or Path(f"{ros_map.stem}-scenario.yaml")
@@ -165,20 +167,6 @@ def from_map(
         print_json(mapped_values(made))
     else:
         print_mapped(made)
-
-
-FROM_MAP = """Write a scenario from the map that a robot navigates by.
-
-serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
-
-MAP is the YAML file beside the image, as map_saver writes it, or a bag
-with a nav_msgs/OccupancyGrid. The largest free area that is connected is
-walkable (with --start the one around it), its borders are the walls. The
-scenario and a plan of it are written; docs/maps.md has all of it.
-
-A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
-place in which people were tracked.
-"""
 
 
 def print_list(scenarios: Mapping[str, Scenario]) -> None:
@@ -262,4 +250,4 @@ def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
 add_command(group, "list", list_scenarios)
 for function in (show, film):
     add_command(group, function.__name__, function)
-add_command(group, "from-map", from_map, FROM_MAP)
+add_command(group, "from-map", from_map)

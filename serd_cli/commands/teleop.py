@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from rich.text import Text
 
@@ -50,20 +50,13 @@ class TeleopSettings(StrictModel):
 
     def parameters(self, bag: Path) -> dict[str, Any]:
         """Parameters of the nodes of the stack `teleop`."""
-        given: dict[str, Any] = {
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "start_area": self.start_area,
-            "mode": "velocity" if self.velocity else "directions",
-            "demo_recorder.output": str(bag),
-            "address": self.address,
-            "port": self.port,
-            "token_file": str(Path(self.token_file).resolve()) if self.token_file else "",
-        }
-        if self.driver:
-            given["driver"] = self.driver
-        if self.people is not None:
-            given["people"] = self.people
+        given = self.model_dump(exclude={"velocity"}, exclude_none=True)
+        given |= {"mode": "velocity" if self.velocity else "directions"}
+        given |= {"demo_recorder.output": str(bag)}
+        if self.token_file:
+            given["token_file"] = str(Path(self.token_file).resolve())
+        if not self.driver:
+            del given["driver"]
         return given
 
 
@@ -101,30 +94,26 @@ def require_page(settings: TeleopSettings) -> None:
 @contextmanager
 def driver_lines(log: Path) -> Iterator[Line]:
     """What logs the lines of nodes and prints those for the driver."""
-    # Nodes whose traceback is hidden: the supervisor reports a failure that matters.
-    broken: set[str] = set()
     with log_of_nodes(log) as write:
 
         def take(node: str, line: str) -> None:
             write(node, line)
             match = _ROS_PREFIX.match(line)
-            text = line[match.end() :] if match else line
-            if match and match[1] == "FATAL":
-                broken.add(node)
             if progress := parse_progress(line):
                 if progress.address:
                     address = progress.address, "bold"
                     progress_console.print(Text.assemble("drive at ", address, "   (Ctrl-C ends)"))
-            elif node in _SHOWN and node not in broken:
-                progress_console.print(text, soft_wrap=True)
+            elif node in _SHOWN and match and match[1] != "FATAL":
+                progress_console.print(line[match.end() :], soft_wrap=True)
 
         yield take
 
 
 def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:
     """What was recorded, and the command that makes decisions of it."""
-    summary, command = summarise_session(bag, settings.scenario), None
-    if summary and summary.n_kept:
+    outcomes, n_decisions = recorded_in(bag, settings.scenario)
+    command = None
+    if set(outcomes) - {DISCARDED}:
         words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
         if settings.velocity:
             mapping = folder / "mapping.yaml"
@@ -132,38 +121,18 @@ def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_jso
             words += ["--mapping", str(mapping)]
         command = shlex.join([*words, "--output", str(folder / "decisions.csv")])
     if as_json:
-        recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else summary._asdict()
-        print_json({"bag": None if summary is None else bag, **recorded, "decisions": command})
+        values = {"outcomes": outcomes, "n_decisions": n_decisions, "decisions": command}
+        print_json({"bag": bag if bag.exists() else None, **values})
         return
-    text = f"nothing was recorded in {folder}" if summary is None else f"\n{summary}\nbag: {bag}"
-    progress_console.print(text, soft_wrap=True)
+    counts = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in sorted(outcomes.items()))
+    text = f"{counts or 'no episode'}; {counted(n_decisions, 'decision')} by directions"
+    progress_console.print(f"\nrecorded in {bag}: {text}", soft_wrap=True)
     if command:
         progress_console.print(f"decisions: {command}", soft_wrap=True)
 
 
-class SessionSummary(NamedTuple):
-    """outcomes: of all episodes; n_decisions: of those that were not discarded."""
-
-    outcomes: dict[str, int]
-    n_decisions: int
-
-    @property
-    def n_kept(self) -> int:
-        """Episodes that were not discarded."""
-        return sum(self.outcomes.values()) - self.outcomes.get(DISCARDED, 0)
-
-    def __str__(self) -> str:
-        """The counts in words."""
-        counts = sorted((name.replace("_", " "), n) for name, n in self.outcomes.items())
-        return (
-            f"{counted(self.n_kept, 'episode')} kept; "
-            f"{', '.join(f'{n} {name}' for name, n in counts)}; "
-            f"{counted(self.n_decisions, 'decision')} by directions"
-        )
-
-
-def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
-    """The bag's episodes and decisions; None where nothing readable was recorded."""
+def recorded_in(bag: Path, scenario: str) -> tuple[dict[str, int], int]:
+    """How many episodes ended how, and how many decisions were not discarded."""
     from serd_app.demonstrations.demonstrations import demonstrations_of_drives
     from serd_app.drives.sessions import read_drives
 
@@ -171,10 +140,10 @@ def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
     try:
         drives = read_drives(bag, tolerant=True)
         _, report = demonstrations_of_drives(drives, grid_of(place), place.patience_s, place.wait_s)
-    except USER_ERRORS:
-        return None
+    except USER_ERRORS:  # nothing readable was recorded
+        return {}, 0
     outcomes = Counter(span.outcome for drive in drives for span in drive.episodes)
-    return SessionSummary(dict(outcomes), report.n_decisions)
+    return dict(outcomes), report.n_decisions
 
 
 Output = Annotated[Path, opt("folder that gets a session-N folder")]

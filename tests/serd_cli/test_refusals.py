@@ -88,7 +88,7 @@ REFUSED = (
     ("scenario show none.yaml", "cannot read none.yaml: it does not exist"),
     ("scenario show hallway --output p.jpg", "--output must end in .png, got p.jpg"),
     (f"{FILM} e.avi", "--output must end in .png, .gif, .mp4, got e.avi"),
-    (f"{FILM} e.mp4 --speed 0", "speed must be greater than 0, got 0"),
+    (f"{FILM} e.mp4 --speed 0", "--speed"),
     (f"{FILM} e.mp4 --at 3", "--at must be left out for a movie, got 3"),
     (f"{FILM} e.mp4 --view side", "'side' is not one of"),
     (f"{FILM} e.mp4 --policy exprt", "did you mean 'expert'?"),

@@ -31,10 +31,7 @@ needs_nav2 = pytest.mark.skipif(
 
 @pytest.mark.parametrize(
     ("stack", "period_s"),
-    [
-        pytest.param("robot_nav2", 0.1, marks=needs_nav2),
-        ("robot_people", 0.103),
-    ],
+    [pytest.param("robot_nav2", 0.1, marks=needs_nav2), ("robot_people", 0.103)],
 )
 def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
     stack, period_s, nodes, probe, start_robot, save_model_of

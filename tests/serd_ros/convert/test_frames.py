@@ -10,12 +10,7 @@ from nav_msgs.msg import Odometry
 from serd_bag.messages.plain import Header, Transform
 from serd_core.grid.grid import Action
 from serd_ros.convert.frames import Frames
-from serd_ros.convert.motion import (
-    from_intent,
-    from_odometry,
-    to_intent,
-    to_pose,
-)
+from serd_ros.convert.motion import from_intent, from_odometry, to_intent, to_pose
 from serd_ros.convert.sensors import from_people_message, to_people_message
 from serd_ros.errors import MessageError
 from serd_sim.safety.motion import compose
