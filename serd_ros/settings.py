@@ -1,7 +1,4 @@
-"""Parameters that several nodes have, or a node and a command: name, type, default, unit, range.
-
-The other parameters of a node stand in its module. Commands read these without rclpy.
-"""
+"""Parameters that several nodes have, or a node and a command, which reads no rclpy."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, TypeVar

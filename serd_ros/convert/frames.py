@@ -122,14 +122,11 @@ class Frames(FrameGraph):
         self._require_fresh(chain)
         matrix = self.placement(*found, self._matrices.__getitem__)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
-            turned = matrix[2, 2] < -_LEAST_UPRIGHT
+            points = "down" if matrix[2, 2] < -_LEAST_UPRIGHT else "elsewhere"
             raise MessageError(
                 f"{field} must be of a frame that is level in {target!r}",
-                f"{frame!r}, whose z axis points {'down' if turned else 'elsewhere'}",
-                "let the driver reverse the angles (often 'inverted'), and turn the z axis of its"
-                " frame up"
-                if turned
-                else "publish in a level frame",
+                f"{frame!r}, whose z axis points {points}",
+                "publish in a level frame; a driver can reverse the angles (often 'inverted')",
             )
         stamps_ns = (self._stamps_ns[child] for child in chain if child in self._stamps_ns)
         return Placement(matrix, next(stamps_ns, None))

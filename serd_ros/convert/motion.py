@@ -1,7 +1,4 @@
-"""Poses, goals, paths, odometry and frames: (x, y, yaw) to and from messages (REP 103, 105).
-
-People and policy arrows become markers, for RViz.
-"""
+"""Poses, goals, paths, commands: (x, y, yaw) to and from messages (REP 103, 105); markers."""
 
 import math
 from collections.abc import Sequence
@@ -35,7 +32,7 @@ from serd_ros.errors import MessageError
 from serd_sim.safety.motion import STANDING, compose, motion_between
 from serd_sim.scenario.goal import Area
 from serd_sim.world.command import Command
-from serd_sim.world.observation import Observation, People
+from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
 PlanarPose = tuple[float, float, float]
@@ -170,22 +167,6 @@ def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
 
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
-_PEOPLE = ColorRGBA(r=0.85, g=0.48, b=0.15, a=1.0)
-
-
-def to_people_markers(people: People, radius_m: float, time_s: float) -> MarkerArray:
-    """All people as one list of balls, and a line to where each will be in a second."""
-    bodies = _marker(0, "people", Marker.SPHERE_LIST, time_s)
-    bodies.scale = Vector3(x=2.0 * radius_m, y=2.0 * radius_m, z=2.0 * radius_m)
-    lines = _marker(0, "velocities", Marker.LINE_LIST, time_s)
-    lines.scale = Vector3(x=0.05, y=0.0, z=0.0)
-    bodies.color = lines.color = _PEOPLE
-    soon_m = people.position_m + people.velocity_mps
-    for (x_m, y_m), (soon_x_m, soon_y_m) in zip(people.position_m, soon_m, strict=True):
-        here = Point(x=float(x_m), y=float(y_m), z=radius_m)
-        bodies.points.append(here)
-        lines.points += [here, Point(x=float(soon_x_m), y=float(soon_y_m), z=radius_m)]
-    return MarkerArray(markers=[bodies, lines])
 
 
 def to_policy_markers(

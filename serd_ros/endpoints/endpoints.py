@@ -63,10 +63,7 @@ class Endpoints:
     def subscribe(
         self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
     ) -> None:
-        """Call back with each message.
-
-        Where a publisher offers less than `profile`, the subscription requests what it offers.
-        """
+        """Call back with each message, also where a publisher offers less than `profile`."""
         if self.node.frames.prefix:
             callback = self._without_prefix(callback)
         make = partial(self._subscription, kind, topic, self.guarded(topic, callback))
@@ -106,9 +103,8 @@ class Endpoints:
     def serve(self, kind: Any, name: str, answer: Callable[[Any], str]) -> None:
         """Serve a Trigger or SetBool.
 
-        answer: called with each request; returns the message, or raises a SerdError, whose sentence
-        is the message of a response without success. No response is sent once its client or this
-        service is gone (`run_node`).
+        answer: returns the message, or raises a SerdError, the message of a response without
+        success. No response is sent once its client or this service is gone (`run_node`).
         """
 
         def respond(request: Any, response: Any) -> Any:
@@ -180,10 +176,7 @@ class Endpoints:
 
 
 def confirm(publishers: Iterable[Publisher]) -> None:
-    """Wait until what they published last has arrived, _CONFIRMED_WITHIN_S in all.
-
-    Subscribers drop what they have not taken yet when they learn that its publisher ended.
-    """
+    """Wait for 0.5 s in all until the last messages have arrived, which else may be dropped."""
     end_s = time.monotonic() + _CONFIRMED_WITHIN_S
     for each in publishers:
         each.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic())))

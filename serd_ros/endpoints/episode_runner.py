@@ -188,10 +188,7 @@ class EpisodeRunner:
         self._finish_when_reported()
 
     def _follow_epochs(self, drive: _Drive, observation: Observation) -> None:
-        """Decide where an epoch begins.
-
-        A tick that comes again is one that a receiver has missed, and gets the same answer.
-        """
+        """Decide where an epoch begins; a tick that comes again gets the same answer."""
         begins = self._epochs.begins(observation)
         is_again = observation.tick == drive.followed_tick
         if begins and not is_again:
@@ -244,11 +241,7 @@ class EpisodeRunner:
             self._node.finish(0)
 
     def _world_report(self, observation: Observation) -> dict[str, str] | None:
-        """The world's counts at an observation; None while they have not arrived.
-
-        The world reports at each change: those at a tick are the last ones until then. Without
-        resets, contacts are not counted per episode.
-        """
+        """The world's counts at an observation, of its last change; None until they arrive."""
         if not self._resets_world:
             return UNCOUNTED
         time_ns = stamp_ns(to_stamp(observation.time_s))

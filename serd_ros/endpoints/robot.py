@@ -26,8 +26,7 @@ from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.followed_topic import follow_transforms
-from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms
 from serd_ros.errors import MessageError
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan

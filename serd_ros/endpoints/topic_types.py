@@ -75,7 +75,6 @@ TYPES = {
         ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
         ("std_msgs/msg/Float64MultiArray", qos.LATCHED, topics.ARRIVAL),
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
-        ("visualization_msgs/msg/MarkerArray", qos.STATE, topics.MARKERS_PEOPLE),
         ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY),
         (_TF, None, topics.TF, topics.TF_STATIC),
     )
@@ -162,10 +161,7 @@ _Hash = _struct(version=ctypes.c_uint8, value=ctypes.c_uint8 * _HASH_BYTES)
 
 @cache
 def raw_message_class(kind: MessageType) -> Any | None:
-    """A class that raw publishers and subscriptions take; None with another middleware.
-
-    Classes live as long as the process, since the middleware keeps pointers into them.
-    """
+    """A class that raw publishers and subscriptions take; None with another middleware."""
     if get_rmw_implementation_identifier() != _MIDDLEWARE:
         return None
     support, kept = _support(kind)

@@ -24,7 +24,6 @@ EPISODE = "episode"
 MODEL = "model"
 PLAN = "plan"
 DIAGNOSTICS = "diagnostics"
-MARKERS_PEOPLE = "markers/people"
 MARKERS_POLICY = "markers/policy"
 
 RESET = "reset"

@@ -13,14 +13,12 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
 
 from serd_bag.files import read_text
 from serd_ros.convert.motion import (
     from_any_twist,
     from_twist_stamped,
     to_odometry,
-    to_people_markers,
     to_pose_stamped,
 )
 from serd_ros.convert.sensors import to_occupancy_grid, to_people_message, to_scan
@@ -29,11 +27,9 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import TransformPublisher, publish_links
 from serd_ros.endpoints.robot import follow_commands
-from serd_sim.crowd.social_force import model_named
 from serd_sim.robot.urdf import link_transforms
 from serd_sim.scenario.occupancy import occupancy_raster
 from serd_sim.world.command import CommandGuard
-from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5
@@ -45,10 +41,7 @@ _REPORT_PERIOD_S = 0.5
 
 
 class WorldPublisher:
-    """Publishes the time of the world and its present state as a robot observes it.
-
-    Scan and markers only while there are subscribers. with_tf: also as transforms.
-    """
+    """Publishes the present tick; the scan only to subscribers, with_tf: as transforms too."""
 
     def __init__(self, endpoints: Endpoints, world: HallwayWorld, *, with_tf: bool) -> None:
         self._node, self._world = endpoints.node, world
@@ -60,7 +53,6 @@ class WorldPublisher:
         self._ticks_per_report = max(1, round(_REPORT_PERIOD_S / period_s))
         self._reported: dict[str, float] | None = None
         self._scan = endpoints.publisher(LaserScan, topics.SCAN, qos.STATE)
-        self._people = endpoints.publisher(MarkerArray, topics.MARKERS_PEOPLE, qos.STATE)
         self._transforms = TransformPublisher(endpoints) if with_tf else None
         self._map = endpoints.publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(occupancy_raster(world.scenario), 0.0))
@@ -68,14 +60,14 @@ class WorldPublisher:
         publish_links(endpoints, link_transforms(path, topics.BASE_FRAME))
         description = endpoints.publisher(String, topics.ROBOT_DESCRIPTION, qos.LATCHED)
         description.publish(String(data=read_text(path)))
-        self._person_radius_m = model_named(world.scenario.pedestrians.model).body_radius_m
 
     def publish(self) -> None:
         """Send the present tick: the clock, then what the robot observes."""
         world, observation = self._world, self._world.observation
         self._clock.publish(Clock(clock=to_stamp(world.time_s)))
-        if world.is_scan_tick:
-            self._publish_rarely(observation)
+        if world.is_scan_tick and self._scan.get_subscription_count():
+            scan = to_scan(world.scan(observation), world.scenario.lidar, observation.time_s)
+            self._scan.publish(self._node.frames.prefixed(scan))
         is_due = observation.tick % self._ticks_per_report == 0 or world.in_goal
         counts = self._counts()
         if is_due or counts != self._reported:  # at each change, so those of a tick are known
@@ -88,14 +80,6 @@ class WorldPublisher:
         self._odometry.publish(self._node.frames.prefixed(odometry))
         # The last one, since it is what people wait for.
         self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
-
-    def _publish_rarely(self, observation: Observation) -> None:
-        people, time_s = observation.people, observation.time_s
-        if self._scan.get_subscription_count():
-            scan = to_scan(self._world.scan(observation), self._world.scenario.lidar, time_s)
-            self._scan.publish(self._node.frames.prefixed(scan))
-        if self._people.get_subscription_count():
-            self._people.publish(to_people_markers(people, self._person_radius_m, time_s))
 
     def _counts(self) -> dict[str, float]:
         """Contacts and distances of the running episode."""
@@ -110,10 +94,7 @@ class WorldPublisher:
 
 
 class LockstepLoop:
-    """One step per stamped command.
-
-    publish: sends the present tick. timeout_s: without an answer, after which the node ends.
-    """
+    """One step per stamped command; without one for timeout_s the node ends."""
 
     def __init__(
         self,
@@ -178,10 +159,7 @@ class LockstepLoop:
 
 
 class LiveLoop:
-    """One step per control period of (scaled) real time, with a dead-man's switch.
-
-    publish: sends the present tick. timeout_s: without a command, after which the robot stops.
-    """
+    """One step per control period of scaled real time; without a command the robot stops."""
 
     def __init__(
         self,

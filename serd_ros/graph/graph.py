@@ -79,10 +79,7 @@ class Graph(StrictModel):
         return any("/clock" in self.nodes[node].publishes for node in stack.nodes)
 
     def namespace_remappings(self, stack: Stack, namespace: str) -> dict[str, str]:
-        """What has a namespace in no name of its own: the clock of a world.
-
-        namespace: in full, as /robot1, or empty.
-        """
+        """The clock of a world, which has a namespace in no name of its own; namespace: in full."""
         return {"/clock": f"{namespace}/clock"} if namespace and self.has_world(stack) else {}
 
 

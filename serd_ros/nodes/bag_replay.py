@@ -23,7 +23,6 @@ from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
-from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import BagReplayConfig
 
@@ -37,10 +36,7 @@ _UNCONFIRMED_AT_MOST = qos.STATE_DEPTH // 2
 
 
 class ReplayPublishers:
-    """One publisher for each recorded topic; raw messages go out as they were recorded.
-
-    skipped: topics whose messages are not CDR, or of which there is no class; their types.
-    """
+    """One publisher for each recorded topic; skipped: types of those that cannot be played."""
 
     def __init__(self, endpoints: Endpoints, topics: Iterable[Topic]) -> None:
         self.skipped: dict[str, str] = {}
@@ -63,10 +59,7 @@ class ReplayPublishers:
         return self._of.keys()
 
     def publish(self, messages: Iterable[RawMessage]) -> None:
-        """Send them; at times wait for reliable readers, so that none is overrun.
-
-        DDS requests acknowledgements only every few seconds, so it is done rarely.
-        """
+        """Send them; at times wait for reliable readers, so that none is overrun."""
         for message in messages:
             topic = message.topic
             self._of[topic].publish(message.data)
@@ -168,7 +161,5 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         if damage := self._sound.damage:
             self.fail(damage)
             return
-        text = f"played {self._n_sent} messages of {self.config.bag}"
-        self.get_logger().info(text)
-        write_progress(Progress(text=text, n_messages=self._n_sent))
+        self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
         self.finish(0)

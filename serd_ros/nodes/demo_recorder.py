@@ -26,7 +26,7 @@ from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig, StackConfig
 
 _POLL_PERIOD_S = 0.1
@@ -54,7 +54,7 @@ class DemoRecorderConfig(ManagedConfig):
     minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
 
 
-class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
+class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     """Records while it is active."""
 
     config_class = DemoRecorderConfig

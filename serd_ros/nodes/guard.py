@@ -19,7 +19,7 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import PlanarPose, from_any_twist, from_odometry, from_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.followed_topic import PeopleTopic
 from serd_ros.endpoints.robot import LOCALISATIONS, CommandPublisher, follow_commands, follow_scans
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness, publishers_of

@@ -29,8 +29,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.process.progress import Progress, write_progress
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
@@ -57,7 +57,7 @@ class LearnerConfig(LearningSettings, ManagedConfig):
     flow: str = setting("", "table of the flow of people by `serd demos`; else the scenario's own")
 
 
-class LearnerNode(ManagedNode[LearnerConfig]):
+class LearnerNode(SerdNode[LearnerConfig]):
     """Learns while it is active."""
 
     config_class = LearnerConfig
@@ -90,10 +90,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
 
 
 class Learning(Activity):
-    """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`.
-
-    memory: of what has been demonstrated; None with a bag.
-    """
+    """Takes decisions and learns in a thread; memory: of what was shown, None with a bag."""
 
     def __init__(
         self, task: LearningTask, place: Place, memory: LearnerMemory | None, endpoints: Endpoints

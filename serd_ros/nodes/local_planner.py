@@ -22,7 +22,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.robot import CommandPublisher, ObservationSource
 from serd_ros.graph.graph import Readiness
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.planning.catalogue import make_planner
@@ -62,7 +62,7 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
         return load_scenario(self.scenario).with_local_planner(PlannerSettings(**own))
 
 
-class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
+class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     """Plans while it is active."""
 
     config_class = LocalPlannerConfig

@@ -22,7 +22,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import follow_transforms
 from serd_ros.errors import NodeError
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import FramesConfig, ManagedConfig
 
 _WATCH_S = 0.5
@@ -38,7 +38,7 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     waypoint_timeout_s: float = setting(1.0, "cancel without waypoints", unit="s", gt=0)
 
 
-class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
+class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
     """Sends goals to Nav2 while it is active."""
 
     config_class = Nav2BridgeConfig

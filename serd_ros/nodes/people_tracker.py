@@ -15,7 +15,7 @@ from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.robot import ObservationSource, follow_scans
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.perception.lidar_people import LidarPeople
@@ -54,7 +54,7 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
         return guard.model_copy(update=own)
 
 
-class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
+class PeopleTrackerNode(SerdNode[PeopleTrackerConfig]):
     """Tracks people while it is active."""
 
     config_class = PeopleTrackerConfig

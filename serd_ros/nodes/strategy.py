@@ -38,7 +38,7 @@ from serd_ros.convert.motion import (
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.episode_runner import EpisodeRunner
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.drivers.strategy import Strategy
 from serd_sim.episodes.result import ANYWHERE, EpisodeStart
@@ -63,7 +63,7 @@ class StrategyConfig(NavigationSettings, DriverConfig):
     people: int = setting(-1, "forecast among so many people; -1: the scenario's", ge=-1)
 
 
-class StrategyNode(ManagedNode[StrategyConfig]):
+class StrategyNode(SerdNode[StrategyConfig]):
     """Drives while it is active."""
 
     config_class = StrategyConfig
@@ -80,10 +80,7 @@ class StrategyNode(ManagedNode[StrategyConfig]):
 
 @dataclass
 class Plan:
-    """What a deactivated strategy keeps: policy, log of arrivals, results of episodes.
-
-    file: of the model. goal_waits: whether the goal is to be driven to without another one.
-    """
+    """What a deactivated strategy keeps; goal_waits: whether the goal is still to be driven to."""
 
     navigator: Navigator
     file: FileWatch
@@ -273,12 +270,10 @@ class StrategyReporter:
 
 
 def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
-    """The law of the remaining time as seen at `now_s`: a row of times, a row of probabilities.
+    """The law of the remaining time as seen at `now_s`, in steps of at least a thousandth.
 
-    Row 0: times (s) on the clock of the observations, the first one being when the prediction was
-    made; row 1: predicted probability of having arrived by then, given no arrival so far. Steps of
-    less than a thousandth are left out. Nothing with a header and named columns is among the
-    messages that tools plot.
+    Row 0: times (s) on the clock of the observations, the first one being now; row 1: predicted
+    probability of having arrived by then, given no arrival so far.
     """
     kept = [0]
     for step in range(1, len(law.cdf)):

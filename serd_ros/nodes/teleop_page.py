@@ -195,10 +195,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         }
 
     def _on_jump(self, jump: Jump) -> None:
-        """End every motion, show nothing stale; a new session discards the episode and counts.
-
-        The clock jumps forward where an episode begins, too.
-        """
+        """End every motion, but where an episode begins; a new session discards the counts."""
         self._view.clear()
         self._epochs.begin()
         if jump is Jump.BACKWARD or not self.episodes.session.is_starting:

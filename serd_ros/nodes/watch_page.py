@@ -1,8 +1,4 @@
-"""watch_page: shows any running stack on a web page, as a ROS 2 node.
-
-It subscribes and serves the page; it publishes nothing but its own health and drives nothing. What
-the page shows of the world, episodes and a learned model, `teleop_page` shows too.
-"""
+"""watch_page: shows any running stack on a web page and drives nothing, as a ROS 2 node."""
 
 import math
 from collections.abc import Mapping
@@ -145,10 +141,7 @@ class PageView:
 
 
 class WatchView(PageView):
-    """The state of a world that others drive: robot, people and episodes as their topics have them.
-
-    The newest message of each topic is shown; a robot without `pedestrians` or `odom` is shown too.
-    """
+    """The state of a world that others drive, by the newest message of each topic."""
 
     topics: ClassVar[tuple[str, ...]] = (
         *PageView.topics, topics.ROBOT_POSE, topics.ODOM, topics.PEDESTRIANS, topics.EPISODE,

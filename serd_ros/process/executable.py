@@ -40,10 +40,7 @@ def main() -> NoReturn:
 
 
 def run(executable: str) -> NoReturn:
-    """Import the node, run it and end with its exit code.
-
-    Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
-    """
+    """Import the node, run it, end with its exit code; finalisation would compute for 0.25 s."""
     with starting():
         from serd_ros.graph.graph import class_of, load_graph
         from serd_ros.process.run_node import run_node

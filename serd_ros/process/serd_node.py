@@ -11,11 +11,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import ValidationError
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState
+from rclpy.lifecycle.node import TransitionCallbackReturn as _Result
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from serd_files.errors import USER_ERRORS
 from serd_files.moved_names import where_or_near
 from serd_files.settings import settings_of
 from serd_files.yaml_config import sentence_of
@@ -26,7 +29,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.errors import NodeError
 from serd_ros.process.callback_guard import CallbackGuard
-from serd_ros.settings import Config
+from serd_ros.settings import Config, ManagedConfig
 
 INTERNAL_ERROR, BAD_INPUT = 1, 2
 _LOOK_PERIOD_S = 1.0
@@ -65,6 +68,12 @@ class SerdNode(Node, Generic[Config]):
         self.guard_services()
         self._guard_clock()
         self.add_post_set_parameters_callback(lambda _: self._guard_clock())
+        if isinstance(self.config, ManagedConfig):
+            self.lifecycle = Lifecycle(self)
+
+    def configure(self) -> "Activate":
+        """Read and check what a managed node needs; returns what makes endpoints and begins."""
+        raise NotImplementedError
 
     def finish(self, exit_code: int = 0) -> None:
         """Let the process end with this code once the running callback has returned."""
@@ -98,10 +107,7 @@ class SerdNode(Node, Generic[Config]):
         message: str = "",
         part: str = "",
     ) -> None:
-        """Publish the node's health and numbers on `diagnostics`, whatever its name is.
-
-        part: what has a status of its own, `NODE: PART`.
-        """
+        """Publish health and numbers on `diagnostics`; part: what has a status of its own."""
         name = f"{self.kind}: {part}" if part else self.kind
         status = to_diagnostics(name, time_s, values, level=level, message=message)
         self._diagnostics.publish(status)
@@ -147,10 +153,7 @@ ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 def declare(node: Node, kind: str, config_class: type[Config]) -> Config:
-    """Declare each parameter of a node once, read-only; all of them as one frozen config.
-
-    NodeError for an unknown name or a bad value that was given to the node.
-    """
+    """Declare each parameter of a node once, read-only; NodeError for a bad name or value."""
     given = {
         each.name: plain(each.value)  # declared by automatically_declare_parameters_from_overrides
         for each in node.get_parameters_by_prefix("").values()
@@ -189,3 +192,109 @@ def validated(kind: str, given: Mapping[str, Any], config_class: type[Config]) -
 def plain(value: Any) -> Any:
     """The value of a parameter, a sequence as a list."""
     return list(value) if isinstance(value, (list, tuple)) or hasattr(value, "tolist") else value
+
+
+class Activity:
+    """The work of an active node: made at its activation, dropped at its deactivation."""
+
+    def deactivate(self) -> None:
+        """End the work; the process goes on, and the endpoints are destroyed afterwards."""
+        self.close()
+
+    def close(self) -> None:
+        """End the work; the process ends."""
+
+
+#: Makes endpoints and begins to work.
+Activate = Callable[[Endpoints], Activity]
+
+
+class Lifecycle(LifecycleNodeMixin):
+    """Brings a node up."""
+
+    def __init__(self, node: SerdNode[Any]) -> None:
+        self.activity, self._node = Activity(), node
+        self._activate: Activate | None = None
+        self._endpoints: Endpoints | None = None
+        node.at_end.callback(self._close)
+        if not node.config.managed:
+            self._activate = node.configure()
+            self._make_activity()
+            return
+        # What the mixin uses of a node that derives from it.
+        self.handle, self._services = node.handle, node._services
+        self.default_callback_group = node.default_callback_group
+        super().__init__()
+        node.guard_services()
+        node.get_logger().info("unconfigured: waiting for a lifecycle manager")
+
+    def on_configure(self, _: LifecycleState) -> _Result:
+        """Make what the node needs; a refusal leaves it unconfigured."""
+        return self._rise("configure", self._configure, self._clean_up)
+
+    def on_activate(self, _: LifecycleState) -> _Result:
+        """Begin to work; a refusal leaves the node inactive."""
+        return self._rise("activate", self._make_activity, self._drop_activity)
+
+    def on_deactivate(self, _: LifecycleState) -> _Result:
+        """End the work; after an error in it the node is unconfigured."""
+        return self._fall("deactivate", self.activity.deactivate, self._drop_activity)
+
+    def on_cleanup(self, _: LifecycleState) -> _Result:
+        """Free what was configured."""
+        return self._fall("cleanup", self._clean_up)
+
+    def on_shutdown(self, _: LifecycleState) -> _Result:
+        """End the work and free everything; the process goes on until a signal."""
+        return self._fall("shutdown", self._close, self._clean_up)
+
+    def on_error(self, _: LifecycleState) -> _Result:
+        """Free everything, so that the node can be configured again."""
+        self._clean_up()
+        return _Result.SUCCESS
+
+    def _configure(self) -> None:
+        self._node.frames = Frames(getattr(self._node.config, "frame_prefix", ""))
+        self._activate = self._node.configure()
+
+    def _make_activity(self) -> None:
+        assert self._activate is not None
+        self._endpoints = self._node.endpoints.scope()
+        self.activity = self._activate(self._endpoints)
+
+    def _drop_activity(self) -> None:
+        endpoints, self._endpoints, self.activity = self._endpoints, None, Activity()
+        if endpoints is not None:
+            self._node.endpoints.destroy(endpoints)
+
+    def _clean_up(self) -> None:
+        self._drop_activity()
+        self._activate = None
+
+    def _close(self) -> None:
+        self.activity.close()
+
+    def _rise(
+        self, transition: str, make: Callable[[], None], take_back: Callable[[], None]
+    ) -> _Result:
+        result = self._result_of(transition, make)
+        if result == _Result.FAILURE:
+            take_back()
+        return result
+
+    def _fall(self, transition: str, *steps: Callable[[], None]) -> _Result:
+        """Every step is made, whatever those before it did."""
+        results = [self._result_of(transition, step) for step in steps]
+        is_done = all(each == _Result.SUCCESS for each in results)
+        return _Result.SUCCESS if is_done else _Result.ERROR
+
+    def _result_of(self, transition: str, step: Callable[[], None]) -> _Result:
+        try:
+            step()
+        except USER_ERRORS as error:
+            self._node.get_logger().error(f"{transition} refused: {error}")
+            return _Result.FAILURE
+        except Exception as error:
+            self._node.callbacks.note(transition, step, error)
+            return _Result.ERROR
+        return _Result.SUCCESS

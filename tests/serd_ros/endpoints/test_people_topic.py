@@ -9,7 +9,7 @@ import pytest
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.messages.plain import Header, Transform
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.followed_topic import PeopleTopic
 from serd_ros.endpoints.topic_types import message_class, raw_message_class
 from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
