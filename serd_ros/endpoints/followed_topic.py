@@ -135,8 +135,8 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
         faults = [_fault_of(node.frames, each, static=static) for each in found]
         if not static:
             on_change()
-        for error in filter(None, faults):
-            raise error
+        for fault in filter(None, faults):
+            raise fault
 
     followed = [
         FollowedTopic(

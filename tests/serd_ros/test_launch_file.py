@@ -139,11 +139,3 @@ def test_a_file_of_a_stack_refuses_other_arguments(installed, monkeypatch, argum
     given = dict.fromkeys(arguments, "") | {argument: "x"}
     with pytest.raises(NodeError, match=re.escape(sentence)):
         nodes_of(SimpleNamespace(launch_configurations=given))
-
-
-@pytest.mark.usefixtures("launch_file")
-def test_a_file_of_that_name_in_another_package_keeps_its_arguments(installed, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "navigate.launch.py"])
-    arguments, nodes_of = description_of(installed, "navigate")
-    given = dict.fromkeys(arguments, "") | {"world": "depot"}
-    assert len(nodes_of(SimpleNamespace(launch_configurations=given))) == 4

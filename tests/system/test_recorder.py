@@ -3,6 +3,7 @@
 import shlex
 import signal
 import time
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -11,15 +12,26 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.learning.checkpoint import CheckpointFolder
+from serd_app.learning.learning_files import read_learning_files
 from serd_bag.command.rewrite import recover
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
+from serd_bag.writer import BagWriter
 from serd_cli.processes.workspace import find_command, node_command
+from serd_files.model_file import ModelFile, load_model
+from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import ERROR, WARN
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos
-from support.waiting import PATIENCE_S, ProcessorWait
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from support.transforms_message import transforms_message
+from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 IMU = "/base/imu:sensor_msgs/msg/Imu"
@@ -188,3 +200,109 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert f"topics:=[odom, {IMU}]" in log
     assert "put a value that contains : into quotes" in log
     assert "Traceback" not in log
+
+
+TF = "tf2_msgs/msg/TFMessage"
+N_SENT = 50
+
+
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):
+    sent = [
+        transforms_message(("odom", "base_link", (0.1 * n, 0.0), (0.0, 1.0), 1.0 + 0.1 * n))
+        for n in range(N_SENT)
+    ]
+    with BagWriter(tmp_path / "played") as writer:
+        writer.add_topic("/tf", TF)
+        for number, data in enumerate(sent):
+            writer.write("/tf", data, 10**9 + number * 10**8)
+    given = {"output": str(tmp_path / "bag"), "topics": ["tf"], "minimum_free_mb": 0.0}
+    recorder = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
+    wait_until((tmp_path / "bag" / "bag_0.mcap").exists)
+    played = {"bag": str(tmp_path / "played"), "rate": 20.0}
+    replay = nodes.start(node_command("bag_replay", played, {}, ros_env), "bag_replay")
+    assert replay.wait(PATIENCE_S) == 0
+    recorder.send_signal(signal.SIGTERM)
+    assert recorder.wait(PATIENCE_S) == 0
+    reader = BagReader(tmp_path / "bag")
+    assert [each.data for each in reader.messages(["/tf"])] == sent
+    assert reader.topics["/tf"].message_type == message_type(TF)
+
+
+HALLWAY = load_scenario("hallway")
+
+
+@pytest.fixture(scope="module")
+def bag(root: Path) -> Path:
+    return sorted(path.parent for path in (root / "bags/data").rglob("metadata.yaml"))[0]
+
+
+@pytest.fixture
+def replay(nodes, ros_env, bag):
+    def start(**parameters):
+        command = node_command("bag_replay", {"bag": str(bag), **parameters}, {}, ros_env)
+        return nodes.start(command, "bag_replay")
+
+    return start
+
+
+def demonstrations(bag):
+    return demonstrations_of_bag(bag, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s)[0]
+
+
+def table_without_source(path: Path) -> list[str]:
+    return [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
+
+
+def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(
+    nodes, probe, replay, bag, tmp_path
+):
+    save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
+    received, model = tmp_path / "received.csv", tmp_path / "model.yaml"
+    nodes.start_stack("learn", output=str(model), decisions=str(received))
+    replay(rate=500.0, required_nodes=["learner"])
+    wanted = table_without_source(tmp_path / "offline.csv")
+    probe.spin_until(
+        lambda: received.exists() and len(table_without_source(received)) == len(wanted)
+    )
+    assert table_without_source(received) == wanted
+    probe.spin_until(model.exists)
+    # What `serd learn` reads of the table is beside it.
+    assert read_learning_files(received, discount=0.9).scenario == HALLWAY
+
+
+def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
+    nodes, probe, bag, tmp_path
+):
+    decisions, models = demonstrations(bag).decisions, []
+    probe.node.create_subscription(String, "model", models.append, qos.LATCHED)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
+    folder.save_decisions(decisions)
+    folder.save(folder.new())
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
+    given["prior_weights"] = [0.001 * number for number in range(1, 1000)]
+    first = nodes.start_stack("learn", **given)["learner"]
+    probe.spin_until(lambda: folder.load()[0].step > 0)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert folder.load()[0].n_learned == 0
+    assert not models
+    # The second compares no weights, so that it ends soon.
+    nodes.start_stack("learn", **(given | {"prior_weights": [0.1]}))
+    probe.spin_until(lambda: models)
+    model = yaml_model(models[-1].data, ModelFile, name="model")
+    assert model.fit.n_decisions == len(decisions)
+    assert load_model(tmp_path / "model.yaml") == model
+    probe.spin_until(lambda: folder.load()[0].n_learned == len(decisions))
+
+
+def test_every_recorded_pose_arrives_bit_for_bit_at_a_high_rate(probe, replay, bag):
+    recorded = [each.data for each in BagReader(bag).messages({"/robot_pose"})]
+    received: list[bytes] = []
+    probe.node.create_subscription(
+        PoseStamped, "robot_pose", received.append, qos.LOSSLESS, raw=True
+    )
+    ended = replay(rate=1000.0, topics=["robot_pose"], required_nodes=["probe"])
+    probe.spin_until(lambda: len(received) == len(recorded))
+    assert received == recorded
+    probe.spin_until(lambda: ended.poll() is not None)
+    assert ended.returncode == 0

@@ -7,13 +7,20 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
-from serd_app.learning.learning_files import read_learning_files
-from serd_app.learning.settings import MethodName
+from serd_app.journeys.learn import Learned
+from serd_app.learning.knowledge import Certainty, certainty_of
+from serd_app.learning.learning_files import LearningFiles
+from serd_app.learning.recipe import learn
+from serd_app.learning.settings import LearningSettings, MethodName
+from serd_cli.output.fit import print_learned
+from serd_cli.output.terminal import console
 from serd_core.bayes.draws import N_DRAWS
-from serd_core.grid.navigation import with_dwell_times
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import AGAINST_FLOW, WITH_FLOW, with_dwell_times
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.grid_file import save_grid
@@ -25,6 +32,7 @@ from serd_sim.scenario.scenario import load_scenario
 from support.commands import printed_in
 from support.made_once import made_once
 from tests.conftest import MEAN_S, OUTCOMES
+from tests.support.timed_hallway import TASK, timed_decisions
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
@@ -145,32 +153,6 @@ def test_without_a_scenario_the_goal_is_where_episodes_end_and_the_model_drives_
     assert "--scenario must be given" in serd("navigate", "model.yaml").refusal
 
 
-def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
-    table = demonstrations(n_episodes=6)
-    visited = np.unique(load_decisions(table).next_state)
-    starts = start_states_of(HALLWAY, GRID, "train")
-    unseen = np.setdiff1d(np.arange(GRID.n_states), [*visited, *starts])[0]
-    x_m, y_m = GRID.centers_m[unseen]
-    files = read_learning_files(table, discount=0.99, goals_m=((x_m, y_m),), scenario="")
-    assert files.n_reaching_goal == 0
-    (remark,) = files.remarks()
-    assert remark.startswith(f"no episode reaches the goal ({x_m:g},{y_m:g})")
-    assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", *QUICK).out
-    files = read_learning_files(table, discount=0.99, goals_m=(), scenario="")
-    assert 0 < files.n_reaching_goal <= 6
-    assert not tuple(files.remarks())
-
-
-def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
-    table = demonstrations(flow=np.full(GRID.n_states, -1), n_episodes=6)
-    words = ("--flow", "none", "--method", "mdce_serd", "--prior-weight", "1")
-    values = serd("learn", table, *words, "--json").values
-    assert not values["identified_without_prior"]
-    against, across = values["outcome_standard_errors"][1:3]
-    assert against == [None] * 5
-    assert None not in across
-
-
 #: What is changed in the files, words of the command and of its refusal.
 APART = (
     ({"patience_s": 1.0}, (), "patience_s must be 4 as in the scenario, got 1"),
@@ -232,3 +214,42 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     strategy = load_strategy(values["model"], HALLWAY, "optimal")
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
+
+
+@pytest.fixture(scope="module")
+def learned():
+    demonstrations = Demonstrations(timed_decisions())
+    outcome = learn(TASK, demonstrations, LearningSettings())
+    certainty = certainty_of(outcome.problem, demonstrations.decisions, outcome.fit)
+    episodes = demonstrations.decisions.episodes
+    goal = tuple(TASK.problem.grid.centers_m[TASK.problem.goal_states[0]].tolist())
+    files = LearningFiles(TASK, demonstrations, "scenario", (goal,), 0, 0, 0, (), episodes)
+    return files, outcome, certainty
+
+
+def printed(files, outcome, certainty) -> str:
+    with console.capture() as captured:
+        print_learned(Learned(files, outcome, certainty, Path("model.yaml")))
+    return captured.get()
+
+
+def test_errors_laws_with_intervals_and_what_is_open_are_printed(learned):
+    files, outcome, certainty = learned
+    names = ((AGAINST_FLOW, "back"), (AGAINST_FLOW, "shape of dwell times"))
+    text = printed(files, outcome, Certainty(certainty.errors, open_dynamics=names))
+    assert "no standard errors" not in text
+    forward = outcome.model.outcome_models[WITH_FLOW].learned[Outcome.FORWARD]
+    error = certainty.errors.outcome_probabilities[WITH_FLOW, Outcome.FORWARD]
+    law = outcome.knowledge.durations[WITH_FLOW]
+    for words in (
+        f"{100 * forward:.1f}±{100 * error:.1f}",
+        f"{certainty.errors.reward[0]:.2f}",
+        f"with flow, time of a move: {law.known_from};",
+        f"mean {law.median_s:.2f} s ({law.lower_s:.2f} to {law.upper_s:.2f})",
+        "against flow: ",
+        "most confounded: how long a move ",
+        "a demonstration from ",
+        "so the prior decides: against flow (back, shape of dwell times)",
+        "the learned policy ",
+    ):
+        assert words in text

@@ -3,9 +3,7 @@
 from contextlib import contextmanager
 
 import pytest
-from rclpy.serialization import serialize_message
 
-from serd_ros.convert.motion import to_twist_stamped
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.world.command import Command
@@ -122,18 +120,6 @@ def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_
         running.assert_alive()
 
 
-def test_a_world_in_lock_step_answers_the_stamp_it_waits_for_and_no_other():
-    with node_in_process("hallway_sim", lockstep=True, people=0) as running:
-        running.node._begin_episode()
-        (now_s,) = [stamp_s(running.sent["clock"].clock)]
-        for time_s in (now_s + 5.0, now_s - 5.0 if now_s >= 5.0 else now_s + 9.0):
-            running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), time_s))
-            assert stamp_s(running.sent["clock"].clock) == now_s
-        running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), now_s))
-        assert stamp_s(running.sent["clock"].clock) == pytest.approx(now_s + 0.05)
-        running.assert_alive()
-
-
 @pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5])
 def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(later_s, monkeypatch):
     with node_in_process("guard") as running:
@@ -152,14 +138,4 @@ def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(late
         assert command_at(later_s) == 0.0
         assert command_at(later_s + 0.05, *inputs[:3]) == 0.0
         assert command_at(later_s + 0.1, *inputs) == pytest.approx(0.4)
-        running.assert_alive()
-
-
-def test_the_learner_divides_messages_into_sessions_where_the_clock_falls_back(tmp_path):
-    with node_in_process("learner", output=str(tmp_path / "model.yaml")) as running:
-        sessions = running.work._memory.drive.sessions
-        for time_s, n_sessions in ((START, 1), (START + 1e4, 1), (START - 0.5 + 1e4, 1), (0.0, 2)):
-            for topic in ("robot_pose", "intent"):
-                running.receive(topic, serialize_message(valid_message(topic, time_s)))
-            assert len(sessions) == n_sessions
         running.assert_alive()

@@ -15,6 +15,7 @@ from serd_files.errors import USER_ERRORS
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos
+from serd_ros.errors import NodeError
 from support.nodes_in_process import node_in_process
 from support.waiting import PATIENCE_S, wait_until
 
@@ -106,3 +107,12 @@ def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_pat
     assert times_ns == sorted(times_ns)
     assert began_ns <= times_ns[0]
     assert times_ns[-1] <= time.time_ns()
+
+
+def test_an_empty_part_of_a_bag_is_rejected_before_playing(small_bag):
+    given = {"bag": str(small_bag()), "start_s": 99999.0}
+    with (
+        pytest.raises(NodeError, match=r"must hold a message to play, got none from 99999 s on"),
+        node_in_process("bag_replay", **given),
+    ):
+        pass

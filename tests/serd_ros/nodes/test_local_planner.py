@@ -80,30 +80,6 @@ def seen(monkeypatch):
     return observations
 
 
-def test_people_are_those_of_the_topic_that_is_named_for_them(seen):
-    with node_in_process("local_planner", people_topic="tracks", lockstep=False) as running:
-        running.receive("tracks", valid_message("pedestrians", 10.0))
-        observe(running, 10.0, "odom", "robot_pose")
-        (observation,) = seen
-        assert observation.people_position_m.tolist() == [[4.5, 12.0], [2.5, 9.0]]
-        assert "/pedestrians" not in {each.topic_name for each in running.node.subscriptions}
-
-
-def test_frames_with_the_prefix_of_the_robot_are_received_and_published():
-    given = {"frame_prefix": "robot1/", "stamped_cmd_vel": True, "lockstep": False}
-    with node_in_process("local_planner", **given) as running:
-        running.receive("waypoint", valid_message("waypoint", 10.0))
-        odometry = valid_message("odom", 10.0)
-        odometry.header.frame_id, odometry.child_frame_id = "robot1/odom", "robot1/base_link"
-        running.receive("odom", odometry)
-        observe(running, 10.0, "pedestrians", "robot_pose")
-        assert running.sent["cmd_vel_raw"].header.frame_id == "robot1/base_link"
-        odometry = valid_message("odom", 10.05)
-        odometry.header.frame_id = "robot2/odom"
-        running.receive("odom", odometry)
-        assert "got 'robot2/odom'" in str(running.rejected)
-
-
 class Lockstep:
     """A planner in lock-step with the robot at places of the test; answered: whether it did."""
 

@@ -1,7 +1,7 @@
 """Which intents and velocities the page's node publishes, and what counts as a decision."""
 
 import pytest
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
@@ -14,6 +14,7 @@ from serd_sim.episodes.result import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 BEGIN_S, TICK_S = 50.0, 0.05
 NORTH, EAST, WAIT = Action.NORTH, Action.EAST, Action.WAIT
@@ -264,3 +265,37 @@ def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did
     assert (drives_on and person.running.published["cmd_vel_teleop"] > driven) == (silent_s < 0.5)
     beat(0.0)
     assert beat(1.0)
+
+
+def test_the_page_has_the_layers_of_the_newest_model_and_a_bad_one_changes_nothing(
+    save_model_of, monkeypatch
+):
+    text, shown = save_model_of().read_text(), []
+    with node_in_process("watch_page", port=0) as running:
+        monkeypatch.setattr(running.node._server, "show_overlay", shown.append)
+        running.receive("model", String(data=text))
+        wait_until(lambda: shown)
+        (layers,) = shown
+        assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
+        assert "with flow 90 %" in layers["dynamics"]["note"]
+        for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):
+            running.receive("model", String(data=bad))
+        running.node.close()  # which waits for what is being solved
+        assert len(shown) == 1
+        running.assert_alive()
+
+
+def test_the_page_follows_a_stack_and_its_node_publishes_its_health_alone():
+    with node_in_process("watch_page", port=0) as running:
+        for topic in ("pedestrians", "odom", "episode", "robot_pose", "intent"):
+            running.receive(topic, valid_message(topic, 10.0))
+        state = running.node._view.watched_state(running.node.wall_s())
+        robot = valid_message("robot_pose", 10.0).pose.position
+        assert state["world"]["robot"][:2] == [robot.x, robot.y]
+        assert len(state["world"]["people"]) == 2
+        assert (state["is_stale"], state["episode"]["phase"]) == (False, "running")
+        assert state["episode"]["other_driver"]
+        own = {"/diagnostics", "/rosout", "/parameter_events"}
+        assert {each.topic_name for each in running.node.publishers} <= own
+        assert not list(running.node.clients)
+        running.assert_alive()

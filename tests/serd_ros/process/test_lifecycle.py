@@ -5,14 +5,13 @@ from unittest.mock import Mock
 
 import pytest
 from rclpy.serialization import serialize_message
-from std_srvs.srv import Trigger
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.graph.graph import config_of, load_graph
 from serd_ros.settings import ManagedConfig
-from support.nodes_in_process import deliver, node_in_process
+from support.nodes_in_process import node_in_process
 
 MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kind), ManagedConfig))
 
@@ -112,24 +111,6 @@ def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(managed, mo
             assert to(running, "deactivate") == "unconfigured"
         recorder.close()
         assert endpoints(running) == before
-
-
-def test_what_was_due_when_its_endpoint_was_destroyed_does_nothing(managed):
-    with managed("learner") as running:
-        node = running.node
-        to(running, "configure")
-        earlier = set(node.services)
-        to(running, "activate")
-        timers, subscriptions = list(node.timers), list(node.subscriptions)
-        (learn,) = set(node.services) - earlier
-        to(running, "deactivate")
-        for timer in timers:
-            timer.callback()
-        for subscription in subscriptions:
-            deliver(subscription, b"")
-        assert not learn.callback(Trigger.Request(), Trigger.Response()).message
-        assert node.callbacks.n_rejected == 0
-        running.assert_alive()
 
 
 def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_active(
