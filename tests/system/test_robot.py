@@ -143,28 +143,14 @@ class LifecycleManager:
         return self.call("get_state").current_state.label
 
 
-@pytest.fixture
-def start(nodes, ros_env, tmp_path, save_model_of):
-    """Starts a managed node with the parameters that it needs."""
-    needed = {
-        "strategy": {"model": str(save_model_of())},
-        "demo_recorder": {"output": str(tmp_path / "bag")},
-        "learner": {"output": str(tmp_path / "learned.yaml")},
-    }
-
-    def start(kind):
-        parameters = {"managed": True, **needed.get(kind, {})}
-        return nodes.start(node_command(kind, parameters, {}, ros_env), kind)
-
-    return start
-
-
 @needs_nav2
-def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start, start_robot):
+def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, ros_env, start_robot):
     """An action client that is destroyed while an answer waits ends the process."""
     goals = []
     start_robot("--follow", "nav2")
-    bridge, manager = start("nav2_bridge"), LifecycleManager(probe, "nav2_bridge")
+    command = node_command("nav2_bridge", {"managed": True}, {}, ros_env)
+    bridge = nodes.start(command, "nav2_bridge")
+    manager = LifecycleManager(probe, "nav2_bridge")
     waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
     take = lambda message: goals.append(values_of(message, "nav2_bridge") or {})  # noqa: E731
     probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)

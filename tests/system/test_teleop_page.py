@@ -222,6 +222,13 @@ def test_a_person_drives_on_the_page_stops_the_robot_in_every_way_and_records(
     with robot.stops_within(1.5, stands_s=2.5):
         page.press(Keys.SPACE)  # the key is still held
     page.release_e_stop()
+    release, silent = robot.hold(*vertical), node_of(process, "teleop_page")
+    with robot.stops_within(1.5):
+        os.kill(silent, signal.SIGSTOP)
+    os.kill(silent, signal.SIGCONT)
+    robot.until_later(1.0)
+    assert robot.speed_mps < STOPPED_MPS  # the held key counts after it was pressed anew
+    release()
     robot.hold(*vertical)()
 
     page.set_mode("velocity")
@@ -255,6 +262,21 @@ def test_a_person_drives_on_the_page_stops_the_robot_in_every_way_and_records(
     assert recorded["bag"] == str(bag)
     assert f"serd demos {bag}" in recorded["decisions"]
     check_recording(bag, load_scenario(tmp_path / "bend.yaml"), n_decisions)
+
+
+def node_of(process, name):
+    """The process of a node that the session has started, each under a keeper."""
+    for keeper in children(process.pid):
+        for each in children(keeper):
+            if name in Path(f"/proc/{each}/cmdline").read_text():
+                return each
+    raise LookupError(name)
+
+
+def children(pid):
+    """Of each of its threads."""
+    lists = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(each) for path in lists for each in path.read_text().split()]
 
 
 def drive_to_the_goal(page, robot):

@@ -14,8 +14,6 @@ from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
 from serd_core.semi_markov.timed_decisions import TimedDecisions
-from serd_files.model_file import load_model
-from serd_files.yaml_config import save_yaml_model
 from support.bag_messages import Messages
 from support.commands import printed_in
 from support.foreign_bags import STEP_S, ForeignBag
@@ -117,21 +115,6 @@ def test_one_demonstration_predicts_nothing_and_its_own_time_is_drawn(learned):
     page = Path("report/report.html").read_text(encoding="utf-8")
     assert "Black: when the recorded drives arrived" in page
     assert "This is no prediction, because a prediction takes" in page
-
-
-def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_without_people(
-    learned,
-):
-    model = load_model("model.yaml")
-    rows = tuple((*row, 7.1) for row in model.draws.reward_weights)
-    changes = {
-        "reward_weights": {**model.reward_weights, "social_norm": 7.1},
-        "draws": model.draws.model_copy(update={"reward_weights": rows}),
-    }
-    save_yaml_model(Path("model.yaml"), model.model_copy(update=changes))
-    found = json.loads(learned("report", "model.yaml", "--json").out)
-    assert set(found["reward_weights"]) == {"goal", "inverse_wall_distance"}
-    assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
 
 
 def walks(path, y_m, seed, n=30):

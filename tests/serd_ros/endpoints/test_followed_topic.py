@@ -266,19 +266,6 @@ def test_people_are_received_as_the_type_of_their_publishers(listening, name):
     listening.running.assert_alive()
 
 
-def test_detections_without_ids_are_tracked_also_over_messages_without_any(listening):
-    listening.publish_as(DETECTIONS)
-    for step in range(40):
-        listening.receive(DETECTIONS, step, tracked=False)
-        listening.receive(DETECTIONS, step + 0.5, count=0)
-    people = listening.taken[-2][1]
-    np.testing.assert_allclose(people.position_m, START_M + 3.9 * WALKS_MPS, atol=0.02)
-    np.testing.assert_allclose(people.velocity_mps, WALKS_MPS, atol=0.02)
-    assert len({tuple(people.identity) for _, people in listening.taken}) == 1
-    listening.receive(DETECTIONS, 90.0, count=0)
-    assert len(listening.taken[-1][1].identity) == 0
-
-
 def test_people_in_the_frame_of_a_camera_are_brought_into_the_map(listening):
     """An optical frame, whose z axis lies, 2 m to the east: x is east and y is down."""
     listening.publish_as(PEOPLE)

@@ -101,17 +101,6 @@ def test_a_parameter_reaches_the_nodes_that_it_means(stack, given, expected):
     assert "seed" not in layers.get("local_planner", {})
 
 
-def test_no_name_means_different_things_in_the_nodes_it_reaches():
-    for name, stack in load_graph().stacks.items():
-        for own in {"bag", "output"}:
-            reached = [
-                node
-                for node in stack.nodes
-                if own in config_of(node).model_fields and own not in stack.parameters.get(node, {})
-            ]
-            assert len(reached) <= 1, (name, own, reached)
-
-
 @pytest.mark.parametrize(
     ("stack", "name", "sentence"),
     [
@@ -372,12 +361,6 @@ def test_every_number_has_its_unit_and_its_range():
             suffix = re.search(r"_([a-z0-9]+)$", setting.name)
             if suffix and suffix[1] in UNITS:
                 assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
-
-
-def test_an_empty_list_is_refused_by_its_name():
-    sentence = "parameter of guard: observation_sources must have a value, got none; leave it out"
-    with pytest.raises(NodeError, match=sentence), node_in_process("guard", observation_sources=[]):
-        pass
 
 
 def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():

@@ -7,8 +7,6 @@ from functools import reduce
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2, PointField
 from std_srvs.srv import SetBool
 
@@ -181,12 +179,3 @@ def test_a_full_disk_ends_the_node_with_its_sentence_and_no_traceback(capsys):
         assert running.node.finished.result() == 2
         running.receive("e_stop", valid_message("e_stop", 0.0))
     assert capsys.readouterr().err == "teleop_mux: the disk is full; free some space\n"
-
-
-def test_a_parameter_of_an_unknown_type_is_refused():
-    with node_in_process("teleop_mux") as running:
-        unknown = Parameter(name="rate_hz", value=ParameterValue(type=200))
-        response = running.call("set_parameters", SetParameters.Request(parameters=[unknown]))
-        assert not any(each.successful for each in response.results)
-        assert running.node.config.rate_hz == 50.0
-        running.assert_alive()

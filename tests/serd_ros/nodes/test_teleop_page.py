@@ -204,15 +204,6 @@ def test_a_key_pressed_in_the_e_stop_drives_neither_before_the_mux_confirms_it_n
     assert driver.actions[-1] is NORTH
 
 
-def test_keys_count_again_after_the_stop_was_pressed_twice_and_released_by_another(driver):
-    driver.beat(STOP)
-    driver.running.receive("e_stop_engaged", Bool(data=True))
-    driver.beat(STOP)
-    driver.running.receive("e_stop_engaged", Bool(data=False))
-    driver.press_anew("north")
-    assert driver.actions[-1] is NORTH
-
-
 @pytest.mark.parametrize(
     "event",
     [

@@ -1,12 +1,10 @@
 """The states of a managed node, and what is left of it afterwards."""
 
 from contextlib import contextmanager
-from unittest.mock import Mock
 
 import pytest
 from rclpy.serialization import serialize_message
 
-from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.graph.graph import config_of, load_graph
@@ -98,19 +96,6 @@ def test_a_refusal_to_activate_leaves_an_inactive_node(managed, tmp_path):
         (tmp_path / "bag" / "kept").unlink()
         assert to(running, "activate") == "active"
         running.assert_alive()
-
-
-def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(managed, monkeypatch):
-    with managed("demo_recorder") as running:
-        before = endpoints(running)
-        to(running, "configure", "activate")
-        recorder = running.work._recorder
-        with monkeypatch.context() as patch:
-            error = BagError("the disk is full; make room")
-            patch.setattr(recorder, "close", Mock(side_effect=error))
-            assert to(running, "deactivate") == "unconfigured"
-        recorder.close()
-        assert endpoints(running) == before
 
 
 def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_active(
