@@ -11,7 +11,6 @@ import yaml
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 
-from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_files.settings import settings_of
 from serd_files.yaml_config import model_yaml
 from serd_ros.endpoints.topic_types import topic_type
@@ -39,6 +38,7 @@ from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
+from support.processes import outputs_of_processes
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -180,28 +180,13 @@ def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
     assert any(each["Class"] == "rviz_default_plugins/TF" for each in manager["Displays"])
 
 
-def test_foxglove_shows_the_same_topics_and_plots_fields_that_they_have(root, shown):
+def test_foxglove_shows_the_same_topics(root, shown):
     layout = json.loads((root / "ros_ws/src/serd_ros/foxglove/serd.json").read_text())
     panels = layout["configById"]
     assert {topic.removeprefix("/") for topic in panels["3D!world"]["topics"]} == shown
     assert panels["3D!world"]["publish"]["poseTopic"] == f"/{SENT}"
     summary = panels["DiagnosticSummary!nodes"]["topicToRender"].removeprefix("/")
     assert type_of(summary).name == "diagnostic_msgs/msg/DiagnosticArray"
-    for path in panels["Plot!speeds"]["paths"]:
-        topic, *fields = path["value"].removeprefix("/").split(".")
-        message = rosbags_types().types[type_of(topic).name]
-        for field in fields:
-            kinds = dict(rosbags_types().fielddefs[message.__msgtype__][1])
-            assert field in kinds, path
-            message = rosbags_types().types.get(kinds[field][1])
-    assert panels_in(layout["layout"]) == set(panels)
-
-
-def panels_in(part):
-    """Names of the panels that a layout arranges."""
-    if isinstance(part, str):
-        return {part}
-    return panels_in(part["first"]) | panels_in(part["second"])
 
 
 @pytest.mark.parametrize("node", sorted(load_graph().nodes))
@@ -369,3 +354,22 @@ def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
             assert running.set(use_sim_time=value).successful
             running.call_timers()
         running.assert_alive()
+
+
+_NODES = (
+    "hallway_sim", "guard", "local_planner", "scripted_expert", "demo_recorder", "teleop_mux",
+)  # fmt: skip
+
+
+def test_nodes_with_a_scenario_load_no_package_of_scipy():
+    """A stack starts half a dozen of them at once."""
+    lines = [
+        "import sys", *(f"import {module_of(node)}" for node in _NODES),
+        "from serd_sim.scenario.scenario import load_scenario", 'load_scenario("t_junction")',
+        "print(*sys.modules)",
+    ]  # fmt: skip
+    (output,) = outputs_of_processes("\n".join(lines), count=1)
+    loaded = set(output.split())
+    assert "serd_sim.scenario.scenario" in loaded
+    packages = {"sparse", "ndimage", "spatial", "special", "linalg", "optimize"}
+    assert not loaded & {f"scipy.{package}" for package in packages}

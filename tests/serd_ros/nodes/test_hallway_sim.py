@@ -2,6 +2,7 @@
 
 import math
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from xml.etree import ElementTree
 
 import pytest
@@ -53,36 +54,18 @@ def driver_of(robot):
         driver.destroy_node()
 
 
-@contextmanager
-def viewer():
-    """A node that joins late; returns the messages of a latched topic when its first has come."""
-    node = rclpy.create_node("viewer")
-
-    def received(kind, topic):
-        taken = []
-        node.create_subscription(kind, topic, taken.append, qos.LATCHED, raw=True)
-        wait_until(lambda: taken, turn=lambda: rclpy.spin_once(node, timeout_sec=0.1))
-        return taken
-
-    try:
-        yield received
-    finally:
-        node.destroy_node()
-
-
-def description_and_frames(received, prefix=""):
-    """Text of `robot_description`, and the frames of /tf_static, as one who joins late has them."""
-    (text,) = received(String, f"{prefix}robot_description")
-    (data,) = received(TopicType(TF_TYPE).message, f"{prefix}tf_static")
-    frames = Frames()
-    for each in transforms(data, TF_TYPE, rosbags_types()):
-        frames.take(each, static=True)
-    return deserialize_message(text, String).data, frames
-
-
 def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
-    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
-        text, frames = description_and_frames(received)
+    kinds, taken = {"robot_description": String, "tf_static": TopicType(TF_TYPE).message}, {}
+    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"):
+        viewer = rclpy.create_node("viewer")  # which joins late
+        for topic, kind in kinds.items():
+            take = partial(taken.__setitem__, topic)
+            viewer.create_subscription(kind, topic, take, qos.LATCHED, raw=True)
+        wait_until(lambda: len(taken) == 2, turn=lambda: rclpy.spin_once(viewer, timeout_sec=0.1))
+        viewer.destroy_node()
+    text, frames = deserialize_message(taken["robot_description"], String).data, Frames()
+    for each in transforms(taken["tf_static"], TF_TYPE, rosbags_types()):
+        frames.take(each, static=True)
     assert text == BUILTIN_URDF.read_text(encoding="utf-8")
     links = {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
     assert {f"robot1/{link}" for link in links} == set(frames.names)
