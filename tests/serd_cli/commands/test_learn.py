@@ -198,7 +198,7 @@ def test_files_of_decisions_with_a_period_are_refused_with_the_command_that_make
 )
 def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method):
     words = ("--method", method, "--prior-weight", "0.1", "--json")
-    values = serd("learn", demonstrations(n_episodes=6), *words).values
+    values = serd("learn", demonstrations(), *words).values
     assert (values["method"], values["converged"]) == (method, True)
     assert load_model(values["model"], expected_grid=GRID).method == method
     strategy = load_strategy(values["model"], HALLWAY, "optimal")
