@@ -1,10 +1,8 @@
 """The subcommands of `serd` and their exit codes."""
 
-import os
-import signal
 import sys
 from importlib import import_module
-from threading import Timer
+from inspect import cleandoc
 from typing import Annotated, Any
 
 import typer
@@ -38,6 +36,8 @@ COMMANDS = {
     "run": "Run one node, as `ros2 run` does.",
     "doctor": "Check what is installed and works; name the command to mend it.",
 }
+#: The module of a command that has none of its own name; its help is the function's docstring.
+_MODULES = {"run": "launch", "watch": "launch"}
 #: All that follows the executable is passed on.
 _SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
 
@@ -60,12 +60,13 @@ class LazyCommands(TyperGroup):
 
 def command_named(name: str) -> Any:
     """The command or group of a module of `serd_cli.commands`, which is imported."""
-    module = import_module(f"serd_cli.commands.{name}")
+    module = import_module(f"serd_cli.commands.{_MODULES.get(name, name)}")
     app: typer.Typer | None = getattr(module, "group", None)
     if app is None:
         app = typer.Typer(add_completion=False)
-        about = f"{COMMANDS[name]}\n\n{module.__doc__}"
-        add_command(app, name, getattr(module, name), about, _SETTINGS.get(name))
+        function = getattr(module, name)
+        more = cleandoc((function if name in _MODULES else module).__doc__ or "")
+        add_command(app, name, function, f"{COMMANDS[name]}\n\n{more}", _SETTINGS.get(name))
     else:
         app.info.help = COMMANDS[name]
     command: Any = click_command(app)
@@ -102,13 +103,8 @@ def make_app() -> typer.Typer:
     return app
 
 
-#: After this, an interrupt that Python ignored is repeated.
-_REPEATED_AFTER_S = 0.05
-
-
 def run(app: typer.Typer) -> int:
     """Run the command; its exit code. An error of the project is one line on stderr."""
-    sys.unraisablehook = _repeat_interrupt
     exit_code = 0
     try:
         with written_output():
@@ -136,11 +132,3 @@ def _require_present(words: list[str]) -> None:
         option = word.partition("=")[0]
         if went := where("option", option):
             raise UsageError(f"there is no option {option}; {went}")
-
-
-def _repeat_interrupt(ignored: Any) -> None:
-    """Python ignores exceptions, also Ctrl-C, in `__del__` and callbacks of weak references."""
-    if issubclass(ignored.exc_type, KeyboardInterrupt):
-        Timer(_REPEATED_AFTER_S, os.kill, (os.getpid(), signal.SIGINT)).start()
-    else:
-        sys.__unraisablehook__(ignored)

@@ -212,15 +212,10 @@ def require_suffix(output: Path, *suffixes: str) -> None:
 
 def free_folder(output: Path, name: str) -> Path:
     """Make the next free folder `name-N` below `output`; nothing is ever overwritten."""
-    for number in count(1):
-        root = output / f"{name}-{number}"
-        with disk_errors("write", root):
-            try:
-                root.mkdir(parents=True)
-                break
-            except FileExistsError:
-                if not lexists(root):  # a folder above is a link to nothing
-                    raise
+    roots = (output / f"{name}-{number}" for number in count(1))
+    root = next(each for each in roots if not lexists(each))
+    with disk_errors("write", root):
+        root.mkdir(parents=True)
     return root
 
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from serd_bag.nearest import hint
 
-Kind = Literal["command", "option", "argument", "parameter", "executable", "key"]
+Kind = Literal["command", "option", "parameter", "executable", "key"]
 
 _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
@@ -27,6 +27,7 @@ _EVENTS = (
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
 
+_REPLAY = "a replay plays a bag once, from --start to its end"
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "experiment"): f"{_LAB} lists what there is",
     ("command", "study"): f"{_LAB} lists what there is",
@@ -48,13 +49,17 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--keyboard"): _KEYBOARD,
     ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
     ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
-    ("option", "--list"): "serd launch and serd run list what there is where no name follows",
+    ("option", "--list"): "serd launch lists the stacks where no name follows",
+    ("option", "--resume"): "serd demo takes two minutes; start it again",
+    ("option", "--ros"): "serd demo and 'serd launch navigate model:=MODEL' drive through ROS 2",
+    ("option", "--loop"): _REPLAY,
+    ("option", "--paused"): _REPLAY,
+    ("option", "--duration"): _REPLAY,
+    ("option", "--wait"): _REPLAY,
+    ("option", "--no-clock"): f"{_REPLAY}, with the /clock that was recorded",
+    ("option", "--episode"): "a film shows the first episode of its --seed; leave it out",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
-    ("argument", "watch BAG"): (
-        "open a recording in Foxglove, which has a time line, or play it with 'serd bag play'"
-        " beside 'serd watch'"
-    ),
     ("executable", "teleop_keyboard"): _KEYBOARD,
     ("executable", "foxglove_server"): (
         "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
@@ -64,9 +69,25 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
-    ("parameter", "keys"): (
-        "the services pause and step of bag_replay, and its parameter rate, steer a replay"
+    ("parameter", "keys"): f"{_REPLAY}; leave it out",
+    ("parameter", "loop"): f"{_REPLAY}; leave it out",
+    ("parameter", "paused"): f"{_REPLAY}; leave it out",
+    ("parameter", "duration_s"): f"{_REPLAY}; leave it out",
+    ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
+    ("parameter", "clock_hz"): f"{_REPLAY}, with the /clock that was recorded; leave it out",
+    ("parameter", "exit_with_publishers"): (
+        "a learner of topics learns until it is ended; 'serd launch learn bag:=BAG' learns from a"
+        " recording and ends"
     ),
+    ("parameter", "exit_when_done"): "bag_replay, and learner with a bag, end when they are done",
+    ("parameter", "record_at_start"): (
+        "demo_recorder records from its start to its end; with managed:=true from activation to"
+        " deactivation"
+    ),
+    ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
+    ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
+    ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",
+    ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),

@@ -8,11 +8,7 @@ class NodeError(SerdError):
 
 
 class MessageError(NodeError):
-    """A received message breaks a rule and is dropped; the node continues.
-
-    The topic is added where the message was received. rule: the part of the sentence that is the
-    same for all messages that break it.
-    """
+    """A received message breaks a rule and is dropped; rule: the constant part of the sentence."""
 
     def __init__(self, rule: str, received: object, fix: str) -> None:
         super().__init__(f"{rule}, got {received}; {fix}")

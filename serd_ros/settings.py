@@ -1,10 +1,7 @@
-"""Parameters that several nodes have, or a node and a command: name, type, default, unit, range.
-
-The other parameters of a node stand in its module. Commands read these without rclpy.
-"""
+"""Parameters that several nodes have, or a node and a command, which reads no rclpy."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel
@@ -16,9 +13,7 @@ NO_NAMES = ("",)
 
 
 class NodeConfig(StrictModel):
-    """The parameters of a node. changeable: those that can be set while it runs."""
-
-    changeable: ClassVar[tuple[str, ...]] = ()
+    """The parameters of a node, which are fixed while it runs."""
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,53 +28,36 @@ Config = TypeVar("Config", bound=NodeConfig)
 class ManagedConfig(NodeConfig):
     """A node that a lifecycle manager can configure and activate."""
 
-    managed: bool = setting(
-        False, "start unconfigured; a lifecycle manager configures and activates the node"
-    )
+    managed: bool = setting(False, "a lifecycle manager configures and activates the node")
 
 
 class FramesConfig(NodeConfig):
     """The frames of the robot."""
 
-    frame_prefix: str = setting(
-        "",
-        'before the frames base_link and odom, as "robot1/"; robots whose frames meet on one /tf'
-        " need it",
-    )
+    frame_prefix: str = setting("", "before base_link and odom where robots share /tf, as robot1/")
 
 
 class StackConfig(NodeConfig):
     """Parameters that nodes of a stack have in common."""
 
     lockstep: bool = setting(False, "wait for the command of every clock tick")
-    stamped_cmd_vel: bool = setting(
-        False, "cmd_vel is a TwistStamped; in lock-step it always is one"
-    )
-    people_from: Literal["given", "scan", "none"] = setting(
+    stamped_cmd_vel: bool = setting(False, "cmd_vel is a TwistStamped, as in lock-step always")
+    people_from: Literal["given", "none"] = setting(
         "given",
-        "given: people come from the topic pedestrians; scan: from the lidar's scans; none: people"
-        " are not considered",
+        "given: people of the topic of people, as people_tracker publishes them; none: no people",
     )
-    required_nodes: tuple[str, ...] = setting(
-        NO_NAMES, "the first command in lock-step waits until these nodes subscribe"
-    )
+    required_nodes: tuple[str, ...] = setting(NO_NAMES, "the first command waits for these nodes")
 
 
 class LocalisationConfig(FramesConfig):
     """Where the pose of the robot comes from."""
 
-    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting(
+    pose_from: Literal["robot_pose", "tf"] = setting(
         "robot_pose",
-        "pose of the robot in the map: the topic robot_pose; the topic amcl_pose, carried on by"
-        " odom; or base_link in map by /tf",
+        "pose in the map: the topic robot_pose; or base_link in map by /tf, as of amcl",
     )
     stamp_tolerance_s: float = setting(
-        0.0,
-        "pose, odom and pedestrians belong together when their stamps differ by at most this; 0:"
-        " they have one stamp, as in a simulator",
-        unit="s",
-        ge=0,
-        le=2,
+        0.0, "between stamps of pose, odom and people; 0: they have one", unit="s", ge=0, le=2
     )
 
 
@@ -88,8 +66,8 @@ class ObservationConfig(LocalisationConfig):
 
     people_topic: str = setting(
         "pedestrians",
-        "topic of people: PointCloud2 as hallway_sim publishes it, people_msgs/People,"
-        " TrackedPersons of spencer_tracking_msgs, or vision_msgs/Detection3DArray",
+        "topic of people: PointCloud2 as of hallway_sim, people_msgs/People, TrackedPersons, or"
+        " Detection3DArray",
         min_length=1,
     )
 
@@ -99,8 +77,7 @@ class LidarConfig(LidarPlace, FramesConfig):
 
     scan_frame: str = setting(
         "base_link",
-        "frame of scans whose lidar is at sensor_x, sensor_y and sensor_yaw; scans of other frames"
-        " need its transform on /tf",
+        "frame of scans with sensor_x, sensor_y, sensor_yaw; others by /tf",
         min_length=1,
     )
 
@@ -109,8 +86,7 @@ class DriverConfig(EpisodeSettings, ObservationConfig, ManagedConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
-        ("hallway_sim", "local_planner", "guard"),
-        "the first episode waits until these nodes subscribe",
+        ("hallway_sim", "local_planner", "guard"), "the first episode waits for these nodes"
     )
     output: str = setting("", "folder for the tables of episodes; no tables when empty")
 
@@ -119,13 +95,9 @@ class PageConfig(FramesConfig):
     """Parameters of a node that serves a page."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
-    address: str = setting(
-        "127.0.0.1", "address of the page; any other than loopback needs a token", min_length=1
-    )
+    address: str = setting("127.0.0.1", "of the page; beyond loopback with a token", min_length=1)
     port: int = setting(8765, "port of the page; 0: any free one", ge=0, le=65535)
-    token_file: str = setting(
-        "", "file whose first line is the token of the page, at least 16 characters"
-    )
+    token_file: str = setting("", "file whose first line is the token of the page")
 
 
 class WatchPageConfig(PageConfig):
@@ -137,27 +109,9 @@ class WatchPageConfig(PageConfig):
 class BagReplayConfig(NodeConfig):
     """Parameters of bag_replay, and options of `serd bag play`."""
 
-    changeable: ClassVar[tuple[str, ...]] = ("rate",)
-
     bag: str = setting("recording", "bag folder, or .mcap, .db3 or .bag file", min_length=1)
     topics: tuple[str, ...] = setting(NO_NAMES, "topics to play; all when empty")
     # Beyond, times of messages overflow.
     rate: float = setting(1.0, "bag seconds per second", ge=1e-6, le=1e6)
     start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)
-    duration_s: float = setting(0.0, "play this much bag time; 0: all", unit="s", ge=0)
-    loop: bool = setting(False, "start again at the end")
-    paused: bool = setting(False, "start paused")
-    clock_hz: float = setting(
-        40.0,
-        "rate of bag time on /clock, in place of a recorded one; 0: none",
-        unit="Hz",
-        ge=0,
-        le=1000,
-    )
     required_nodes: tuple[str, ...] = setting(NO_NAMES, "start when these nodes subscribe")
-    wait_s: float = setting(
-        10.0, "longest wait for subscribers when no node is required", unit="s", ge=0
-    )
-    exit_when_done: bool = setting(
-        True, "end the process after the last message; else its topics end and the node stays"
-    )

@@ -1,17 +1,22 @@
 """`serd bag`: inspect, check, repair, convert, map and play recordings."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table as RichTable
+from rich.text import Text
 
-from serd_bag.command.commands import convert_bags, recover_bags, show_checks, show_contents
+from serd_bag.command.commands import Page, convert_bags, recover_bags, show_checks, show_contents
 from serd_bag.files import atomic_write_text
 from serd_bag.formats.mcap.writer import Compression
+from serd_bag.quantities import counted
 from serd_cli.options import AsJson, add_command, arg, opt, option, require_suffix, validated
-from serd_cli.output.bag_pages import RichScreen, print_suggestion, suggestion_values
-from serd_cli.output.terminal import print_json
+from serd_cli.output.terminal import console, print_json, progress_console
 from serd_ros.settings import BagReplayConfig
+
+if TYPE_CHECKING:
+    from serd_app.demonstrations.suggestion.suggest import Suggestion
 
 Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
 Bag = Annotated[Path, arg("bag folder, or .mcap, .db3 or .bag file", "BAG")]
@@ -24,7 +29,6 @@ Mapping = Annotated[Path, opt("mapping file to write, ending in .yaml")]
 Topics = Annotated[Texts, opt("play this one; repeat for more")]
 Remap = Annotated[Texts, opt("play into another topic", metavar="FROM:=TO")]
 WaitFor = Annotated[Texts, opt("start when this node subscribes", metavar="NODE")]
-Clock = Annotated[bool, opt("publish bag time on /clock")]
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
@@ -103,21 +107,15 @@ def play(
     bag: Bag,
     rate: float = option(BagReplayConfig, "rate"),
     start: float = option(BagReplayConfig, "start_s"),
-    duration: float = option(BagReplayConfig, "duration_s"),
-    loop: bool = option(BagReplayConfig, "loop", "--loop"),
-    paused: bool = option(BagReplayConfig, "paused", "--paused"),
     topic: Topics = None,
     remap: Remap = None,
     wait_for: WaitFor = None,
-    wait: float = option(BagReplayConfig, "wait_s"),
-    clock: Clock = True,
-    as_json: AsJson = False,
 ) -> None:
-    """Play a bag into its topics at any pace, with /clock.
+    """Play a bag into its topics at any pace.
 
     serd bag play demo_output/run-1/bag --rate 10 --wait-for learner
 
-    Ctrl-C ends. Services pause and step, and parameter rate, of the node bag_replay steer it.
+    Ctrl-C ends.
     """
     from serd_cli.processes.stack_run import parse_remappings, replay
 
@@ -127,14 +125,64 @@ def play(
         topics=topic or ("",),
         rate=rate,
         start_s=start,
-        duration_s=duration,
-        loop=loop,
-        paused=paused,
         required_nodes=wait_for or ("",),
-        wait_s=wait,
-        **({} if clock else {"clock_hz": 0.0}),
     )
-    replay(settings, parse_remappings(remap or ()), as_json=as_json)
+    replay(settings, parse_remappings(remap or ()))
+
+
+#: Of a column of names: rich narrows these first where the table is wider than the terminal.
+_LEAST_TEXT_WIDTH = 12
+_COLOURS = {"good": "green", "notable": "yellow", "bad": "red"}
+
+
+def print_suggestion(found: "Suggestion", text: str, output: Path) -> None:
+    """The mapping file, what it gives, and the command to use it with."""
+    console.print(text, soft_wrap=True)
+    if (report := found.report) is not None:
+        console.print(
+            f"on cells of {found.cell_size_m:g} m: {counted(report.n_decisions, 'decision')},"
+            f" {report.n_censored} of them without outcome, {report.n_moving_waits} waits"
+            " while the robot moves",
+            soft_wrap=True,
+        )
+    console.print(f"mapping: {output.resolve()}", soft_wrap=True)
+    console.print(f"next: {found.command(output)}", soft_wrap=True)
+
+
+def suggestion_values(found: "Suggestion", bag: Path, output: Path) -> dict[str, Any]:
+    """The same by name."""
+    report = None if found.report is None else found.report.model_dump()
+    values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
+    return {**values, "comments": found.comments, "report": report, "file": output}
+
+
+class RichScreen:
+    """Prints in colours, tables with borders."""
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.as_json = as_json
+
+    def values(self, values: list[dict[str, Any]]) -> None:
+        """All results as JSON."""
+        print_json(values)
+
+    def show(self, page: Page) -> None:
+        """A table whose names are folded first where it is wider than the terminal, sentences in
+        the colours of their styles; remarks on stderr."""
+        console.print(Text(page.heading), soft_wrap=True)
+        shown = RichTable()
+        for number, name in enumerate(page.table.columns):
+            if number in page.table.texts:
+                shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
+            else:
+                shown.add_column(name, justify="right", no_wrap=True)
+        for row in page.table.rows:
+            shown.add_row(*row)
+        console.print(shown)
+        for line in page.lines:
+            console.print(Text(line.text, style=_COLOURS[line.style]), soft_wrap=True)
+        for remark in page.remarks:
+            progress_console.print(remark, style="yellow", soft_wrap=True)
 
 
 for function in (info, check, suggest, recover, convert, play):

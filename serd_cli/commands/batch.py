@@ -4,17 +4,25 @@ Writes a row per episode. Rerun an interrupted command to resume it; with more s
 it adds theirs to the table.
 """
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from itertools import product, starmap
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
+
+from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, opt
+from serd_cli.output.terminal import console, finite_values, print_json, run_episodes, table_of
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.execution import Execution
 from serd_sim.planning.catalogue import planner_names
 from serd_sim.scenario.names import scenario_suite, suite_names
+
+if TYPE_CHECKING:
+    from serd_sim.episodes.batch_summary import ConditionSummary
 
 #: All episodes of a table are listed in memory before the first is run.
 MOST_SEEDS = 100_000
@@ -48,8 +56,6 @@ def batch(
     as_json: AsJson = False,
 ) -> None:
     """Parse the options, run the episodes and print their summary."""
-    from serd_cli.output.episodes import print_episodes, summary_values
-    from serd_cli.output.terminal import print_json, run_episodes
     from serd_sim.episodes.batch import EpisodeTask, run_batch
     from serd_sim.episodes.batch_summary import summarise
 
@@ -81,3 +87,41 @@ def _seeds(first: int, count: int) -> range:
     if count > MOST_SEEDS:
         raise UsageError(f"--seeds must be at most {MOST_SEEDS}, got {count}; run them in parts")
     return range(first, first + count)
+
+
+def print_episodes(summaries: "Sequence[ConditionSummary]", output: Path) -> None:
+    """The table, and where the rows are."""
+    console.print(summary_table(summaries))
+    print(f"episodes: {output.resolve()}")
+
+
+def summary_values(summaries: "Sequence[ConditionSummary]") -> list[dict[str, Any]]:
+    """The same by name, None for numbers that are not finite."""
+    return [finite_values(asdict(each)) for each in summaries]
+
+
+def summary_table(summaries: "Sequence[ConditionSummary]") -> Table:
+    """One row per condition; contacts are those of all its episodes."""
+    table = table_of("Episodes", "condition", ("arrived", "95 % interval", "time", "way"))
+    table.add_column("robot into people, people into robot, walls", justify="right", max_width=20)
+    for each in summaries:
+        contacts = (each.robot_on_person, each.person_on_robot, each.robot_on_wall)
+        table.add_row(
+            _condition(each),
+            f"{each.n_arrived} of {each.n_episodes}",
+            f"{100 * each.arrival_low:.0f}-{100 * each.arrival_high:.0f} %",
+            f"{each.mean_time_of_arrival_s:.1f} s" if each.n_arrived else "",
+            f"{each.mean_distance_m:.1f} m",
+            ", ".join(f"{round(per * each.n_episodes)}" for per in contacts),
+        )
+    return table
+
+
+def _condition(summary: "ConditionSummary") -> str:
+    people = "" if summary.n_people is None else f", {summary.n_people} people"
+    seen = ", from scans" if summary.people_from == "scan" else ""
+    seen += "" if summary.guarded else ", without guard"
+    return (
+        f"{summary.scenario}{people}, from {summary.start_area}: "
+        f"{summary.driver} by {summary.planner}{seen}"
+    )

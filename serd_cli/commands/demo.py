@@ -1,47 +1,167 @@
 """It takes about two minutes; 'serd navigate MODEL --episodes 200' drives more."""
 
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from rich.text import Text
+
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from serd_app.report.inputs import PhaseTiming
+from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
-from serd_cli.demo.folder import DemoSettings, new_folder, open_folder
-from serd_cli.demo.phases import LivePage, run_phases
 from serd_cli.errors import RunError
-from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, free_folder, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
-from serd_cli.processes.stack_run import stack_environment
+from serd_cli.processes.stack_run import PAGE, port_fault, run_stack, stack_environment
+from serd_cli.processes.workspace import PROJECT
+from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import save_yaml_model
+from serd_ros.settings import WatchPageConfig
+from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.scenario import load_scenario
+
+
+class DemoSettings(EpisodeSettings):
+    """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
+
+    seed: int = setting_of(EpisodeSettings, "seed", default=3)
+    demonstrations: int = setting(8, "number of demonstrations by the scripted expert", ge=1)
+    episodes: int = setting_of(
+        EpisodeSettings, "episodes", default=10, description="episodes the learned policy drives"
+    )
+    policy: PolicyKind = setting_of(NavigationSettings, "policy")
+
+    @property
+    def navigation_seed(self) -> int:
+        """Seed of the world the learned policy is measured in."""
+        return self.seed + 1000
+
+
+class DemoFolder:
+    """Paths of one run."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.resolve()
+        self.settings = self.root / "demo.yaml"
+        self.bag = self.root / "bag"
+        self.demonstrations = self.root / "demonstrations"
+        self.model = self.root / "model.yaml"
+        self.decisions = self.root / "decisions.csv"
+        self.learning = self.root / "model.learning.csv"
+        self.navigation = self.root / "navigation"
+        self.layout = self.root / "foxglove.json"
+        self.logs = self.root / "logs"
+
+    @staticmethod
+    def episodes(phase: Path) -> tuple[EpisodeResult, ...]:
+        """Rows of a phase's episodes.csv, none before it exists."""
+        table = phase / "episodes.csv"
+        return load_episodes(table) if table.is_file() else ()
+
+
+_LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One stack with its parameters, named after the stack.
+
+    n_parts: how many parts it has; drives: folder with its table of episodes, if any.
+    """
+
+    name: str
+    parameters: Mapping[str, Any]
+    n_parts: int
+    drives: Path | None = None
+
+
+def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
+    """An expert drives and is recorded, a model is learned, and it drives in another world."""
+    here = {"scenario": settings.scenario, "seed": settings.seed}
+    demonstrate = {
+        "scripted_expert.episodes": settings.demonstrations,
+        "timeout_s": settings.timeout_s,
+        "scripted_expert.output": str(folder.demonstrations),
+        "demo_recorder.output": str(folder.bag),
+    }
+    learn = {
+        "bag": str(folder.bag),
+        "learner.output": str(folder.model),
+        "decisions": str(folder.decisions),
+    }
+    navigate = {
+        "seed": settings.navigation_seed,
+        "model": str(folder.model),
+        "policy": settings.policy,
+        "episodes": settings.episodes,
+        "timeout_s": settings.timeout_s,
+        "strategy.output": str(folder.navigation),
+    }
+    return (
+        Phase("demonstrate", here | demonstrate, settings.demonstrations, folder.demonstrations),
+        Phase("learn", here | learn, 1),
+        Phase("navigate", here | navigate, settings.episodes, folder.navigation),
+    )
+
+
+def page_parameters() -> dict[str, int]:
+    """The port of the page that shows the drives: the usual one, or any free one."""
+    usual = WatchPageConfig()
+    return {f"{PAGE}.port": 0 if port_fault(usual.address, usual.port) else usual.port}
+
+
+def _show(address: str) -> None:
+    progress_console.print(Text.assemble("watch the drives at ", (address, "bold")))
+
+
+def run_phases(
+    folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
+) -> list[PhaseTiming]:
+    """Run all phases; how long each took, with start and end of its nodes."""
+    if _LAYOUT.is_file():  # as in a checkout
+        atomic_write_text(folder.layout, _LAYOUT.read_text(encoding="utf-8"))
+    timings = []
+    for phase in phases_of(folder, settings):
+        began_s, drives = time.monotonic(), phase.drives
+        run_stack(
+            phase.name,
+            {**phase.parameters, **(page_parameters() if drives else {})},
+            environment,
+            total=phase.n_parts,
+            logs=folder.logs,
+            on_address=_show if drives else None,
+        )
+        episodes = () if drives is None else folder.episodes(drives)
+        if len(episodes) < (phase.n_parts if drives else 0):
+            raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")
+        simulated_s = sum(row.duration_s for row in episodes) if drives else None
+        timings.append(PhaseTiming(phase.name, time.monotonic() - began_s, simulated_s))
+    return timings
 
 
 @with_settings(DemoSettings)
 def demo(
     output: Annotated[Path, opt("folder that gets a run-N folder")] = Path("demo_output"),
-    resume: Annotated[Path | None, opt("continue this run-N folder; its settings count")] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Run the phases and print the report's summary; the message at an error names how to go on."""
-    if resume is not None:
-        folder, settings = open_folder(resume)
-    else:
-        load_scenario(options["scenario"])
-        absolute = {"scenario": resolved_scenario(options["scenario"])}
-        settings = validated(DemoSettings, **(options | absolute))
-        folder = new_folder(output, settings)
+    """Run the phases and print the report's summary."""
+    load_scenario(options["scenario"])
+    absolute = {"scenario": resolved_scenario(options["scenario"])}
+    settings = validated(DemoSettings, **(options | absolute))
+    folder = DemoFolder(free_folder(output, "run"))
+    save_yaml_model(folder.settings, settings)
     progress_console.print(
         f"{counted(settings.demonstrations, 'demonstration')} and"
         f" {counted(settings.episodes, 'episode')} through ROS 2; results go to {folder.root}",
         soft_wrap=True,
     )
-    try:
-        with stack_environment(folder.logs) as environment:
-            phases = run_phases(folder, settings, environment, LivePage())
-        from serd_cli.demo.report import report_demo
+    with stack_environment(folder.logs) as environment:
+        phases = run_phases(folder, settings, environment)
+    from serd_cli.output.demo import report_demo
 
-        report_demo(folder, settings, phases, as_json=as_json)
-    except (KeyboardInterrupt, RunError):
-        progress_console.print(
-            f"results are in {folder.root}; resume with: serd demo --resume {folder.root}",
-            soft_wrap=True,
-        )
-        raise
+    report_demo(folder, settings, phases, as_json=as_json)

@@ -6,17 +6,29 @@ Without a stack all stacks are listed. When one of the nodes ends, all end. Ctrl
 
 import os
 import sys
-from typing import Annotated
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
 
+import typer
 from rich.text import Text
 
-from serd_cli.options import AsJson, arg
-from serd_cli.output.terminal import console, print_json
-from serd_cli.processes.node_commands import parse_assignment, stack_processes
-from serd_cli.processes.stack_run import require_free_domain
+from serd_app.teleop.page.access import PageAccess, read_token
+from serd_cli.options import AsJson, arg, opt, resolved_scenario, validated, with_settings
+from serd_cli.output.terminal import console, print_json, progress_console
+from serd_cli.processes.stack_run import run_alone
 from serd_cli.processes.supervisor import run_together
-from serd_cli.processes.workspace import ros_environment
+from serd_cli.processes.workspace import (
+    find_command,
+    node_command,
+    parse_assignment,
+    ros_environment,
+    stack_processes,
+)
 from serd_ros.graph.graph import find_stack, full_namespace, load_graph
+from serd_ros.process.progress import Progress
+from serd_ros.settings import WatchPageConfig
+from serd_sim.scenario.scenario import load_scenario
 
 
 def launch(
@@ -40,7 +52,61 @@ def launch(
     namespace = full_namespace(str(given.pop("namespace", "")))
     found = find_stack(stack)
     processes = stack_processes(found, given, environment, namespace)
-    require_free_domain(found, environment, namespace)
     run_together(
         processes, environment, lambda name, line: print(f"{name:>15} | {line}", file=sys.stderr)
     )
+
+
+def run(
+    context: typer.Context,
+    package: Annotated[str, arg("ROS package, for example serd_ros")],
+    executable: Annotated[str, arg("its executable, for example hallway_sim")],
+) -> None:
+    """serd run serd_ros hallway_sim --ros-args -p seed:=3
+
+    The process becomes the node, so exit code and signals are the node's own.
+    """
+    environment = ros_environment(os.environ)
+    command = find_command(package, executable, environment)
+    os.execve(command[0], [*command, *context.args], environment)
+
+
+@with_settings(WatchPageConfig)
+def watch(
+    namespace: Annotated[
+        str, opt("of the robot that is shown, as robot1; / for topics without one")
+    ] = "",
+    as_json: AsJson = False,
+    **options: Any,
+) -> None:
+    """serd watch
+
+    The page shows what others have started with 'serd launch', or play with
+    'serd bag play', in the same ROS domain. It publishes no command, and the
+    viewer needs a browser only.
+
+    One of several robots is shown with --namespace robot1, and with
+    --frame-prefix robot1/ where its stack has a frame_prefix.
+
+    With --json the address of the page is printed as JSON. Ctrl-C ends.
+    """
+    options["scenario"] = resolved_scenario(options["scenario"])
+    if options["token_file"]:
+        options["token_file"] = str(Path(options["token_file"]).resolve())
+    settings = validated(WatchPageConfig, **options)
+    PageAccess(settings.address, read_token(settings.token_file))
+    load_scenario(settings.scenario)
+    environment = ros_environment(os.environ)
+    remappings = {"__ns": full} if (full := full_namespace(namespace)) else {}
+    command = node_command("watch_page", settings.model_dump(), remappings, environment)
+
+    def take(progress: Progress) -> None:
+        if progress.address and as_json:
+            print_json({"url": progress.address})
+            sys.stdout.flush()
+        elif progress.address:
+            address = progress.address, "bold"
+            progress_console.print(Text.assemble("watch at ", address, "   (Ctrl-C ends)"))
+
+    with suppress(KeyboardInterrupt):  # the usual end
+        run_alone("watch_page", command, environment, take)

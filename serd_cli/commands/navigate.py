@@ -12,7 +12,6 @@ from serd_cli.options import AsJson, arg, opt, resolved_scenario, validated, wit
 
 Model = Annotated[Path, arg("file of a learned model")]
 ScenarioName = Annotated[str, opt("built-in scenario or YAML file, the model's own when not given")]
-ThroughRos = Annotated[bool, opt("through ROS nodes, not in process", "--ros")]
 Output = Annotated[Path | None, opt("folder for tables and arrival.png, else nothing is kept")]
 
 
@@ -24,7 +23,6 @@ Output = Annotated[Path | None, opt("folder for tables and arrival.png, else not
 def navigate(
     model: Model,
     scenario: ScenarioName = "",
-    ros: ThroughRos = False,
     output: Output = None,
     as_json: AsJson = False,
     **options: Any,
@@ -32,12 +30,7 @@ def navigate(
     """Parse the options, let the model drive and print prediction and measurement."""
     from serd_app.journeys.navigate import navigate as drive_and_compare
     from serd_app.places.kept_scenario import scenario_of_model
-    from serd_cli.output.arrival import (
-        arrival_values,
-        drive_in_process,
-        drive_through_ros,
-        print_arrival,
-    )
+    from serd_cli.output.arrival import arrival_values, drive_in_process, print_arrival
     from serd_cli.output.terminal import print_json
     from serd_files.model_file import load_model
 
@@ -45,7 +38,7 @@ def navigate(
     settings = validated(
         DriveSettings, model=realpath(model), scenario=resolved_scenario(place), **options
     )
-    done = drive_and_compare(settings, output, drive_through_ros if ros else drive_in_process)
+    done = drive_and_compare(settings, output, drive_in_process)
     if as_json:
         print_json(arrival_values(done))
     else:

@@ -1,14 +1,14 @@
 """`serd scenario`: list, draw and film scenarios, and make them from maps."""
 
-import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from serd_app.places.settings import PlaceSettings
-from serd_bag.files import atomic_write_text
+from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
 from serd_cli.options import (
     AsJson,
@@ -21,21 +21,16 @@ from serd_cli.options import (
     validated,
     with_settings,
 )
-from serd_cli.output.scenarios import (
-    mapped_values,
-    print_list,
-    print_mapped,
-    print_scenario,
-    scenario_values,
-)
-from serd_cli.output.terminal import console, counting_bar, print_json
-from serd_files.settings import setting
-from serd_files.yaml_config import StrictModel
+from serd_cli.output.terminal import console, counting_bar, facts_table, print_json, table_of
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
 from serd_sim.scenario.goal import point_of
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from serd_app.journeys.from_map import MappedScenario
 
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
@@ -48,7 +43,6 @@ NewScenario = Annotated[
     Path | None, opt("scenario to write, ending in .yaml; default MAP-scenario.yaml here")
 ]
 Policy = Annotated[str, opt(f"{', '.join(driver_names())} or a learned model's file")]
-PeopleFrom = Annotated[str, opt("given: people as they are; scan: from the lidar alone")]
 View = Annotated[
     Literal["top", "overview", "chase"],
     opt("from above, the whole in 3-D, or behind the robot in 3-D"),
@@ -90,24 +84,16 @@ def show(
         print_scenario(values, loaded.patience_remark)
 
 
-class MovieSettings(StrictModel):
-    """How fast an episode is shown."""
-
-    speed: float = setting(4.0, "times real time", gt=0, le=1000)
-
-
 def film(
     output: Annotated[Path, opt("file to write: .mp4, .gif or .png")],
     scenario: ScenarioName = "hallway",
     policy: Policy = "expert",
     planner: str = option(WorldSettings, "planner"),
-    people_from: PeopleFrom = "given",
     seed: int = option(EpisodeSettings, "seed", default=1),
-    episode: Annotated[int, opt("number of the episode", min=0)] = 0,
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
     view: View = "top",
-    speed: float = option(MovieSettings, "speed"),
+    speed: Annotated[float, opt("times real time", min=0.1, max=1000)] = 4.0,
     at_s: At = None,
     as_json: AsJson = False,
 ) -> None:
@@ -124,10 +110,9 @@ def film(
     from serd_sim.episodes.batch import EpisodeTask
 
     require_suffix(output, *SUFFIXES)
-    validated(MovieSettings, speed=speed)
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
-    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
+    task = EpisodeTask(scenario, seed, 0, people, start_area, planner, policy)
     done = drive_and_draw(task, output, view=view, speed=speed, at_s=at_s, track=_with_bar)
     picture = str(output.resolve())
     if as_json:
@@ -142,32 +127,6 @@ def _with_bar(ticks: Sequence[int]) -> Iterator[int]:
         yield from bar.track(ticks)
 
 
-def schema(
-    output: Annotated[
-        Path | None, opt("file to write, e.g. scenario.schema.json; else printed")
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Write the JSON schema of scenario files, for editors that check while you type.
-
-    serd scenario schema --output scenario.schema.json
-
-    With the YAML extension of VS Code, begin your file with
-    # yaml-language-server: $schema=scenario.schema.json
-    """
-
-    text = json.dumps(Scenario.model_json_schema(), indent=2, ensure_ascii=False) + "\n"
-    if output is None:
-        print(text, end="")
-        return
-    require_suffix(output, ".json")
-    atomic_write_text(output, text)
-    if as_json:
-        print_json({"schema": output.resolve()})
-    else:
-        print(f"schema: {output.resolve()}")
-
-
 @with_settings(PlaceSettings)
 def from_map(
     ros_map: MapFile,
@@ -178,7 +137,18 @@ def from_map(
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Parse the options, write the scenario and print what was found in the map."""
+    """Write a scenario from the map that a robot navigates by.
+
+    serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
+
+    MAP is the YAML file beside the image, as map_saver writes it, or a bag
+    with a nav_msgs/OccupancyGrid. The largest free area that is connected is
+    walkable (with --start the one around it), its borders are the walls. The
+    scenario and a plan of it are written; docs/maps.md has all of it.
+
+    A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
+    place in which people were tracked.
+    """
     from serd_app.journeys.from_map import scenario_from_map
 
     path = output or Path(f"{ros_map.stem}-scenario.yaml")
@@ -199,19 +169,85 @@ def from_map(
         print_mapped(made)
 
 
-FROM_MAP = """Write a scenario from the map that a robot navigates by.
+def print_list(scenarios: Mapping[str, Scenario]) -> None:
+    """A row per scenario."""
+    table = table_of("Built-in scenarios", "name", ("people", "cells"))
+    table.add_column("description", overflow="fold")
+    for name, each in scenarios.items():
+        numbers = str(each.pedestrians.count), str(grid_of(each).n_states)
+        table.add_row(name, *numbers, each.description)
+    console.print(table)
 
-serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
 
-MAP is the YAML file beside the image, as map_saver writes it, or a bag
-with a nav_msgs/OccupancyGrid. The largest free area that is connected is
-walkable (with --start the one around it), its borders are the walls. The
-scenario and a plan of it are written; docs/maps.md has all of it.
+def print_scenario(values: Mapping[str, Any], remark: str) -> None:
+    """A row per value, and the path of the picture below."""
+    texts = {
+        name.replace("_", " "): ", ".join(map(str, value))
+        if isinstance(value, list)
+        else str(value)
+        for name, value in values.items()
+        if name != "picture"
+    }
+    console.print(facts_table(texts.items()))
+    if remark:
+        console.print(remark, soft_wrap=True)
+    print(f"picture: {values['picture']}")  # in one piece, however long
 
-A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
-place in which people were tracked.
-"""
+
+def print_mapped(made: "MappedScenario") -> None:
+    """What is free in the map, and the files."""
+    values, map_of = mapped_values(made), ""
+    if made.raster is not None:
+        rows, columns = made.raster.cells.shape
+        degrees = math.degrees(made.raster.yaw_rad)
+        turned = f", turned by {degrees:.1f} degrees" if degrees else ""
+        map_of = f"map of {columns} x {rows} cells{turned}: "
+    console.print(
+        f"{map_of}a free area of {values['free_area_m2']:g} m2"
+        f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
+        f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
+        f" {values['cells_area_m2']:g} m2; a patience of {values['patience_s']:g} s",
+        soft_wrap=True,
+    )
+    for name in ("file", "picture"):
+        console.print(f"{name}: {values[name]}", soft_wrap=True)
+
+
+def mapped_values(made: "MappedScenario") -> dict[str, Any]:
+    """The scenario and what was found in its map, as plain values."""
+    scenario, raster = made.scenario, made.raster
+    reached_m2 = float(scenario.cells.walkable.sum()) * scenario.cell_size_m**2
+    return scenario_values(str(made.file), scenario) | {
+        **({} if raster is None else {"map_size": list(raster.cells.shape[::-1])}),
+        "free_area_m2": round(float(made.area.area), 2),
+        "cells_area_m2": round(reached_m2, 2),
+        "solids": len(scenario.obstacles),
+        "walls": len(scenario.wall_segments_m),
+        "file": str(made.file.resolve()),
+        "picture": str(made.picture.resolve()),
+    }
+
+
+def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
+    """The main properties as plain values."""
+    x_min, y_min, x_max, y_max = scenario.bounds_m
+    return {
+        "scenario": name,
+        "description": scenario.description,
+        "size_m": [x_max - x_min, y_max - y_min],
+        "cell_size_m": scenario.cell_size_m,
+        "cells": grid_of(scenario).n_states,
+        "people": scenario.pedestrians.count,
+        "loops": [loop.name for loop in scenario.pedestrians.loops],
+        "flow_convention": scenario.flow_convention,
+        "start_areas": list(scenario.start_areas_m),
+        "patience_s": scenario.patience_s,
+        "wait_s": scenario.wait_s,
+        "episode_timeout_s": scenario.episode_timeout_s,
+    }
+
+
 add_command(group, "list", list_scenarios)
-for function in (show, film, schema):
+for function in (show, film):
     add_command(group, function.__name__, function)
-add_command(group, "from-map", from_map, FROM_MAP)
+add_command(group, "from-map", from_map)

@@ -1,9 +1,7 @@
 """What `serd navigate` shows: progress of its episodes, predicted and measured arrival, remarks."""
 
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from rich.table import Table
@@ -11,11 +9,10 @@ from rich.table import Table
 from serd_app.journeys.navigate import Navigated, drive, finished_episodes
 from serd_app.navigation.evaluation.comparison import Comparison, reasons_text
 from serd_app.navigation.navigator import Navigator
-from serd_app.navigation.settings import DriveSettings, NavigationSettings
+from serd_app.navigation.settings import DriveSettings
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, counting_bar, progress_console, results_kept_in
-from serd_cli.processes.stack_run import run_stack, stack_environment
-from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.episode_table import EpisodeResult
 
 
 def print_arrival(done: Navigated, output: Path | None) -> None:
@@ -75,23 +72,6 @@ def remarks(found: Comparison, patience_remark: str) -> list[str]:
 
 def _seconds(time_s: float | None) -> str:
     return "never" if time_s is None else f"{time_s:.1f} s"
-
-
-def drive_through_ros(
-    settings: DriveSettings, output: Path | None, _: Navigator
-) -> list[EpisodeResult]:
-    """Drive all episodes in lock-step; the strategy writes its tables to the folder, if any."""
-    same_names = {*NavigationSettings.model_fields, "start_area", "people"}
-    with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
-        given = {
-            **settings.model_dump(include=same_names, exclude_none=True),
-            "local_planner.planner": settings.planner,
-            "strategy.output": folder,
-        }
-        logs = Path(folder) / "logs"
-        with stack_environment(logs) as environment:
-            run_stack("navigate", given, environment, total=settings.episodes, logs=logs)
-        return list(load_episodes(Path(folder) / "episodes.csv"))
 
 
 def drive_in_process(

@@ -8,7 +8,6 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
-from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from serd_app.journeys.learn import Learned
@@ -18,34 +17,22 @@ from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
 from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import WorkProgress, console, finite, progress_console, table_of
+from serd_cli.output.terminal import console, finite, progress_console, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 
 
 @contextmanager
 def fit_progress() -> Iterator[ProgressCallback]:
-    """What shows the steps of a fit in a line on stderr, from the first one on."""
-    bar = WorkProgress(
-        SpinnerColumn(),
-        TextColumn("learning"),
-        TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[step]}"),
-    )
+    """What shows the steps of a fit in a line on stderr."""
+    with progress_console.status("learning") as line:
 
-    def show(progress: FitProgress) -> None:
-        if not bar.tasks:
-            bar.add_task("", total=None, step="")
-            bar.start()
-        step = progress.step
-        where = f"fit {progress.number} of {progress.total}, step {step.number}"
-        bar.update(bar.tasks[0].id, step=f"{where}: {step.objective:.4f} per decision")
+        def show(progress: FitProgress) -> None:
+            step = progress.step
+            where = f"fit {progress.number} of {progress.total}, step {step.number}"
+            line.update(f"learning: {where}: {step.objective:.4f} per decision")
 
-    try:
         yield show
-    finally:
-        if bar.tasks:
-            bar.stop()
 
 
 def print_learned(learned: Learned) -> None:

@@ -54,6 +54,16 @@ def table_of(title: str, first: str, numbers: Iterable[str], **options: Any) -> 
     return table
 
 
+def facts_table(rows: Iterable[tuple[str, str]]) -> Table:
+    """A table without a heading: names, and what is folded beside them."""
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 _LINE_EVERY_S = 30.0
 
 

@@ -6,22 +6,18 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from subprocess import PIPE, run
 from typing import Any
 
 from domain_coordinator import domain_id
 from rich.markup import escape
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
-from rich.table import Column
 
 from serd_bag.reader import BagReader
 from serd_bag.topic import selected_topics
-from serd_cli.errors import BAD_INPUT, RunError, UsageError
-from serd_cli.output.terminal import WorkProgress, print_json
-from serd_cli.processes.node_commands import node_command, stack_processes
+from serd_cli.errors import UsageError
+from serd_cli.output.terminal import counting_bar
 from serd_cli.processes.supervisor import Line, Process, run_together
-from serd_cli.processes.workspace import ros_environment
-from serd_ros.graph.graph import Stack, find_stack, load_graph
+from serd_cli.processes.workspace import node_command, ros_environment, stack_processes
+from serd_ros.graph.graph import Stack, find_stack
 from serd_ros.process.progress import VARIABLE, Progress, parse_progress
 from serd_ros.settings import BagReplayConfig
 
@@ -39,20 +35,6 @@ def stack_environment(logs: Path) -> Iterator[dict[str, str]]:
         environment.setdefault("OMP_NUM_THREADS", "1")
         environment.setdefault("OPENBLAS_NUM_THREADS", "1")
         yield environment
-
-
-def require_free_domain(stack: Stack, environment: Mapping[str, str], namespace: str = "") -> None:
-    """RunError names the nodes that publish a world where the stack would publish its own."""
-    if load_graph().has_world(stack):
-        require_free(environment, f"{namespace}/clock", f"{namespace}/robot_pose")
-
-
-def require_free(environment: Mapping[str, str], *names: str) -> None:
-    """RunError names the nodes that publish one of the topics."""
-    words = [sys.executable, "-m", "serd_ros.process.domain_check", *names]
-    found = run(words, env=dict(environment), stdout=PIPE, text=True, check=False)
-    if found.returncode == BAD_INPUT:
-        raise RunError(found.stdout.strip(), BAD_INPUT)
 
 
 def port_fault(address: str, port: int) -> str:
@@ -81,16 +63,8 @@ def run_stack(
     address of a page that shows the stack, which is one of its nodes only then.
     """
     stack = find_stack(name) if on_address is None else _watched(find_stack(name))
-    require_free_domain(stack, environment)
     processes = stack_processes(stack, parameters, environment)
-    bar = WorkProgress(
-        TextColumn("{task.description:<12}"),
-        BarColumn(bar_width=20),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
-        expand=True,
-    )
+    bar = counting_bar("{task.description:<12}", "[dim]{task.fields[text]}", bar_width=20)
     task = bar.add_task(name, total=total, text="starting the nodes")
     with log_of_nodes(logs / f"{name}.log") as log, bar:
 
@@ -141,30 +115,14 @@ def log_of_nodes(path: Path) -> Iterator[Line]:
         yield lambda node, line: print(f"{node:>15} | {line}", file=file)
 
 
-def replay(
-    settings: BagReplayConfig, remappings: Mapping[str, str], *, as_json: bool = False
-) -> None:
-    """Run the node that plays a bag in place of this process.
-
-    as_json: to its end instead, and print how many messages it played. RunError where another node
-    publishes the clock.
-    """
+def replay(settings: BagReplayConfig, remappings: Mapping[str, str]) -> None:
+    """Run the node that plays a bag in place of this process."""
     names = [name for name in settings.topics if name]
     selected_topics(BagReader(Path(settings.bag)).topics, names)
     environment = ros_environment(os.environ)
     parameters = settings.model_dump(exclude_unset=True)
     command = node_command("bag_replay", parameters, remappings, environment)
-    if settings.clock_hz:
-        played_clock = remappings.get("/clock", remappings.get("clock", "/clock"))
-        require_free(environment, f"/{played_clock.lstrip('/')}")
-    if not as_json:
-        os.execve(command[0], command, environment)
-        return
-    n_played = [0]
-    run_alone(
-        "bag_replay", command, environment, lambda each: n_played.append(each.n_messages or 0)
-    )
-    print_json({"bag": settings.bag, "messages": max(n_played)})
+    os.execve(command[0], command, environment)
 
 
 def parse_remappings(pairs: Sequence[str]) -> dict[str, str]:

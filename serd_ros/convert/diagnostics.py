@@ -46,10 +46,7 @@ def _status_named(message: DiagnosticArray, name: str) -> DiagnosticStatus | Non
 
 
 def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | None:
-    """(stamp_ns, contacts and distances) of the simulator; None when the array has no such status.
-
-    MessageError where one is missing or is no number.
-    """
+    """(stamp_ns, contacts and distances) of the simulator; None where the array has none."""
     values = values_of(message, "hallway_sim")
     if values is None:
         return None
@@ -59,10 +56,7 @@ def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | 
 
 
 def from_learner_report(message: DiagnosticArray) -> tuple[float, float] | None:
-    """Where (m) the next demonstration teaches most; None when the array does not have it.
-
-    MessageError where it is no finite place.
-    """
+    """Where (m) the next demonstration teaches most; None when the array does not have it."""
     values = values_of(message, "learner")
     if values is None or "next_x_m" not in values:
         return None

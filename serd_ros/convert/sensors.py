@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 from serd_ros.convert.frames import NO_FRAMES, Frames
-from serd_ros.convert.pose import to_pose
+from serd_ros.convert.motion import to_pose
 from serd_ros.convert.stamp import require_finite, require_frame, stamp_ns, to_header, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError

@@ -11,19 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.client import Client
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from serd_files.errors import USER_ERRORS
-from serd_ros.endpoints.qos import common_qos, is_latched, less_demanding
+from serd_ros.endpoints.qos import common_qos, less_demanding
 
 if TYPE_CHECKING:
     from serd_ros.process.serd_node import SerdNode
@@ -67,10 +63,7 @@ class Endpoints:
     def subscribe(
         self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
     ) -> None:
-        """Call back with each message.
-
-        Where a publisher offers less than `profile`, the subscription requests what it offers.
-        """
+        """Call back with each message, also where a publisher offers less than `profile`."""
         if self.node.frames.prefix:
             callback = self._without_prefix(callback)
         make = partial(self._subscription, kind, topic, self.guarded(topic, callback))
@@ -110,8 +103,8 @@ class Endpoints:
     def serve(self, kind: Any, name: str, answer: Callable[[Any], str]) -> None:
         """Serve a Trigger or SetBool.
 
-        answer: called with each request; returns the message, or raises a SerdError, whose sentence
-        is the message of a response without success.
+        answer: returns the message, or raises a SerdError, the message of a response without
+        success. No response is sent once its client or this service is gone (`run_node`).
         """
 
         def respond(request: Any, response: Any) -> Any:
@@ -120,37 +113,11 @@ class Endpoints:
 
         node = self.node
         guarded = node.callbacks.of_requests(name, respond, self._has_ended)
-        service: Service = self._keep(
-            node.create_service(kind, name, guarded), node.destroy_service
-        )
-        send = service.send_response
-        # A request that waits while its service is destroyed gets no response.
-        service.send_response = lambda *response: None if self._ended else send(*response)
+        self._keep(node.create_service(kind, name, guarded), node.destroy_service)
 
     def client(self, kind: Any, name: str) -> Client:
         """The client of a service."""
         return self._keep(self.node.create_client(kind, name), self.node.destroy_client)
-
-    def on_set(self, changes: Mapping[str, Callable[[Any], None]]) -> None:
-        """Call `changes[name](value)` when that parameter is set; a SerdError refuses the value.
-
-        Of two at once, the first would have changed when the second is refused, so both are.
-        """
-
-        def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
-            changed = [each for each in parameters if each.name in changes]
-            if len(changed) > 1:
-                reason = f"set {' and '.join(each.name for each in changed)} one after the other"
-                return SetParametersResult(successful=False, reason=reason)
-            try:
-                for parameter in changed:
-                    changes[parameter.name](parameter.value)
-            except USER_ERRORS as error:
-                return SetParametersResult(successful=False, reason=str(error))
-            return SetParametersResult(successful=True)
-
-        self.node.add_on_set_parameters_callback(on_set)
-        self._keep(on_set, self.node.remove_on_set_parameters_callback)
 
     def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """A callback of messages that raises nothing, and does nothing after `close`."""
@@ -174,23 +141,19 @@ class Endpoints:
         offered: Sequence[QoSProfile],
         make: Callable[[QoSProfile], Subscription],
         take: Callable[[Any, Mapping[str, int]], None],
-    ) -> list[Subscription]:
-        """The subscription, or what matches all publishers in its place, the one to follow last.
+    ) -> Subscription:
+        """The subscription, or one in its place that requests no more than all publishers offer.
 
-        A latched one stays where some publishers are volatile, with a volatile one beside it; any
-        other is replaced. take: called with each message that waits in it then, and its info.
+        take: called with each message that waits in it then, and its info.
         """
         requested = subscription.qos_profile
         profile = less_demanding(requested, common_qos(offered))
         if not offered or profile is requested:
-            return [subscription]
-        stays = is_latched(requested) and any(map(is_latched, offered))
-        if stays and not is_latched(profile):
-            return [subscription, make(profile)]
+            return subscription
         for message, info in waiting_messages(subscription):
             take(message, info)
         self.destroy(subscription)
-        return [make(profile)]
+        return make(profile)
 
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""
@@ -201,7 +164,7 @@ class Endpoints:
             offered = [each.qos_profile for each in self.node.get_publishers_info_by_topic(topic)]
             takes_info = len(inspect.signature(callback).parameters) == 2
             take = callback if takes_info else lambda message, _, call=callback: call(message)
-            *_, newest = self.matching(subscription, offered, make, take)
+            newest = self.matching(subscription, offered, make, take)
             if newest is not subscription:
                 self._follows.pop(subscription, None)
                 self._follows[newest] = make
@@ -213,10 +176,7 @@ class Endpoints:
 
 
 def confirm(publishers: Iterable[Publisher]) -> None:
-    """Wait until what they published last has arrived, _CONFIRMED_WITHIN_S in all.
-
-    Subscribers drop what they have not taken yet when they learn that its publisher ended.
-    """
+    """Wait for 0.5 s in all until the last messages have arrived, which else may be dropped."""
     end_s = time.monotonic() + _CONFIRMED_WITHIN_S
     for each in publishers:
         each.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic())))

@@ -5,20 +5,24 @@ a node are looked up, with the module of that node.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
 from serd_bag.nearest import hint
 from serd_files.moved_names import where_or_near
 from serd_files.yaml_config import StrictModel, load_yaml_model
+from serd_ros.endpoints import topics
 from serd_ros.errors import NodeError
 from serd_ros.settings import NodeConfig
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
@@ -47,7 +51,6 @@ class Stack(StrictModel):
     parameters: of one node each; only `node.parameter` changes them, so that a name which means
     something else in another node (a bag played, a bag learned from) reaches the right one.
     remappings: for each node its topics that have another name in this stack.
-    required: parameters without which it cannot run.
     """
 
     about: str
@@ -55,7 +58,6 @@ class Stack(StrictModel):
     shared: dict[str, Any] = Field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = Field(default_factory=dict)
     remappings: dict[str, dict[str, str]] = Field(default_factory=dict)
-    required: tuple[str, ...] = ()
 
 
 class Graph(StrictModel):
@@ -77,10 +79,7 @@ class Graph(StrictModel):
         return any("/clock" in self.nodes[node].publishes for node in stack.nodes)
 
     def namespace_remappings(self, stack: Stack, namespace: str) -> dict[str, str]:
-        """What has a namespace in no name of its own: the clock of a world.
-
-        namespace: in full, as /robot1, or empty.
-        """
+        """The clock of a world, which has a namespace in no name of its own; namespace: in full."""
         return {"/clock": f"{namespace}/clock"} if namespace and self.has_world(stack) else {}
 
 
@@ -132,12 +131,8 @@ def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parame
     """Parameters of each node of the stack: `shared`, the stack's own, then what was given.
 
     given: keys are a parameter's name, for every node that has it and to which the stack gives no
-    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node, or if a
-    required one is missing.
+    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node.
     """
-    for name in stack.required:
-        if not any(key.rpartition(".")[2] == name for key in given):
-            raise NodeError(f"parameter {name} must be given, for {stack.about}; add {name}:=VALUE")
     layers: dict[str, Parameters] = {}
     for node in stack.nodes:
         fields = config_of(node).model_fields
@@ -188,3 +183,74 @@ def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
         names = " or ".join(f"{each}.{key}" for each in having)
         raise NodeError(f"the stack itself sets {key!r} for each node; name the node: {names}")
     return found
+
+
+PATIENCE_S = 10.0
+WORLD_TOPICS = (topics.CLOCK, topics.ROBOT_POSE)
+_FIX = (
+    "end the other stack, or start one with another ROS_DOMAIN_ID, or by serd launch with a"
+    " namespace"
+)
+
+
+def publishers_of(node: "Node", topic: str) -> list[str]:
+    """Full names of the nodes that publish a topic, one for each publisher."""
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
+
+
+def several_worlds(node: "Node", world_topics: Sequence[str] = WORLD_TOPICS) -> str:
+    """What must be, what is and the fix, where several publish a world; empty where none do."""
+    for topic in world_topics:
+        names = publishers_of(node, topic)
+        if len(names) > 1:
+            name = node.resolve_topic_name(topic)
+            return f"one publisher of {name}, got {len(names)}: {', '.join(names)}; {_FIX}"
+    return ""
+
+
+class Readiness:
+    """Looks at one node's publishers; `required_nodes` must be present in its namespace."""
+
+    def __init__(self, node: "Node", required_nodes: Sequence[str], now_s: float) -> None:
+        # A ROS parameter cannot be an empty list, so none is written [""].
+        self._required = tuple(name for name in required_nodes if name)
+        self._node, self._since_s = node, now_s
+        self._seen: tuple[int, ...] = ()
+        self._was_ready = False
+
+    def was_ready(self, now_s: float) -> bool:
+        """Whether nothing is missing, or was before; the graph is looked at until then."""
+        self._was_ready = self._was_ready or not self.missing(now_s)
+        return self._was_ready
+
+    def missing(self, now_s: float) -> str:
+        """What is missing, as words; empty when ready. now_s: steady wall time."""
+        here = self._node.get_namespace()
+        present = self._node.get_node_names_and_namespaces()
+        absent = [name for name in self._required if (name, here) not in present]
+        publishers = list(self._node.publishers)
+        known = [int(self._node.count_subscribers(each.topic_name)) for each in publishers]
+        seen = len(absent), *known
+        if seen != self._seen:
+            self._seen, self._since_s = seen, now_s
+        if absent:
+            return f"node {', '.join(absent)}"
+        if now_s - self._since_s < PATIENCE_S:
+            described = [self._described(each.topic_name) for each in publishers]
+            known = list(map(max, known, described))
+        short = [
+            publisher.topic_name
+            for publisher, needed in zip(publishers, known, strict=True)
+            if publisher.get_subscription_count() < needed
+        ]
+        return f"subscribers of {', '.join(short)}" if short else ""
+
+    def _described(self, topic_name: str) -> int:
+        nodes = load_graph().nodes
+        return sum(
+            topic_name == self._node.resolve_topic_name(topic)
+            for name in self._required
+            if name in nodes
+            for topic in nodes[name].subscribes
+        )

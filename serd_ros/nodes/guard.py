@@ -15,18 +15,14 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import from_any_twist, from_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry
+from serd_ros.convert.motion import PlanarPose, from_any_twist, from_odometry, from_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.commands import CommandPublisher, follow_commands
-from serd_ros.endpoints.localisation import LOCALISATIONS
-from serd_ros.endpoints.observation import follow_scans
-from serd_ros.endpoints.people_topic import PeopleTopic
-from serd_ros.endpoints.world.worlds import publishers_of
+from serd_ros.endpoints.followed_topic import PeopleTopic
+from serd_ros.endpoints.robot import LOCALISATIONS, CommandPublisher, follow_commands, follow_scans
 from serd_ros.errors import NodeError
-from serd_ros.graph.readiness import Readiness
+from serd_ros.graph.graph import Readiness, publishers_of
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig, StackConfig
 from serd_sim.safety.guard import Guard, GuardOutput
@@ -51,24 +47,14 @@ class GuardConfig(GuardSettings, StackConfig, LidarConfig):
     """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
 
     scenario: str = setting(
-        "",
-        "built-in scenario or file whose robot is guarded, and at whose walls a lidar must have"
-        " returns; any other robot when empty",
+        "", "the guarded robot, and walls that a lidar must see; any other robot when empty"
     )
-    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting_of(
-        LocalisationConfig, "pose_from"
-    )
+    pose_from: Literal["robot_pose", "tf"] = setting_of(LocalisationConfig, "pose_from")
     people_topic: str = setting_of(ObservationConfig, "people_topic")
-    lockstep: bool = setting_of(
-        StackConfig, "lockstep", description="answer every command of that stamp with one"
-    )
+    lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
     stamped_cmd_vel: bool = setting(False, "cmd_vel_raw and cmd_vel are TwistStamped")
-    stop_pub_timeout: float = setting(
-        1.0, "publish nothing after this time of stops without a command", unit="s", ge=0
-    )
-    clock_timeout: float = setting(
-        1.0, "live: stop after this wall time without an advance of the clock", unit="s", gt=0
-    )
+    stop_pub_timeout: float = setting(1.0, "publish no stop longer", unit="s", ge=0)
+    clock_timeout: float = setting(1.0, "live: stop when the clock stands", unit="s", gt=0)
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,7 +136,6 @@ class GuardNode(SerdNode[GuardConfig]):
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self.frames)
         self._take(Source.ODOMETRY, time_ns, self._guard.receive_odometry, pose, speeds)
-        self._localisation.take_odometry(time_ns, pose)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
         self._take(Source.POSE, time_ns, self._guard.receive_pose, pose)

@@ -1,24 +1,22 @@
 """hallway_sim: the PyBullet hallway with its people and its robot, as a ROS 2 node."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PolygonStamped
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from serd_app.navigation.settings import NavigationSettings
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.diagnostics import from_episode_message
-from serd_ros.convert.pose import from_goal_area_message
+from serd_ros.convert.diagnostics import ERROR, OK, from_episode_message
+from serd_ros.convert.motion import from_goal_area_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.world.world_topics import LiveLoop, LockstepLoop, WorldPublisher
-from serd_ros.endpoints.world.worlds import OtherClocks
+from serd_ros.endpoints.world_topics import LiveLoop, LockstepLoop, WorldPublisher
 from serd_ros.errors import NodeError
-from serd_ros.graph.readiness import Readiness
+from serd_ros.graph.graph import Readiness, several_worlds
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, FramesConfig, StackConfig
 from serd_sim.episodes.result import EpisodeStart
@@ -30,6 +28,9 @@ from serd_sim.world.world import HallwayWorld
 
 #: The robot stands where it was placed up to this distance (m, rad): the physical drive settles.
 _SETTLES = 0.01
+_LOOK_PERIOD_S = 1.0
+#: The middleware names the publishers of a killed process for 20 s.
+_LONGEST_END_S = 25.0
 
 
 class HallwaySimConfig(FramesConfig):
@@ -41,67 +42,23 @@ class HallwaySimConfig(FramesConfig):
     start_area: str = setting_of(WorldSettings, "start_area")
     goal: str = setting_of(NavigationSettings, "goal")
     lockstep: bool = setting_of(StackConfig, "lockstep")
-    lockstep_timeout_s: float = setting(
-        60.0, "end after this wall time without a command in lock-step", unit="s", gt=0
-    )
+    lockstep_timeout_s: float = setting(60.0, "end without commands", unit="s", gt=0)
     gui: bool = setting(False, "show PyBullet's window")
     real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
-    command_timeout_s: float = setting(
-        0.2, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
-    )
+    command_timeout_s: float = setting(0.2, "stop without commands", unit="s", gt=0, le=0.5)
     publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
     required_nodes: tuple[str, ...] = setting(NO_NAMES, "reset fails until these nodes subscribe")
 
 
-class EpisodeRequests:
-    """Serves `reset`. begin: begins the next episode of the world and returns its start.
-
-    A response may be late or lost, and the driver then repeats its request. So `reset` responds
-    with the same episode again until the driver marks it or the robot moves. Where no node
-    publishes marks, each request begins the next episode.
-    """
-
-    def __init__(
-        self,
-        endpoints: Endpoints,
-        required_nodes: Sequence[str],
-        world: HallwayWorld,
-        begin: Callable[[], EpisodeStart],
-    ) -> None:
-        node = self._node = endpoints.node
-        self._world, self._begin = world, begin
-        #: The last response, until the driver publishes a mark of it.
-        self._begun: EpisodeStart | None = None
-        self._start_pose = (0.0, 0.0, 0.0)
-        self._readiness = Readiness(node, required_nodes, node.wall_s())
-        endpoints.serve(Trigger, topics.RESET, self._on_reset)
-        endpoints.subscribe(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
-
-    @property
-    def _is_new_request(self) -> bool:
-        """Whether a request is no repetition of one that was answered."""
-        x_m, y_m, yaw_rad = np.subtract(self._world.observation.pose, self._start_pose).tolist()
-        moved = max(abs(x_m), abs(y_m), abs(math.remainder(yaw_rad, math.tau)))
-        return moved > _SETTLES or self._node.count_publishers(topics.EPISODE) == 0
-
-    def _on_reset(self, _: Trigger.Request) -> str:
-        missing = self._readiness.missing(self._node.wall_s())
-        if missing:
-            raise NodeError(missing)
-        if self._begun is None or self._is_new_request:
-            self._begun = self._begin()
-            self._start_pose = self._world.observation.pose
-        return self._begun.model_dump_json()
-
-    def _on_mark(self, message: DiagnosticArray) -> None:
-        """A mark of the episode shows that its driver received the response."""
-        if self._begun is not None and self._begun.episode == from_episode_message(message).episode:
-            self._begun = None
-
-
 class HallwaySim(SerdNode[HallwaySimConfig]):
-    """Holds the world; `reset` begins its next episode, `pause` stops its time."""
+    """Holds the world; `reset` begins its next episode, live the first one begins by itself.
+
+    While another node publishes a world, it does not begin: after 25 s it ends. A response of
+    `reset` may be late or lost, and the driver then repeats its request. So it responds with the
+    same episode again until the driver marks it or the robot moves. Where no node publishes marks,
+    each request begins the next episode.
+    """
 
     config_class = HallwaySimConfig
 
@@ -116,13 +73,16 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self.at_end.callback(self._world.close)
         self._next_episode = 0
         publisher = WorldPublisher(endpoints, self._world, with_tf=config.publish_tf)
-        self._requests = EpisodeRequests(
-            endpoints, config.required_nodes, self._world, self._begin_episode
-        )
+        #: The last response, until the driver publishes a mark of it.
+        self._begun: EpisodeStart | None = None
+        self._start_pose = (0.0, 0.0, 0.0)
+        self._readiness = Readiness(self, config.required_nodes, self.wall_s())
+        endpoints.serve(Trigger, topics.RESET, self._on_reset)
+        endpoints.subscribe(DiagnosticArray, topics.EPISODE, self._on_mark, qos.LOSSLESS)
         endpoints.subscribe(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
         self._loop = self._make_loop(publisher.publish)
-        endpoints.serve(SetBool, topics.PAUSE, self._on_pause)
-        OtherClocks(endpoints, lambda: publisher.n_ticks, self._begin_live)
+        self._several, self._until_s = "", self.wall_s() + _LONGEST_END_S
+        endpoints.every(_LOOK_PERIOD_S, self._look_for_other_worlds)
 
     def _make_loop(self, publish: Callable[[], None]) -> LockstepLoop | LiveLoop:
         config, endpoints, world = self.config, self.endpoints, self._world
@@ -134,10 +94,42 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             endpoints, world, publish, limit_s, stamped=stamped, real_time_factor=factor
         )
 
+    @property
+    def _is_new_request(self) -> bool:
+        """Whether a request is no repetition of one that was answered."""
+        x_m, y_m, yaw_rad = np.subtract(self._world.observation.pose, self._start_pose).tolist()
+        moved = max(abs(x_m), abs(y_m), abs(math.remainder(yaw_rad, math.tau)))
+        return moved > _SETTLES or self.count_publishers(topics.EPISODE) == 0
+
+    def _on_reset(self, _: Trigger.Request) -> str:
+        if missing := self._readiness.missing(self.wall_s()):
+            raise NodeError(missing)
+        if self._begun is None or self._is_new_request:
+            self._begun = self._begin_episode()
+            self._start_pose = self._world.observation.pose
+        return self._begun.model_dump_json()
+
+    def _on_mark(self, message: DiagnosticArray) -> None:
+        """A mark of the episode shows that its driver received the response."""
+        if self._begun is not None and self._begun.episode == from_episode_message(message).episode:
+            self._begun = None
+
+    def _look_for_other_worlds(self) -> None:
+        """Begin a live world that is alone; report another one when that changes."""
+        several = several_worlds(self)
+        if not self._next_episode:
+            if not several and not self.config.lockstep:
+                self._begin_live()
+            elif several and self.wall_s() > self._until_s:
+                self.fail(f"there must be {several}")
+        if several != self._several:
+            self._several = several
+            level, message = (ERROR, f"there must be {several}") if several else (OK, "")
+            self.report(0.0, {}, level=level, message=message, part="clock")
+            if several:
+                self.get_logger().error(message)
+
     def _begin_live(self) -> None:
-        """Begin the first episode, which no driver requests."""
-        if self.config.lockstep or self._next_episode:
-            return
         with suppress(SimError):  # with which the node ends
             self._begin_episode()
             scenario = self._world.scenario
@@ -164,7 +156,3 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         own = self._world.scenario.goal_area_m
         self._world.goal_area_m = from_goal_area_message(message, own)
         self._loop.look()
-
-    def _on_pause(self, request: SetBool.Request) -> str:
-        self._loop.paused = bool(request.data)
-        return "paused" if self._loop.paused else "running"

@@ -8,23 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.recorded import Place, files_beside, save_learnable
+from serd_app.demonstrations.recorded import Place, save_learnable
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.methods import require_learnable
-from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
+from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
 from serd_bag.files import require_file_place
 from serd_files.errors import USER_ERRORS
-from serd_files.files import shared_file
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
@@ -32,8 +29,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.process.progress import Progress, write_progress
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
@@ -44,7 +41,6 @@ _CHECKPOINT_PERIOD_S = 1.0
 #: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
 _UNCONVERGED = 1
-_REPLAY = "bag_replay"
 
 
 class LearnerConfig(LearningSettings, ManagedConfig):
@@ -52,39 +48,16 @@ class LearnerConfig(LearningSettings, ManagedConfig):
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     bag: str = setting("", "learn from this bag at start; from live topics when empty")
-    actions: Literal["recorded", "hidden"] = setting(
-        "recorded", "hidden: learn from poses and episodes alone, without intents"
-    )
     learn_on: Literal["call", "episode"] = setting(
-        "episode",
-        "live: learn at the end of each episode, or only when the service learn is called",
+        "episode", "live: learn at the end of each episode, or when the service learn is called"
     )
-    state: str = setting(
-        "",
-        "live: folder of checkpoints, from which a killed learner resumes; beside the output"
-        " when empty",
-    )
+    state: str = setting("", "live: folder of checkpoints; beside the output when empty")
     output: str = setting("model.yaml", "model file to write", min_length=1)
     decisions: str = setting("", "also write the table of decisions to this file")
-    flow: str = setting(
-        "",
-        "table of the recorded flow of people, as `serd demos` writes it; the scenario's own"
-        " flow when empty",
-    )
-    exit_when_done: bool = setting(True, "with a bag: end the process when the model is learned")
-    exit_with_publishers: bool = setting(
-        False,
-        "live: end the process when nothing publishes what is learned from any more, or a replay"
-        " has finished, and all is learned; without a model with exit code 2",
-    )
-
-    @property
-    def is_hidden(self) -> bool:
-        """Whether decisions have no recorded action."""
-        return self.actions == "hidden"
+    flow: str = setting("", "table of the flow of people by `serd demos`; else the scenario's own")
 
 
-class LearnerNode(ManagedNode[LearnerConfig]):
+class LearnerNode(SerdNode[LearnerConfig]):
     """Learns while it is active."""
 
     config_class = LearnerConfig
@@ -92,13 +65,13 @@ class LearnerNode(ManagedNode[LearnerConfig]):
     def configure(self) -> Activate:
         """Read the scenario and what an earlier learner kept."""
         config = self.config
-        require_learnable(config.method, hidden=config.is_hidden)
         scenario = load_scenario(config.scenario)
         task = task_in(scenario, config.discount, config.flow)
         place = Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
         require_file_place(Path(config.output))
         if config.decisions:
-            _require_place_of_decisions(config, task)
+            require_file_place(Path(config.decisions))
+            require_replaceable(Path(config.decisions), task.scenario_yaml)
         require_replaceable(Path(config.output), task.scenario_yaml)
         memory = None if config.bag else self._memory_of(scenario, task)
         return partial(Learning, task, place, memory)
@@ -108,7 +81,6 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         memory = LearnerMemory(
             scenario,
             Path(config.state or output.with_name(f"{output.stem}_learner")),
-            hidden=config.is_hidden,
             feature_names=task.problem.feature_names,
         )
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
@@ -117,23 +89,8 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         return memory
 
 
-def _require_place_of_decisions(config: LearnerConfig, task: LearningTask) -> None:
-    table = Path(config.decisions)
-    require_file_place(table)
-    of_model = outcome_files(Path(config.output)).values()
-    if (file := shared_file(files_beside(table).values(), of_model)) is not None:
-        raise NodeError(
-            f"decisions must not be written over the model's files, got {table}, beside which"
-            f" {file} is written; name another file"
-        )
-    require_replaceable(table, task.scenario_yaml)
-
-
 class Learning(Activity):
-    """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`.
-
-    memory: of what has been demonstrated; None with a bag.
-    """
+    """Takes decisions and learns in a thread; memory: of what was shown, None with a bag."""
 
     def __init__(
         self, task: LearningTask, place: Place, memory: LearnerMemory | None, endpoints: Endpoints
@@ -145,12 +102,8 @@ class Learning(Activity):
         # An episode that ended before a deactivation is still to be gathered.
         n_ended = 0 if memory is None else memory.drive.n_ended
         self._ended_s = self._node.wall_s() if n_ended else None
-        #: Wall time at which something published episodes, or a message came; None before.
-        self._published_s = self._ended_s
-        self._is_played = self._is_learned = False
-        self._refusal = "no episode has ended"
+        self._heard_s = self._node.wall_s()
         self._checkpoint_due_s = 0.0
-        self._ends = bool(self._config.bag) and self._config.exit_when_done
         self._worker = FitWorker()
         if memory is not None:
             self._listen(endpoints, memory)
@@ -165,27 +118,15 @@ class Learning(Activity):
         self._worker.stop()
 
     def _listen(self, endpoints: Endpoints, memory: LearnerMemory) -> None:
-        actions = () if self._config.is_hidden else (topics.INTENT,)
-        for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
+        for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
-        if self._config.exit_with_publishers:
-            take_report = self._on_diagnostics
-            endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """The end of a replay, also of a bag without the topics that are learned from."""
-        for status in message.status:
-            if status.name == _REPLAY:
-                self._is_played = status.message == "finished"
-                if self._published_s is None:
-                    self._published_s = self._node.wall_s()
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
         before = (drive.n_ended, drive.n_late)
-        self._published_s = self._node.wall_s()
+        self._heard_s = self._node.wall_s()
         try:
             drive.take(topic, data)
         except BagError as error:
@@ -207,35 +148,20 @@ class Learning(Activity):
             self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
-        elif self._config.exit_with_publishers and not self._worker.busy:
-            self._end_with_source()
-
-    def _end_with_source(self) -> None:
-        if self._ended_s is not None or not self._source_ended():
-            return
-        memory = self._memory
-        if self._is_learned or (memory is not None and memory.n_decisions and not memory.unlearned):
-            self._node.finish(0)
-        else:
-            self._node.fail(f"no model was learned: {self._refusal}")
-
-    def _source_ended(self) -> bool:
-        """Whether there was something to learn from, and neither a publisher, or one that plays,
-        nor an unread message is left.
-
-        Messages that have arrived are taken one after the other, without gaps of this length.
-        """
-        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
-        if not self._is_played and any(map(self._node.count_publishers, observed)):
-            self._published_s = self._node.wall_s()
-        since_s = self._published_s
-        return since_s is not None and self._node.wall_s() - since_s > _SETTLING_S
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
             return False
-        is_due = self._node.wall_s() - self._ended_s >= _SETTLING_S
-        return is_due and (memory.drive.caught_up or self._source_ended())
+        now_s = self._node.wall_s()
+        is_due = now_s - self._ended_s >= _SETTLING_S
+        return is_due and (memory.drive.caught_up or self._has_ended(now_s))
+
+    def _has_ended(self, now_s: float) -> bool:
+        """Whether nothing publishes what is learned from, and all that arrived has been taken."""
+        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
+        if any(map(self._node.count_publishers, observed)):
+            self._heard_s = now_s
+        return now_s - self._heard_s > _SETTLING_S
 
     def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
@@ -281,7 +207,7 @@ class Learning(Activity):
     def _read(self) -> Demonstrations:
         config, place = self._config, self._place
         demonstrations, report = demonstrations_of_bag(
-            config.bag, place.grid, place.patience_s, place.wait_s, hidden=config.is_hidden
+            config.bag, place.grid, place.patience_s, place.wait_s
         )
         text = f"{len(demonstrations.decisions)} decisions from {config.bag}: {report}"
         self._node.get_logger().info(text)
@@ -317,7 +243,6 @@ class Learning(Activity):
 
     def _conclude(self, outcome: FitOutcome) -> None:
         save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
-        self._is_learned = True
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
@@ -327,14 +252,13 @@ class Learning(Activity):
         values = {**outcome.values(), "model": self._config.output}
         level = OK if outcome.fit.converged else WARN
         self._node.report(0.0, values, level=level, message=outcome.fit.message)
-        if self._ends:
+        if self._memory is None:
             self._node.finish(0 if outcome.fit.converged else _UNCONVERGED)
 
     def _refuse(self, reason: str) -> None:
         """The model stays as it is."""
-        if self._ends:
+        if self._memory is None:
             self._node.fail(reason)
             return
-        self._refusal = reason
         self._node.get_logger().warning(f"not learned: {reason}")
         self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)

@@ -11,26 +11,20 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
-from pydantic import model_validator
-from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 
 from serd_core.grid.grid import Action
 from serd_files.settings import setting, setting_of
-from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.sensors import from_scan
+from serd_ros.convert.motion import from_intent, from_waypoint_message
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.commands import CommandPublisher
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.graph.readiness import Readiness
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.endpoints.robot import CommandPublisher, ObservationSource
+from serd_ros.graph.graph import Readiness
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
 from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
-from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.catalogue import make_planner
 from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner
 from serd_sim.planning.settings import PlannerSettings
@@ -48,12 +42,8 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     planner: str = setting_of(WorldSettings, "planner")
-    lockstep: bool = setting_of(
-        StackConfig, "lockstep", description="answer every observation with one command"
-    )
-    input_timeout_s: float = setting(
-        0.5, "stop the robot when pose or people are older", unit="s", gt=0, le=0.5
-    )
+    lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
+    input_timeout_s: float = setting(0.5, "stop without observations", unit="s", gt=0, le=0.5)
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -66,23 +56,13 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
         planner = scenario.local_planner.complete(scenario.robot, scenario.control_period_s)
         return defaults | planner.model_dump()
 
-    @model_validator(mode="after")
-    def _scans_fit(self) -> "LocalPlannerConfig":
-        if self.people_from == "scan" and self.stamp_tolerance_s > 0.0:
-            raise ValueError(
-                "people_from must be given or none with stamp_tolerance_s above 0, since it takes"
-                " scans with the stamp of an observation, got scan; run people_tracker and set it"
-                " to given"
-            )
-        return self
-
     def planned_scenario(self) -> Scenario:
         """The scenario with the planner's parameters of this node."""
         own = self.model_dump(include=set(PlannerSettings.model_fields))
         return load_scenario(self.scenario).with_local_planner(PlannerSettings(**own))
 
 
-class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
+class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     """Plans while it is active."""
 
     config_class = LocalPlannerConfig
@@ -102,8 +82,7 @@ class Planning(Activity):
         node = self._node = endpoints.node
         config = self._config = node.config
         self._scenario, self._grid = scenario, grid_of(scenario)
-        self._scans = ScanMatcher(scenario) if config.people_from == "scan" else None
-        self._planner = self._scans.planner_on(planner) if self._scans else planner
+        self._planner = planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
@@ -116,9 +95,6 @@ class Planning(Activity):
         self._readiness = Readiness(node, config.required_nodes, node.wall_s())
         stamped = config.stamped_cmd_vel or config.lockstep
         self._commands = CommandPublisher(endpoints, topics.CMD_VEL_RAW, stamped=stamped)
-        if self._scans:
-            profile = qos.STATE if config.lockstep else qos.SENSOR
-            endpoints.subscribe(LaserScan, topics.SCAN, self._on_scan, profile)
         ObservationSource(
             endpoints, scenario.control_period_s, self._on_observation, config,
             on_jump=self._on_jump, needs_people=config.people_from == "given",
@@ -135,24 +111,16 @@ class Planning(Activity):
             self._commands.publish(STOP, self._observation.time_s)
 
     def _on_jump(self, jump: Jump) -> None:
-        """Stand until the next waypoint or intent; a new session discards the scans, too."""
+        """Stand until the next waypoint or intent."""
         self._begin_anew()
         if jump is Jump.BACKWARD:
             self._answer = None
-            if self._scans:
-                self._scans.reset()
 
     def _begin_anew(self) -> None:
         self._planner.reset()
         self._followed.stand()
         self._epochs.begin()
         self._waypoint = None
-
-    def _on_scan(self, message: LaserScan) -> None:
-        assert self._scans is not None
-        self._scans.take_scan(*from_scan(message, self._scenario.lidar))
-        if self._config.lockstep:
-            self._answer_tick()
 
     def _on_intent(self, message: Vector3Stamped) -> None:
         self._take_directive(*from_intent(message, self._node.frames))
@@ -182,8 +150,6 @@ class Planning(Activity):
         period_s = self._scenario.control_period_s
         if last is None or is_next_episode(last, observation, period_s):
             self._begin_anew()
-        if self._scans:
-            self._scans.take_observation(observation)
         if self._config.lockstep:
             self._answer_tick()
         else:
@@ -195,8 +161,6 @@ class Planning(Activity):
         if observation is None or not self._readiness.was_ready(self._node.wall_s()):
             return  # until all required nodes subscribe the world repeats its tick
         time_ns = stamp_ns(to_stamp(observation.time_s))
-        if self._scans and not self._scans.is_complete(observation):
-            return
         if self._answer is None or self._answer[0] != time_ns:
             if self._epochs.begins(observation):
                 if self._directive is None or self._directive[0] != time_ns:

@@ -1,8 +1,8 @@
 """nav2_bridge: Nav2 drives instead of our local planner; for full ROS installations.
 
 The strategy's `waypoint` becomes a goal of `navigate_to_pose`, or its `plan` one of
-`navigate_through_poses`; /tf, which Nav2 needs, is made from `robot_pose` and `odom`. nav2_msgs
-comes with ROS, not as a wheel, so this node imports it when it starts.
+`navigate_through_poses`. nav2_msgs comes with ROS, not as a wheel, so this node imports it when it
+starts.
 """
 
 from collections.abc import Sequence
@@ -11,19 +11,18 @@ from importlib import import_module
 from typing import Any, Literal
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 
 from serd_app.navigation.nav2_goals import Nav2Goals, Target
 from serd_files.settings import setting
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_odometry, from_pose_stamped, to_pose_stamped
-from serd_ros.convert.stamp import Jump, StampClock
+from serd_ros.convert.motion import from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
+from serd_ros.endpoints.followed_topic import follow_transforms
 from serd_ros.errors import NodeError
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import FramesConfig, ManagedConfig
 
 _WATCH_S = 0.5
@@ -36,18 +35,10 @@ class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     mode: Literal["to_pose", "through_poses"] = setting(
         "to_pose", "to_pose: send each waypoint; through_poses: send the plan of the strategy"
     )
-    behavior_tree: str = setting("", "behavior tree of Nav2; its default when empty")
-    waypoint_timeout_s: float = setting(
-        1.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
-    )
-    publish_tf: bool = setting(
-        False,
-        "publish map -> odom -> base_link from robot_pose and odom; for simulated robots, since a"
-        " real one has its own",
-    )
+    waypoint_timeout_s: float = setting(1.0, "cancel without waypoints", unit="s", gt=0)
 
 
-class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
+class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
     """Sends goals to Nav2 while it is active."""
 
     config_class = Nav2BridgeConfig
@@ -84,12 +75,6 @@ class Nav2Bridge(Activity):
         if config.mode == "through_poses":
             endpoints.subscribe(Path, topics.PLAN, self._take, qos.COMMAND)
         endpoints.subscribe(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
-        self._odom_pose: PlanarPose | None = None
-        self._stamp_clock = StampClock()
-        if config.publish_tf:
-            self._transforms = TransformPublisher(endpoints)
-            endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
-            endpoints.subscribe(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         follow_transforms(endpoints)
         endpoints.every(_WATCH_S, self._watch)
 
@@ -114,8 +99,8 @@ class Nav2Bridge(Activity):
     def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
         poses = [to_pose_stamped(target, time_s) for target in targets]
         if self._config.mode == "through_poses":
-            return self._goal(poses=poses, behavior_tree=self._config.behavior_tree)
-        return self._goal(pose=poses[0], behavior_tree=self._config.behavior_tree)
+            return self._goal(poses=poses)
+        return self._goal(pose=poses[0])
 
     def _watch(self) -> None:
         if self._goals.expire(self._node.wall_s()):
@@ -127,18 +112,6 @@ class Nav2Bridge(Activity):
             )
         time_s = self._node.now_s()
         self._node.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
-
-    def _on_odometry(self, message: Odometry) -> None:
-        _, self._odom_pose, _ = from_odometry(message, self._node.frames)
-
-    def _on_pose(self, message: PoseStamped) -> None:
-        time_ns, pose = from_pose_stamped(message, self._node.frames)
-        if self._stamp_clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
-            self._goals.cancel()  # until the next waypoint
-            self._odom_pose = None
-        if self._odom_pose is None:
-            return
-        self._transforms.publish(pose, self._odom_pose, time_ns * 1e-9)
 
 
 def ros_type(module: str, name: str) -> Any:

@@ -14,8 +14,8 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.observation import ObservationSource, follow_scans
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.endpoints.robot import ObservationSource, follow_scans
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
 from serd_sim.episodes.settings import EpisodeSettings
 from serd_sim.perception.lidar_people import LidarPeople
@@ -32,29 +32,19 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
     """Parameters of people_tracker."""
 
     scenario: str = setting_of(
-        EpisodeSettings,
-        "scenario",
-        description="built-in scenario or file of the place, whose walls are no people",
+        EpisodeSettings, "scenario", description="the place, whose walls are no people"
     )
     wall_margin: float = setting(
-        WALL_MARGIN_M,
-        "points of scans nearer than this to a wall belong to it; larger where the localisation"
-        " errs more",
-        unit="m",
-        ge=0,
-        le=1,
+        WALL_MARGIN_M, "points nearer than this to a wall belong to it", unit="m", ge=0, le=1
     )
     source_timeout: float = setting_of(
         GuardSettings,
         "source_timeout",
         default=0.5,
-        description="publish no message while the newest scan is this old",
+        description="publish nothing when scans are older",
     )
     blind_rays: float = setting_of(
-        GuardSettings,
-        "blind_rays",
-        description="share of rays without a range from which a scan shows no people and no message"
-        " is published",
+        GuardSettings, "blind_rays", description="publish nothing when more rays have no range"
     )
 
     def limits(self, scenario: Scenario) -> GuardSettings:
@@ -64,7 +54,7 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
         return guard.model_copy(update=own)
 
 
-class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
+class PeopleTrackerNode(SerdNode[PeopleTrackerConfig]):
     """Tracks people while it is active."""
 
     config_class = PeopleTrackerConfig

@@ -7,11 +7,11 @@ from geometry_msgs.msg import Vector3Stamped
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.settings import setting
-from serd_ros.convert.command import to_intent
+from serd_ros.convert.motion import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.episodes.runner import EpisodeRunner
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.endpoints.episode_runner import EpisodeRunner
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver, driver_names, make_driver
 from serd_sim.scenario.scenario import Scenario, load_scenario
@@ -24,7 +24,7 @@ class ScriptedExpertConfig(DriverConfig):
     driver: str = setting("expert", "driver: " + ", ".join(driver_names()))
 
 
-class ScriptedExpertNode(ManagedNode[ScriptedExpertConfig]):
+class ScriptedExpertNode(SerdNode[ScriptedExpertConfig]):
     """Demonstrates while it is active."""
 
     config_class = ScriptedExpertConfig

@@ -1,21 +1,25 @@
 """strategy: drives by the learned policy with waypoints and measures times of arrival.
 
-The goal (`goal_pose`, or the parameter `goal`) and the model (the parameter `model`, its file, or
-the topic `model` of a learner in the same graph) may change at any time. Planning takes
-milliseconds, so callbacks plan directly.
+The goal (topic `goal_pose`) and the model (its file, or the topic `model` of a learner in the same
+graph) may change at any time. Planning takes milliseconds, so callbacks plan directly.
 """
 
+import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
 
-from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import String
+import numpy as np
+from geometry_msgs.msg import PolygonStamped, PoseStamped
+from nav_msgs.msg import Path as PathMessage
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+from visualization_msgs.msg import MarkerArray
 
+from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import NavigationSettings
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.errors import USER_ERRORS
@@ -23,13 +27,20 @@ from serd_files.files import FileWatch
 from serd_files.model_file import ModelFile
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import yaml_model
-from serd_ros.convert.pose import from_goal_message, to_waypoint_message
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.motion import (
+    from_goal_message,
+    to_goal_area_message,
+    to_path,
+    to_policy_markers,
+    to_waypoint_message,
+)
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
-from serd_ros.endpoints.strategy_reporter import StrategyReporter
-from serd_ros.episodes.runner import EpisodeRunner
-from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
+from serd_ros.endpoints.episode_runner import EpisodeRunner
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import DriverConfig, StackConfig
+from serd_sim.drivers.strategy import Strategy
 from serd_sim.episodes.result import ANYWHERE, EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.directive import REPEAT_PERIOD_S
@@ -43,25 +54,16 @@ _FROM_LEARNER = "model of the learner"
 class StrategyConfig(NavigationSettings, DriverConfig):
     """Parameters of strategy."""
 
-    changeable: ClassVar[tuple[str, ...]] = ("goal", "model")
-
     lockstep: bool = setting_of(
-        StackConfig,
-        "lockstep",
-        description="the world waits for every decision; otherwise waypoints are repeated five"
-        " times a second, so that the planner stands soon after this node has ended",
+        StackConfig, "lockstep", description="the world waits; otherwise waypoints are repeated"
     )
     reset: bool = setting(
         True, "reset the world before each episode; false: a goal starts one where the robot is"
     )
-    people: int = setting(
-        -1,
-        "number of people for which times of arrival are predicted; -1: as the scenario has it",
-        ge=-1,
-    )
+    people: int = setting(-1, "forecast among so many people; -1: the scenario's", ge=-1)
 
 
-class StrategyNode(ManagedNode[StrategyConfig]):
+class StrategyNode(SerdNode[StrategyConfig]):
     """Drives while it is active."""
 
     config_class = StrategyConfig
@@ -73,19 +75,14 @@ class StrategyNode(ManagedNode[StrategyConfig]):
             scenario = scenario.with_pedestrian_count(config.people)
         navigator, file = Navigator(scenario, config), FileWatch(config.model)
         records = ArrivalRecords(Path(config.output) if config.output else None)
-        plan = Plan(navigator, config.model, file, records, goal_waits=bool(config.goal))
-        return partial(Navigating, plan)
+        return partial(Navigating, Plan(navigator, file, records, goal_waits=bool(config.goal)))
 
 
 @dataclass
 class Plan:
-    """What a deactivated strategy keeps: policy, log of arrivals, results of episodes.
-
-    model, file: of the policy. goal_waits: whether the goal is to be driven to without another one.
-    """
+    """What a deactivated strategy keeps; goal_waits: whether the goal is still to be driven to."""
 
     navigator: Navigator
-    model: str
     file: FileWatch
     records: ArrivalRecords
     goal_waits: bool
@@ -116,7 +113,6 @@ class Navigating(Activity):
         endpoints.subscribe(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         endpoints.subscribe(String, topics.MODEL, self._on_model, qos.LATCHED)
         endpoints.every(_MODEL_CHECK_PERIOD_S, self._check_model_file)
-        endpoints.on_set({"goal": self._change_goal, "model": self._change_model})
         self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
 
     def deactivate(self) -> None:
@@ -176,16 +172,8 @@ class Navigating(Activity):
         except USER_ERRORS as error:
             self._reporter.report_rejection(error)
 
-    def _change_goal(self, value: Any) -> None:
-        self._replan(lambda: self._navigator.set_goal_text(str(value)), f"goal {value!r}")
-        self._start_drive()
-
-    def _change_model(self, value: Any) -> None:
-        self._replan(lambda: self._navigator.set_model(str(value)), f"model {value}")
-        self._plan.model, self._plan.file = str(value), FileWatch(str(value))
-
     def _check_model_file(self) -> None:
-        path = self._plan.model
+        path = self._config.model
         if self._plan.file.changed():
             self._try(lambda: self._navigator.set_model(path), f"{path} read again")
 
@@ -218,3 +206,82 @@ class Navigating(Activity):
         self._plan.goal_waits = True
         if self.runner.ready:
             self.runner.next_episode()
+
+
+_LOG_PERIOD_S = 5.0
+_SMALLEST_STEP = 1e-3
+
+
+class StrategyReporter:
+    """Publishes for a node; all topics but `plan` are latched. time_s: of the last decision."""
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        self.time_s = 0.0
+        self._node = endpoints.node
+        self._goal = endpoints.publisher(PolygonStamped, topics.GOAL_AREA, qos.LATCHED)
+        self._arrival = endpoints.publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
+        self._way = endpoints.publisher(PathMessage, topics.PLAN, qos.COMMAND)
+        self._arrows = endpoints.publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
+
+    def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
+        """Publish a new plan and log its remarks; began_s: wall time when planning began."""
+        grid, policy = strategy.problem.grid, strategy.policy
+        time_s = self.time_s
+        self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
+        arrows = [Action(int(each)) for each in policy.greedy]
+        self._arrows.publish(to_policy_markers(grid.centers_m, arrows, grid.cell_size_m, time_s))
+        took_ms = 1e3 * (self._node.wall_s() - began_s)
+        self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
+        for remark in plan_remarks(strategy):
+            self._node.get_logger().warning(remark)
+
+    def report_decision(self, navigator: Navigator, observation: Observation) -> None:
+        """Publish the forecast of the last decision; a drive that begins in its goal has none."""
+        forecast = navigator.forecast
+        if forecast is None:
+            return
+        self.time_s = forecast.time_s
+        self._arrival.publish(to_arrival_message(forecast.law, self.time_s))
+        if self._way.get_subscription_count():
+            self._way.publish(to_path(navigator.way_m(observation), self.time_s))
+        if forecast.needs_attention:
+            self._node.get_logger().warning(
+                f"{forecast.situation} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
+                f"{forecast.summary}",
+                throttle_duration_sec=_LOG_PERIOD_S,
+            )
+        values = {
+            **forecast.values(),
+            "n_trap_states": len(navigator.strategy.traps.states),
+            "n_least_time_states": int(navigator.strategy.by_time.sum()),
+            "transferred": navigator.strategy.transferred,
+        }
+        level = WARN if forecast.needs_attention else OK
+        self._node.report(self.time_s, values, level=level, message=forecast.situation)
+
+    def report_rejection(self, error: Exception) -> None:
+        """Report a goal or a model that cannot be used."""
+        self._node.get_logger().warning(f"refused, the plan stays: {error}")
+        self._node.report(self.time_s, {}, level=WARN, message=f"refused: {error}")
+
+    def report_give_up(self, reason: str) -> None:
+        """Report the end of a drive that did not arrive."""
+        self._node.report(self.time_s, {"reason": reason}, level=WARN, message="gave up")
+
+
+def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
+    """The law of the remaining time as seen at `now_s`, in steps of at least a thousandth.
+
+    Row 0: times (s) on the clock of the observations, the first one being now; row 1: predicted
+    probability of having arrived by then, given no arrival so far.
+    """
+    kept = [0]
+    for step in range(1, len(law.cdf)):
+        if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
+            kept.append(step)
+    size = len(kept)
+    columns = MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size)
+    steps = MultiArrayDimension(label="step", size=size, stride=size)
+    layout = MultiArrayLayout(dim=[columns, steps], data_offset=0)
+    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
+    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))

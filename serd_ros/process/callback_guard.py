@@ -62,10 +62,7 @@ class CallbackGuard:
     def of_messages(
         self, topic: str, callback: Callable[..., None], has_ended: HasEnded = _never
     ) -> Callable[..., None]:
-        """The callback of a subscription, or of a future; its signature stays.
-
-        rclpy passes a message with its info where that has two parameters.
-        """
+        """The callback of a subscription or future, with its signature, which rclpy looks at."""
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:

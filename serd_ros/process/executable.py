@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 from serd_files.errors import missing_extra
 from serd_files.moved_names import where_or_near
@@ -22,26 +22,12 @@ INTERRUPTED = 130
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Within it SIGINT ends the process at once; for the main thread.
-
-    A closed stderr is /dev/null: libraries write to it, and pybullet could not be imported.
-    """
-    if sys.stderr is None:
-        sys.stderr = _nowhere(2)
+    """Within it SIGINT ends the process at once; for the main thread."""
     before = signal.signal(signal.SIGINT, _end_at_once)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _nowhere(descriptor: int) -> TextIO:
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, descriptor)  # which may be the same, the lowest one that is free
-    if null != descriptor:
-        os.close(null)
-    os.set_inheritable(descriptor, True)
-    return os.fdopen(descriptor, "w")
 
 
 def _end_at_once(_: int, __: FrameType | None) -> None:
@@ -54,13 +40,8 @@ def main() -> NoReturn:
 
 
 def run(executable: str) -> NoReturn:
-    """Import the node, run it and end with its exit code.
-
-    Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
-    """
+    """Import the node, run it, end with its exit code; finalisation would compute for 0.25 s."""
     with starting():
-        if sys.stdout is None:
-            sys.stdout = _nowhere(1)
         from serd_ros.graph.graph import class_of, load_graph
         from serd_ros.process.run_node import run_node
 

@@ -19,13 +19,12 @@ _MARK = "serd-progress "
 class Progress(StrictModel):
     """done: finished parts, None when unknown; text: what the node does now.
 
-    address: URL of the page that the node serves; n_messages: those it has played.
+    address: URL of the page that the node serves.
     """
 
     text: str
     done: int | None = None
     address: str = ""
-    n_messages: int | None = None
 
 
 def write_progress(progress: Progress) -> bool:

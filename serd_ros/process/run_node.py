@@ -1,23 +1,24 @@
 """Start a node, spin it until it is done or a signal stops it, and end with an exit code."""
 
+import ctypes
 import math
 import signal
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.endpoints.endpoints import confirm
-from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
@@ -118,9 +119,67 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     try:
         while rclpy.ok() and not node.finished.done():
             # It returns when no message is left; what is under way arrives in a turn.
-            executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
+            _turn(executor, node)
             end_if_due(_TURN_S)
     finally:
         executor.remove_node(node)
         executor.shutdown()
     return int(node.finished.result()) if node.finished.done() else 0
+
+
+def _turn(executor: Any, node: SerdNode[Any]) -> None:
+    """Spin for a while. Our callbacks raise nothing; what rclpy raises beside them ends no node.
+
+    That is above all an answer that cannot be sent: its client is gone, or its service was
+    destroyed while the request waited.
+    """
+    try:
+        executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
+    except InvalidHandle:
+        pass
+    except ExternalShutdownException:
+        raise
+    except Exception as error:
+        node.callbacks.note("executor", executor, error)
+
+
+#: Fast DDS 2.14 may never return from destroying a node: `DomainParticipant::set_listener` waits
+#: for callbacks of discovery with the lock for which these wait. Python's lock is held meanwhile:
+#: no thread and no signal handler of Python can act, a timer of the system can.
+#: Nodes are destroyed within this time, else the process ends without (ms).
+_DESTROYED_WITHIN_MS = 3000
+_CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
+_SIGEVENT_BYTES = 64
+
+
+class _Sigevent(ctypes.Structure):
+    """`struct sigevent` of glibc: function(value) is called in a thread of its own."""
+
+    _fields_ = [
+        ("value", ctypes.c_int64), ("signal", ctypes.c_int), ("notify", ctypes.c_int),
+        ("function", ctypes.c_void_p), ("attributes", ctypes.c_void_p),
+        ("padding", ctypes.c_byte * (_SIGEVENT_BYTES - 32)),
+    ]  # fmt: skip
+
+
+class _Itimerspec(ctypes.Structure):
+    """`struct itimerspec`: period and time until the timer expires."""
+
+    _fields_ = [(name, ctypes.c_long) for name in ("period_s", "period_ns", "time_s", "time_ns")]
+
+
+@contextmanager
+def process_ends_within(exit_code: int, limit_ms: int = _DESTROYED_WITHIN_MS) -> Iterator[None]:
+    """End the process with this code where what is done inside takes longer; nothing is flushed."""
+    libc = ctypes.CDLL(None)
+    end = ctypes.cast(libc._exit, ctypes.c_void_p)
+    event = _Sigevent(value=exit_code, notify=_SIGEV_THREAD, function=end)
+    timer, time_s = ctypes.c_void_p(), divmod(limit_ms, 1000)
+    at = _Itimerspec(time_s=time_s[0], time_ns=time_s[1] * 1_000_000)
+    armed = not libc.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer))
+    armed = armed and not libc.timer_settime(timer, 0, ctypes.byref(at), None)
+    try:
+        yield
+    finally:
+        if armed:
+            libc.timer_delete(timer)

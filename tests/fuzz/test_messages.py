@@ -20,14 +20,12 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import Received
-from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.followed_topic import TF_TYPE, PeopleTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.graph.graph import load_graph
-from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
+from serd_ros.nodes.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
-from serd_ros.nodes.teleop.page import TeleopPageNode
+from serd_ros.nodes.teleop_page import TeleopPageNode
 from serd_sim.episodes.result import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
 from support.nodes_in_process import NodeInProcess, deliver, node_in_process
@@ -54,14 +52,11 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     ],
     "local_planner": [
         {"lockstep": False, "required_nodes": [""]},
-        {"lockstep": False, "required_nodes": [""], "people_from": "scan"},
         {"lockstep": True, "required_nodes": [""]},
-        {**OWN_ROBOT, "pose_from": "amcl_pose"},
         {**OWN_ROBOT, "pose_from": "tf"},
     ],
     "people_tracker": [
         {},
-        {"pose_from": "amcl_pose", "stamp_tolerance_s": 0.1},
         {"pose_from": "tf", "stamp_tolerance_s": 0.1},
     ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
@@ -70,9 +65,9 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
     "teleop_page": [{"port": 0}],
     "watch_page": [{"port": 0}],
-    "demo_recorder": [{"compression": "zstd"}],
+    "demo_recorder": [{}],
     "learner": [{"learn_on": "call"}],
-    "nav2_bridge": [{"publish_tf": True}, {"mode": "through_poses"}],
+    "nav2_bridge": [{}, {"mode": "through_poses"}],
 }
 CASES = [
     (kind, parameters)

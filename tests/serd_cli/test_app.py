@@ -1,6 +1,7 @@
 """The command itself: help without imports, version, completion, closed pipes, options."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,8 @@ from serd_cli.errors import UsageError
 from serd_cli.options import validated, with_settings
 from serd_cli.output import terminal
 from serd_core import __version__
+from serd_ros.process.executable import starting
+from support.waiting import PATIENCE_S
 
 #: Libraries that the overview needs not, and those that no help needs.
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
@@ -80,11 +83,13 @@ def test_the_overview_fits_a_screen_with_whole_sentences(serd, monkeypatch):
 
 def test_each_module_of_commands_defines_the_command_of_its_name(root):
     files = (root / "serd_cli" / "commands").glob("[!_]*.py")
-    assert {path.stem for path in files} == set(COMMANDS)
+    assert {path.stem for path in files} == set(COMMANDS) - {"run", "watch"}
 
 
 def test_each_command_prints_its_result_as_json_on_request():
     for words, command in all_commands().items():
+        if words in ("run", "bag play"):
+            continue  # a node takes the place of the process
         assert "--json" in [opt for each in command.params for opt in each.opts], words
 
 
@@ -104,7 +109,7 @@ def test_a_line_is_completed_by_commands_and_by_their_options(line, number, word
 
 @pytest.mark.parametrize(
     ("words", "unbuffered", "code"),
-    [("scenario schema", "", 0), ("--help", "1", 0), ("bag info none", "1", 2)],
+    [("scenario list --json", "", 0), ("--help", "1", 0), ("bag info none", "1", 2)],
 )
 def test_a_reader_that_ends_early_changes_no_exit_code(words, unbuffered, code):
     reader, writer = os.pipe()
@@ -123,25 +128,6 @@ def test_a_full_disk_under_the_output_gets_a_sentence(words):
     assert done.returncode == 2
     sentence = "the disk is full; free some space or choose another folder"
     assert done.stderr == f"serd: cannot write the output: {sentence}\n"
-
-
-def test_a_closed_output_gets_a_sentence():
-    done = serd_process("scenario list", preexec_fn=lambda: os.close(1), stdout=None)
-    assert done.returncode == 2
-    sentence = "the output must be open, got a closed one; redirect it to /dev/null"
-    assert done.stderr == f"serd: {sentence}\n"
-
-
-def test_a_path_that_no_file_can_have_gets_a_sentence(serd, tmp_path):
-    (tmp_path / "here" / "loop").symlink_to("loop")
-    levels = "serd: cannot read loop: Too many levels of symbolic links; check the path and"
-    for name, sentence in (
-        ("loop", levels),
-        ("x" * 300, "x: the name is too long; choose a shorter one"),
-    ):
-        for words in (["learn"], ["navigate"]):
-            assert sentence in serd(*words, name).refusal
-        assert "check the path" in serd("bag", "info", "loop").refusal
 
 
 def app_with(given):
@@ -194,3 +180,35 @@ def test_progress_without_a_terminal_is_a_line_every_half_minute_and_else_a_bar(
     now_s[0] += 60.0
     bar.update(task, completed=7)
     assert capsys.readouterr().err == ""
+
+
+#: Takes the place of a library, so that its import is under way for long. A signal just before one
+#: long sleep would be handled after it.
+_SLOW = "import time\nprint('importing', flush=True)\nwhile True:\n    time.sleep(0.01)\n"
+
+
+@pytest.mark.parametrize(
+    ("library", "words"),
+    [
+        ("typer", ["serd_cli.main", "--help"]),
+        ("rclpy", ["serd_ros.process.executable", "hallway_sim"]),
+    ],
+)
+def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
+    (tmp_path / f"{library}.py").write_text(_SLOW)
+    path = f"{tmp_path}{os.pathsep}{os.getenv('PYTHONPATH', root)}"
+    words, pipe = [sys.executable, "-m", *words], subprocess.PIPE
+    environment = {**os.environ, "PYTHONPATH": path}
+    with subprocess.Popen(words, env=environment, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert errors == ""
+
+
+def test_afterwards_ctrl_c_is_what_it_was_before():
+    before = signal.getsignal(signal.SIGINT)
+    with starting():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before

@@ -32,9 +32,9 @@ def test_what_runs_on_a_robot_needs_neither_simulator_nor_figures():
     modules = [
         f"serd_ros.nodes.{name}"
         for name in (
-            "bags.bag_replay", "bags.demo_recorder", "guard", "learner", "local_planner",
-            "nav2_bridge", "people_tracker", "scripted_expert", "strategy", "teleop.joy",
-            "teleop.mux", "teleop.page", "watch_page",
+            "bag_replay", "demo_recorder", "guard", "learner", "local_planner",
+            "nav2_bridge", "people_tracker", "scripted_expert", "strategy", "teleop_mux",
+            "teleop_page", "watch_page",
         )
     ]  # fmt: skip
     ended = run("".join(f"import {each}\n" for each in modules))

@@ -4,7 +4,6 @@ The stand-ins keep what they are given; what a real launch makes of it was not r
 """
 
 import ast
-import re
 import runpy
 import shutil
 import sys
@@ -12,7 +11,6 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from serd_ros.errors import NodeError
 from serd_ros.graph.graph import config_of, find_stack, load_graph, stack_parameters
 
 PACKAGE = "ros_ws/src/serd_ros"
@@ -121,29 +119,3 @@ def test_the_file_of_each_stack_has_its_arguments_and_starts_its_nodes(installed
         given = dict.fromkeys(arguments, "") | {"namespace": "robot1"}
         nodes = nodes_of(SimpleNamespace(launch_configurations=given))
         assert [each.named["executable"] for each in nodes] == list(stack.nodes)
-
-
-@pytest.mark.parametrize(
-    ("argument", "sentence"),
-    [
-        ("modle", "no node of this stack has a parameter 'modle'; did you mean 'model'?"),
-        ("strategy.modle", "strategy has no parameter 'modle'; did you mean 'model'?"),
-        ("learner.bag", "'learner.bag' names no node of this stack"),
-        ("stack", "no node of this stack has a parameter 'stack'"),
-    ],
-)
-@pytest.mark.usefixtures("launch_file")
-def test_a_file_of_a_stack_refuses_other_arguments(installed, monkeypatch, argument, sentence):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "serd_ros", "navigate.launch.py"])
-    arguments, nodes_of = description_of(installed, "navigate")
-    given = dict.fromkeys(arguments, "") | {argument: "x"}
-    with pytest.raises(NodeError, match=re.escape(sentence)):
-        nodes_of(SimpleNamespace(launch_configurations=given))
-
-
-@pytest.mark.usefixtures("launch_file")
-def test_a_file_of_that_name_in_another_package_keeps_its_arguments(installed, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "navigate.launch.py"])
-    arguments, nodes_of = description_of(installed, "navigate")
-    given = dict.fromkeys(arguments, "") | {"world": "depot"}
-    assert len(nodes_of(SimpleNamespace(launch_configurations=given))) == 4

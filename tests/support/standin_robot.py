@@ -3,9 +3,9 @@
     PYTHONPATH=tests python tests/support/standin_robot.py --period 0.1 --follow nav2
 
 All stamps are of the wall clock, and no two topics share one. `odom` and `scan` are best effort,
-`amcl_pose` is latched and published after some motion only, and map -> odom is stamped ahead, as
-AMCL does. Odometry begins at zero, and the lidar is turned by a quarter. The robot follows
-`cmd_vel`, or goals of navigate_to_pose including their heading, as Nav2's goal checker requires.
+and map -> odom is stamped ahead, as AMCL does. Odometry begins at zero, and the lidar is turned by
+a quarter. The robot follows `cmd_vel`, or goals of navigate_to_pose including their heading, as
+Nav2's goal checker requires.
 It prints `goal N` for each goal, with how far it had to turn in place at its end. With --people it
 is in the built-in hallway, among the `walkers`. The topic `disturb` (std_msgs/String) makes its /tf
 wrong: "jump" moves map -> odom by 1.5 m, "second parent" publishes another one of base_footprint,
@@ -19,7 +19,7 @@ import random
 
 import numpy as np
 import rclpy
-from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.executors import ExternalShutdownException
@@ -32,7 +32,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from serd_bag.formats.rosbag2.message_types import message_type
-from serd_ros.endpoints.raw_type import raw_message_class
+from serd_ros.endpoints.topic_types import raw_message_class
 from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.motion import compose, motion_between
 from serd_sim.scenario.scenario import load_scenario
@@ -60,12 +60,11 @@ class StandIn(Node):
         self.start, self.moved_s = tuple(self.pose), self.now_s()
         self.command, self.commanded_s = (0.0, 0.0), 0.0
         self.speeds, self.goal, self.n_goals = (0.0, 0.0), None, 0
-        self.turned_rad, self.amcl_at = 0.0, None
+        self.turned_rad = 0.0
         self.store = get_typestore(Stores.ROS2_JAZZY)
         tf = raw_message_class(message_type(TF))
         self.odom = self.create_publisher(Odometry, "odom", BEST_EFFORT)
         self.scan = self.create_publisher(LaserScan, "scan", BEST_EFFORT)
-        self.amcl = self.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
         self.tf = self.create_publisher(tf, "tf", RELIABLE)
         self.tf_static = self.create_publisher(tf, "tf_static", LATCHED)
         self.publish_tf(
@@ -182,13 +181,6 @@ class StandIn(Node):
         if self.disturbance == "second parent":
             self.publish_tf(self.tf, ("visual_odom", "base_footprint", base, now_s + 0.003))
         self.publish_scan(now_s - 0.013)
-        moved_m = math.inf if self.amcl_at is None else math.dist(self.amcl_at, self.pose)
-        if moved_m > 0.2:
-            self.amcl_at = tuple(self.pose)
-            found = PoseWithCovarianceStamped()
-            fill(found, now_s - 0.021, "map")
-            place(found.pose.pose, *self.pose_at(now_s - 0.021))
-            self.amcl.publish(found)
 
     def ranges_m(self, time_s):
         ranges_m = [WALL_M] * N_RAYS

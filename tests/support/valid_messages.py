@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
@@ -13,14 +13,16 @@ from std_msgs.msg import Bool, String
 
 from serd_app.drives.episode_spans import EpisodeMark
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
-from serd_ros.convert.pose import (
+from serd_ros.convert.motion import (
     to_goal_area_message,
+    to_intent,
+    to_joy,
     to_odometry,
     to_path,
-    to_pose,
     to_pose_stamped,
+    to_twist,
+    to_twist_stamped,
     to_waypoint_message,
 )
 from serd_ros.convert.sensors import (
@@ -54,7 +56,6 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
     messages: dict[str, Callable[[], Any]] = {
         "clock": lambda: Clock(clock=to_stamp(time_s)),
         "robot_pose": lambda: to_pose_stamped(observation.pose, time_s),
-        "amcl_pose": lambda: _amcl_pose(observation.pose, time_s),
         "odom": lambda: to_odometry(observation, (1.0, 2.0, 0.5)),
         "pedestrians": lambda: to_people_message(observation.people, time_s),
         "scan": lambda: _scan(time_s),
@@ -93,10 +94,4 @@ def _diagnostics(time_s: float) -> DiagnosticArray:
     found = to_diagnostics("hallway_sim", time_s, counts)
     found.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status
     found.status += to_diagnostics("demo_recorder", time_s, {"messages": 7}).status
-    return found
-
-
-def _amcl_pose(pose: tuple[float, float, float], time_s: float) -> PoseWithCovarianceStamped:
-    found = PoseWithCovarianceStamped(header=to_pose_stamped(pose, time_s).header)
-    found.pose.pose = to_pose(pose)
     return found

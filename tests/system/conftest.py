@@ -1,7 +1,6 @@
 """Node processes and a probe node for whole-stack tests."""
 
 import contextlib
-import math
 import signal
 import subprocess
 import sys
@@ -10,14 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
-from serd_cli.processes.node_commands import stack_processes
-from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.stamp import stamp_s
-from serd_ros.endpoints import qos
+from serd_cli.processes.workspace import stack_processes
 from serd_ros.graph.graph import find_stack
 from support import standin_robot
 from support.changed_scenario import changed_scenario
@@ -150,30 +145,3 @@ def probe(ros_env: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Iterator[
     monkeypatch.setenv("ROS_LOG_DIR", ros_env["ROS_LOG_DIR"])
     with probing(ros_env) as running:
         yield running
-
-
-class RecorderReport:
-    """What a recorder reports of itself on diagnostics, once a second.
-
-    time_s: its clock, that of the messages.
-    """
-
-    def __init__(self, probe: Probe) -> None:
-        self._values: dict[str, str] = {}
-        self.time_s = math.nan
-        probe.node.create_subscription(DiagnosticArray, "diagnostics", self._take, qos.STATE)
-
-    @property
-    def n_messages(self) -> int:
-        """Messages in the present bag, -1 before the first report."""
-        return int(self._values.get("messages", -1))
-
-    def _take(self, message: DiagnosticArray) -> None:
-        values = values_of(message, "demo_recorder")
-        if values is not None:
-            self._values, self.time_s = values, stamp_s(message.header.stamp)
-
-
-@pytest.fixture
-def recorder_report(probe: Probe) -> RecorderReport:
-    return RecorderReport(probe)

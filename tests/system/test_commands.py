@@ -1,6 +1,8 @@
 """`serd run` and `serd launch` as a user types them: exit codes, signals."""
 
+import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -8,11 +10,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from rosbags.highlevel import AnyReader
 
-from serd_cli.processes.node_commands import executables_of, find_command
-from serd_cli.processes.workspace import PROJECT, ros_environment
+from serd_cli.processes.workspace import PROJECT, executables_of, find_command, ros_environment
+from serd_files.episode_table import load_episodes
 from serd_ros.graph.graph import load_graph
-from support.waiting import PATIENCE_S
+from support.changed_scenario import changed_scenario
+from support.waiting import PATIENCE_S, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
 
@@ -54,17 +58,6 @@ def test_a_stack_interrupted_in_lock_step_ends_without_an_error(ros_env, tmp_pat
     assert not [line for line in lines if any(each in line for each in errors)]
 
 
-@pytest.mark.ros
-def test_a_failing_node_ends_the_stack_with_its_error(ros_env, tmp_path):
-    occupied = tmp_path / "bag"
-    occupied.mkdir()
-    (occupied / "old.mcap").write_text("not ours")
-    done = serd("launch", "demonstrate", f"demo_recorder.output:={occupied}", env=ros_env)
-    assert done.returncode == 2
-    assert "demo_recorder ended with exit code 2" in done.stderr
-    assert "must be new or empty" in done.stderr
-
-
 @pytest.mark.slow
 def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, monkeypatch):
     workspace = tmp_path / "ros_ws"
@@ -89,3 +82,78 @@ def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, m
     done = serd("run", "serd_ros", "guard", *wrong, env=environment)
     assert done.returncode == 2
     assert "lockstep" in done.stderr
+
+
+SMALL = ["--demonstrations", "2", "--episodes", "1", "--seed", "5"]
+#: So that an episode takes a moment.
+NEAR = {
+    "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[0, 8], [2, 8], [2, 11], [0, 11]]",
+    "count: 24": "count: 6",
+    "warm_up_s: 10.0": "warm_up_s: 1.0",
+}
+
+
+class Demo:
+    """A demo in a separate process."""
+
+    def __init__(self, folder, *arguments):
+        self._log = folder / "demo.log"
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [SERD, "demo", *arguments], cwd=folder, stdout=log, stderr=subprocess.STDOUT
+            )
+
+    def wait(self):
+        code = self.process.wait(2 * PATIENCE_S)
+        return code, self._log.read_text()
+
+    def wait_for(self, condition):
+        def running_and_condition():
+            assert self.process.poll() is None, self._log.read_text()
+            return condition()
+
+        wait_until(running_and_condition, seen=self._log.read_text)
+
+
+def processes_of(folder):
+    """Ids and command lines of all processes that work in this folder."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (entry / "cmdline").read_text().split("\0")
+        except OSError:
+            continue
+        if any(str(folder) in word for word in words) and int(entry.name) != os.getpid():
+            found[int(entry.name)] = " ".join(words)
+    return found
+
+
+def shared_memory_of(pids):
+    """DDS segments these processes have mapped; /dev/shm itself also shows those of others."""
+    maps = (Path(f"/proc/{pid}/maps").read_text() for pid in pids)
+    return {line for text in maps for line in text.splitlines() if "/dev/shm/fast" in line}
+
+
+def test_a_demo_ends_with_its_report_and_leaves_no_process(tmp_path):
+    run = tmp_path / "demo_output/run-1"
+    demo = Demo(tmp_path, *SMALL, "--scenario", str(changed_scenario(tmp_path, "hallway", NEAR)))
+    demo.wait_for((run / "demonstrations/episodes.csv").exists)
+    nodes = processes_of(tmp_path)
+    assert len(nodes) >= 2
+    assert shared_memory_of(nodes) == set()
+    code, log = demo.wait()
+    assert code == 0, log
+    assert processes_of(tmp_path) == {}
+    assert "2 demonstrations and 1 episode through ROS 2" in log
+    assert "watch the drives at http://127.0.0.1:" in log
+    assert log.splitlines()[-1] == f"report: {run / 'report.html'}"
+    with AnyReader([run / "bag"]) as reader:
+        assert reader.message_count > 1000
+    (row,) = load_episodes(run / "navigation/episodes.csv")
+    assert row.outcome == "arrived"
+    page = (run / "report.html").read_text()
+    assert len(re.findall(r"<figure", page)) >= 6
+    for name in ("bag/metadata.yaml", "model.yaml", "decisions.csv", "demo.yaml"):
+        assert (run / name).is_file(), name
+    assert json.loads((run / "foxglove.json").read_text())["configById"]
+    assert 'href="foxglove.json"' in page

@@ -5,24 +5,18 @@ do on a robot. Time is that of the stamps. The time that threads waited for a pr
 each limit.
 """
 
-import asyncio
 import math
-import re
 import signal
-import threading
 import time
-from contextlib import suppress
 
 import pytest
-from aiohttp import ClientError, ClientSession
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_intent
 from serd_ros.convert.diagnostics import OK
-from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
+from serd_ros.convert.motion import from_odometry, from_pose_stamped, to_intent, to_pose_stamped
 from serd_ros.endpoints import qos
 from support.waiting import ProcessorWait
 from support.wheeled_robots import STOPPED_MPS
@@ -31,8 +25,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 KILL, STOP = signal.SIGKILL, signal.SIGSTOP
 #: The dead-man's switches take 0.2 s, braking from 1.2 m/s 0.2 s; a tick and the transport.
 CHAIN_S = 0.2 + 1.2 / 6.0 + 0.1
-#: That of the lock by which the mux misses the front end of a person takes 0.5 s.
-PERSON_S = CHAIN_S + 0.3
 #: A waypoint is recent for 0.8 s, and the planner brakes with 2.5 m/s².
 SOURCE_S = 0.8 + 1.2 / 2.5 + 0.2
 #: An action ends in the next cell, 1.5 m ahead at most.
@@ -40,55 +32,20 @@ ACTION_S = 4.0
 #: The source of intents of the stack live, which this process is.
 SOURCE = "source of intents"
 SILENCE_S, WATCHED_S, RESUMED_S = 2.0, 10.0, 3.0
-PAGE = re.compile(r"the page is at (http://\S+)")
-
-
-class HeldKey:
-    """A page that holds the direction north; a client of the page's WebSocket, in a thread."""
-
-    def __init__(self, url):
-        self._url, self._ended, self._n_neutral = url, threading.Event(), 0
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
-        self._thread.start()
-
-    @property
-    def is_held(self):
-        """Whether the key is held, and not about to be pressed."""
-        return self._n_neutral > 3
-
-    def press_anew(self):
-        self._n_neutral = 0
-
-    def close(self):
-        self._ended.set()
-        self._thread.join()
-
-    async def _run(self):
-        with suppress(ClientError, ConnectionError):
-            async with (
-                ClientSession() as session,
-                session.ws_connect(f"{self._url}socket", origin=self._url.rstrip("/")) as socket,
-            ):
-                while not self._ended.is_set() and not socket.closed:
-                    direction = "north" if self.is_held else None
-                    self._n_neutral += direction is None
-                    await socket.send_json({"type": "hold", "direction": direction})
-                    await asyncio.sleep(0.1)
 
 
 class Driven:
     """A robot that the source of a stack drives towards north without people.
 
-    The source is a goal of the strategy (goto), a page with a held key (teleop) or this process
-    (live). way_m: driven so far; reports: warnings on `diagnostics`, as `node: message`.
+    The source is a goal of the strategy (goto) or this process (live). way_m: driven so far;
+    reports: warnings on `diagnostics`, as `node: message`.
     """
 
     def __init__(self, stack, nodes, probe, **given):
         self._stack, self._nodes, self._probe = stack, nodes, probe
         self.time_s, self.speed_mps, self.way_m = math.nan, 0.0, 0.0
         self.reports, self._heard_s, self._place_m = [], time.monotonic(), None
-        self.page, self._publishes, self._due_s = None, True, 0.0
-        self._n_pages = 1
+        self._publishes, self._due_s = True, 0.0
         subscribe = probe.node.create_subscription
         subscribe(Odometry, "odom", self._take_odometry, qos.STATE)
         subscribe(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
@@ -100,42 +57,18 @@ class Driven:
     def drive(self):
         """Drive faster than 0.4 m/s.
 
-        A held key is pressed anew, as a late page stops the robot, and a goal is sent again, as a
-        reader of a killed node is known for a while.
+        A goal is sent again, as a reader of a killed node is known for a while.
         """
-        self._publishes = True
-        self._spin(lambda: self.time_s > 0.0)
-        if self._stack == "teleop":
-            self._spin(lambda: len(self._pages()) == self._n_pages)
-            self.let_go()
-            self.page = HeldKey(self._pages()[-1])
-        pressed_s = -math.inf
+        self._publishes, sent_s = True, -math.inf
 
         def drives():
-            nonlocal pressed_s
-            if time.monotonic() > pressed_s + (15.0 if self.page else 4.0):
-                if self.page:
-                    self.page.press_anew()
+            nonlocal sent_s
+            if time.monotonic() > sent_s + 4.0:
                 self._goals.publish(to_pose_stamped((12.0, 18.0, 0.0), 0.0))
-                pressed_s = time.monotonic()
-            return self.speed_mps > 0.4 and (not self.page or self.page.is_held)
+                sent_s = time.monotonic()
+            return self.speed_mps > 0.4
 
         self._spin(drives)
-
-    def _pages(self):
-        """The addresses of the page, one for each start of its node."""
-        return PAGE.findall(self._nodes.log_of("teleop_page"))
-
-    def let_go(self):
-        """Close the page."""
-        if self.page is not None:
-            self.page.close()
-
-    def restart(self, node):
-        """Start a node again that was killed, with the same command."""
-        self._nodes.kill(node)  # which waits for its end
-        self._processes[node] = self._nodes.restart(node)
-        self._n_pages += node == "teleop_page"
 
     def inject(self, node, number):
         """Send a signal to a node, or end the source; time and way until the robot stands.
@@ -199,58 +132,27 @@ class Driven:
 @pytest.fixture
 def driven(nodes, probe):
     """Makes a robot that a stack drives."""
-    made = []
 
     def drive(stack, **given):
-        made.append(Driven(stack, nodes, probe, **given))
-        made[-1].drive()
-        return made[-1]
-
-    yield drive
-    for each in made:
-        each.let_go()
-
-
-def test_the_robot_stands_after_a_node_of_teleoperation_died(driven, tmp_path):
-    robot = driven("teleop", demo_recorder__output=str(tmp_path / "bag"), port=0)
-    faults = (
-        ("local_planner", STOP, CHAIN_S),
-        ("teleop_page", STOP, PERSON_S),
-        ("teleop_page", KILL, PERSON_S),
-        ("teleop_mux", KILL, CHAIN_S),
-        ("local_planner", KILL, CHAIN_S),
-    )
-    for node, number, limit_s in faults:
+        robot = Driven(stack, nodes, probe, **given)
         robot.drive()
-        waited = ProcessorWait()
-        after_s, distance_m = robot.inject(node, number)
-        limit_s += waited.total_s
-        assert after_s <= limit_s, (node, number)
-        assert distance_m <= 1.2 * limit_s, (node, number)
-        if number == STOP:
-            assert not robot.resumes(node), node  # the held key counts after it was pressed anew
-        else:
-            robot.restart(node)
+        return robot
+
+    return drive
 
 
-def test_the_robot_stands_after_a_node_of_goto_died(driven, save_model_of):
+def test_the_robot_stands_while_its_strategy_is_silent_and_after_its_planner_died(
+    driven, save_model_of
+):
     robot = driven("goto", model=str(save_model_of()))
-    faults = (
-        ("strategy", STOP, SOURCE_S),
-        ("strategy", KILL, SOURCE_S),
-        ("local_planner", KILL, CHAIN_S),
-    )
-    for node, number, limit_s in faults:
+    for node, number, limit_s in (("strategy", STOP, SOURCE_S), ("local_planner", KILL, CHAIN_S)):
         robot.drive()
         waited = ProcessorWait()
         after_s, _ = robot.inject(node, number)
-        assert after_s <= limit_s + waited.total_s, (node, number)
-        if node == "strategy":
-            assert "local_planner: no recent waypoint" in robot.reports
+        assert after_s <= limit_s + waited.total_s, node
         if number == STOP:
-            robot.resumes(node)
-        else:
-            robot.restart(node)
+            assert "local_planner: no recent waypoint" in robot.reports
+            assert robot.resumes(node)
 
 
 def test_a_silent_source_ends_the_motion_in_its_cell_and_a_lost_world_stops_the_planner(driven):

@@ -3,6 +3,7 @@
 import shlex
 import signal
 import time
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -10,17 +11,27 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.learning.checkpoint import CheckpointFolder
+from serd_app.learning.learning_files import read_learning_files
 from serd_bag.command.rewrite import recover
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
-from serd_cli.processes.node_commands import find_command, node_command
-from serd_ros.convert.diagnostics import ERROR, WARN
+from serd_bag.writer import BagWriter
+from serd_cli.processes.workspace import find_command, node_command
+from serd_files.model_file import ModelFile, load_model
+from serd_files.yaml_config import yaml_model
+from serd_ros.convert.diagnostics import ERROR, WARN, values_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos
-from support.waiting import PATIENCE_S, ProcessorWait
+from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.scenario import load_scenario
+from support.transforms_message import transforms_message
+from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 IMU = "/base/imu:sensor_msgs/msg/Imu"
@@ -62,43 +73,19 @@ def publish_pose(poses, time_s):
     poses.publish(message)
 
 
-def test_messages_received_before_a_stop_request_or_a_stop_signal_are_in_the_bag(record, probe):
+def test_messages_received_before_a_signal_are_in_the_bag(record):
     """The process is stopped meanwhile, as on a machine that is too busy to run it."""
     recording = record("robot_pose", "/clock")
     poses = recording.publisher(PoseStamped, "robot_pose")
-    stop, start = (
-        probe.node.create_client(Trigger, name) for name in ("stop_recording", "start_recording")
-    )
-    probe.spin_until(lambda: stop.service_is_ready() and start.service_is_ready())
-
-    def call(client):
-        future = client.call_async(Trigger.Request())
-        probe.spin_until(future.done)
-        return future.result()
-
-    assert not call(start).success
     recording.process.send_signal(signal.SIGSTOP)
-    for number in range(1, 401):
-        publish_pose(poses, 0.1 * number)
-        if number == 200:
-            stopped = stop.call_async(Trigger.Request())
-    recording.process.send_signal(signal.SIGCONT)
-    probe.spin_until(stopped.done)
-    recorded_s = [stamp_s(each) for each in BagReader(recording.bag).messages({"/robot_pose"})]
-    assert len(recorded_s) >= 200
-    assert recorded_s == pytest.approx([0.1 * n for n in range(1, len(recorded_s) + 1)])
-    assert not call(stop).success
-    assert call(start).message.endswith("bag-2")
-    recording.process.send_signal(signal.SIGSTOP)
-    for number in range(1, 101):
-        publish_pose(poses, 100.0 + number)
+    sent_s = [0.1 * number for number in range(1, 201)]
+    for time_s in sent_s:
+        publish_pose(poses, time_s)
     recording.process.send_signal(signal.SIGTERM)
     recording.process.send_signal(signal.SIGCONT)
     assert recording.process.wait(PATIENCE_S) == 0
-    second = BagReader(recording.bag.with_name("bag-2")).messages({"/robot_pose"})
-    assert [stamp_s(each) for each in second][-100:] == pytest.approx(
-        [100.0 + number for number in range(1, 101)]
-    )
+    recorded = BagReader(recording.bag).messages({"/robot_pose"})
+    assert [stamp_s(each) for each in recorded] == pytest.approx(sent_s)
 
 
 def stamp_s(message):
@@ -135,12 +122,14 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
 
 
 def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
-    record, probe, recorder_report, nodes
+    record, probe, nodes
 ):
-    started_s, warnings = time.time(), []
+    started_s, warnings, counts = time.time(), [], []
 
     def take(message):
         warnings.extend(each.message for each in message.status if each.level == WARN)
+        if values := values_of(message, "demo_recorder"):
+            counts.append(values.get("messages"))
 
     probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     names = probe.node.create_publisher(String, "/base/name", qos.LATCHED)
@@ -149,12 +138,12 @@ def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
     imus = recording.publisher(Imu, "/base/imu", qos.SENSOR)  # comes later
     probe.spin_until(names.get_subscription_count)
     probe.node.create_publisher(Odometry, "/base/odom", qos.SENSOR)
-    probe.spin_until(lambda: recorder_report.n_messages == 1)
+    probe.spin_until(lambda: "1" in counts)
     for number in range(1, 21):
         message = Imu()
         message.header.stamp = to_stamp(0.1 * number)
         imus.publish(message)
-    probe.spin_until(lambda: recorder_report.n_messages == 21)
+    probe.spin_until(lambda: "21" in counts)
     sentence = "/base/odom is nav_msgs/msg/Odometry, not std_msgs/msg/String"
     probe.spin_until(lambda: any(sentence in each for each in warnings))
     assert recording.end() == 0
@@ -213,3 +202,96 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert f"topics:=[odom, {IMU}]" in log
     assert "put a value that contains : into quotes" in log
     assert "Traceback" not in log
+
+
+TF = "tf2_msgs/msg/TFMessage"
+N_SENT = 50
+
+
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):
+    sent = [
+        transforms_message(("odom", "base_link", (0.1 * n, 0.0), (0.0, 1.0), 1.0 + 0.1 * n))
+        for n in range(N_SENT)
+    ]
+    with BagWriter(tmp_path / "played") as writer:
+        writer.add_topic("/tf", TF)
+        for number, data in enumerate(sent):
+            writer.write("/tf", data, 10**9 + number * 10**8)
+    given = {"output": str(tmp_path / "bag"), "topics": ["tf"], "minimum_free_mb": 0.0}
+    recorder = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
+    wait_until((tmp_path / "bag" / "bag_0.mcap").exists)
+    played = {"bag": str(tmp_path / "played"), "rate": 20.0}
+    replay = nodes.start(node_command("bag_replay", played, {}, ros_env), "bag_replay")
+    assert replay.wait(PATIENCE_S) == 0
+    recorder.send_signal(signal.SIGTERM)
+    assert recorder.wait(PATIENCE_S) == 0
+    reader = BagReader(tmp_path / "bag")
+    assert [each.data for each in reader.messages(["/tf"])] == sent
+    assert reader.topics["/tf"].message_type == message_type(TF)
+
+
+HALLWAY = load_scenario("hallway")
+
+
+@pytest.fixture(scope="module")
+def bag(root: Path) -> Path:
+    return sorted(path.parent for path in (root / "bags/data").rglob("metadata.yaml"))[0]
+
+
+@pytest.fixture
+def replay(nodes, ros_env, bag):
+    def start(**parameters):
+        command = node_command("bag_replay", {"bag": str(bag), **parameters}, {}, ros_env)
+        return nodes.start(command, "bag_replay")
+
+    return start
+
+
+def demonstrations(bag):
+    return demonstrations_of_bag(bag, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s)[0]
+
+
+def table_without_source(path: Path) -> list[str]:
+    return [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
+
+
+def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(
+    nodes, probe, replay, bag, tmp_path
+):
+    save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
+    received, model = tmp_path / "received.csv", tmp_path / "model.yaml"
+    nodes.start_stack("learn", output=str(model), decisions=str(received))
+    replay(rate=500.0, required_nodes=["learner"])
+    wanted = table_without_source(tmp_path / "offline.csv")
+    probe.spin_until(
+        lambda: received.exists() and len(table_without_source(received)) == len(wanted)
+    )
+    assert table_without_source(received) == wanted
+    probe.spin_until(model.exists)
+    # What `serd learn` reads of the table is beside it.
+    assert read_learning_files(received, discount=0.9).scenario == HALLWAY
+
+
+def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
+    nodes, probe, bag, tmp_path
+):
+    decisions, models = demonstrations(bag).decisions, []
+    probe.node.create_subscription(String, "model", models.append, qos.LATCHED)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
+    folder.save_decisions(decisions)
+    folder.save(folder.new())
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
+    given["prior_weights"] = [0.001 * number for number in range(1, 1000)]
+    first = nodes.start_stack("learn", **given)["learner"]
+    probe.spin_until(lambda: folder.load()[0].step > 0)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert folder.load()[0].n_learned == 0
+    assert not models
+    # The second compares no weights, so that it ends soon.
+    nodes.start_stack("learn", **(given | {"prior_weights": [0.1]}))
+    probe.spin_until(lambda: models)
+    model = yaml_model(models[-1].data, ModelFile, name="model")
+    assert model.fit.n_decisions == len(decisions)
+    assert load_model(tmp_path / "model.yaml") == model
+    probe.spin_until(lambda: folder.load()[0].n_learned == len(decisions))

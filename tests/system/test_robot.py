@@ -6,14 +6,20 @@ SERD_ROBOT_GOALS sets the number of goals of each drive, 20 for the long form.
 import importlib.util
 import os
 import re
+import time
 from itertools import cycle, islice
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import PoseStamped, Twist
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
+from serd_cli.processes.workspace import node_command
 from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support.goals import Goals
@@ -30,21 +36,17 @@ needs_nav2 = pytest.mark.skipif(
 
 
 @pytest.mark.parametrize(
-    ("stack", "pose_from", "period_s"),
-    [
-        pytest.param("robot_nav2", "tf", 0.1, marks=needs_nav2),
-        ("robot", "amcl_pose", 0.103),
-        ("robot_people", "tf", 0.103),
-    ],
+    ("stack", "period_s"),
+    [pytest.param("robot_nav2", 0.1, marks=needs_nav2), ("robot_people", 0.103)],
 )
 def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
-    stack, pose_from, period_s, nodes, probe, start_robot, save_model_of
+    stack, period_s, nodes, probe, start_robot, save_model_of
 ):
     goals = Goals(probe)
     follow = "nav2" if stack == "robot_nav2" else "cmd_vel"
     people = ["--people"] if stack == "robot_people" else []
     start_robot("--follow", follow, "--period", period_s, *people)
-    nodes.start_stack(stack, pose_from=pose_from, model=str(save_model_of()))
+    nodes.start_stack(stack, model=str(save_model_of()))
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
 
     def logs():
@@ -91,3 +93,104 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
     until(lambda: speeds[-1] == 0.0 and "robot_pose: stamp too old" in guard["reasons"], SECOND)
     until(lambda: "must have one parent" in guard["localisation"], SECOND)
     until(lambda: speeds[-1] > 0.1, "")
+
+
+UP = (("configure", "inactive"), ("activate", "active"))
+DOWN = (("deactivate", "inactive"), ("cleanup", "unconfigured"))
+SERVICES = {"change_state": ChangeState, "get_state": GetState}
+
+
+class LifecycleManager:
+    """Of one node; probe: a node of the test's own that can spin."""
+
+    def __init__(self, probe, node):
+        self._probe, self._name = probe, f"/{node}"
+        create = probe.node.create_client
+        self._clients = {name: create(kind, f"/{node}/{name}") for name, kind in SERVICES.items()}
+        # A server's response is lost where it knows a client's request, but not its reader yet
+        # (ros2/rmw_fastrtps #842). The last client made here is the last to become known.
+        client, answers = self._clients["get_state"], []
+        probe.spin_until(client.service_is_ready, seen=lambda: node)
+
+        def is_answered():
+            if time.monotonic() > 2.0 * len(answers) + began_s:
+                answers.append(client.call_async(GetState.Request()))
+            return any(each.done() for each in answers)
+
+        began_s = time.monotonic()
+        probe.spin_until(is_answered, seen=lambda: node)
+
+    def call(self, service, **fields):
+        """The response of one of the node's services."""
+        client = self._clients[service]
+        self._probe.spin_until(client.service_is_ready, seen=lambda: client.srv_name)
+        future = client.call_async(SERVICES[service].Request(**fields))
+        self._probe.spin_until(future.done, seen=lambda: client.srv_name)
+        return future.result()
+
+    def change(self, transition):
+        """Whether the transition of this name succeeded."""
+        return self.call("change_state", transition=Transition(label=transition)).success
+
+    def go(self, *transitions):
+        """Make (transition, state after it) one after the other."""
+        for transition, state in transitions:
+            assert self.change(transition), (self._name, transition)
+            assert self.state == state
+
+    @property
+    def state(self):
+        return self.call("get_state").current_state.label
+
+
+@needs_nav2
+def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, ros_env, start_robot):
+    """An action client that is destroyed while an answer waits ends the process."""
+    goals = []
+    start_robot("--follow", "nav2")
+    command = node_command("nav2_bridge", {"managed": True}, {}, ros_env)
+    bridge = nodes.start(command, "nav2_bridge")
+    manager = LifecycleManager(probe, "nav2_bridge")
+    waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
+    take = lambda message: goals.append(values_of(message, "nav2_bridge") or {})  # noqa: E731
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+
+    def drives():
+        waypoints.publish(to_pose_stamped((30.0, 3.5, 0.0), 0.0))
+        return any(each.get("goal") == "driving" for each in goals)
+
+    for _ in range(5):
+        manager.go(*UP)
+        goals.clear()
+        probe.spin_until(drives)
+        manager.go(*DOWN)
+    assert bridge.poll() is None, nodes.log_of("nav2_bridge")
+
+
+def test_a_managed_stack_drives_while_it_is_active(nodes, probe, start_robot, save_model_of):
+    goals, speeds_mps = Goals(probe), []
+    take = lambda message: speeds_mps.append(message.twist.twist.linear.x)  # noqa: E731
+    probe.node.create_subscription(Odometry, "odom", take, qos.SENSOR)
+    start_robot()
+    nodes.start_stack("robot", managed=True, model=str(save_model_of()))
+    managers = [LifecycleManager(probe, name) for name in ("local_planner", "strategy")]
+
+    def logs():
+        return "\n".join(map(nodes.log_of, ("strategy", "local_planner", "standin_robot")))
+
+    for manager in managers:
+        manager.go(*UP)
+    goals.drive_to((3.5, 3.5), logs)
+
+    goals.send((3.5, 1.5))
+    probe.spin_until(lambda: goals.n_begun == 2 and speeds_mps[-1] > 0.1, seen=logs)
+    for manager in reversed(managers):
+        manager.go(*DOWN)
+    probe.spin_until(lambda: goals.ends == ["arrived", "discarded"], seen=logs)
+    probe.spin_until(lambda: not any(speeds_mps[-5:]), seen=logs)
+
+    for manager in managers:
+        manager.go(*UP)
+    goals.drive_to((3.5, 1.5), logs)
+    assert goals.ends == ["arrived", "discarded", "arrived"]
+    assert "internal error" not in logs()

@@ -10,19 +10,17 @@ from rosbags.highlevel import AnyReader
 
 from serd_app.drives.episode_spans import START
 from serd_files.episode_table import load_episodes
-from serd_files.yaml_config import model_yaml
-from serd_ros.convert.pose import from_pose
+from serd_ros.convert.motion import from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_sim.drivers.expert import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner, planner_in_world
+from serd_sim.planning.catalogue import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 from support.recorded_messages import recorded
 from support.waiting import PATIENCE_S
 
 SEEDS, EPISODES, TIMEOUT_S = {"robot1": 11, "robot2": 12}, 2, 6.0
-SLIPPING_S = 16.0
 SERD = str(Path(sys.executable).with_name("serd"))
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -99,57 +97,3 @@ def assert_nothing_was_lost(bag, robot, n_ticks):
     assert counts["cmd_vel"] >= n_ticks - EPISODES
     assert counts["odom"] == counts["pedestrians"] == counts["robot_pose"]
     assert counts["episode"] == 2 * EPISODES
-
-
-def noisy_hallway(folder):
-    """The hallway with a noisy lidar and wheels that slip, as a file."""
-    hallway = load_scenario("hallway")
-    robot = hallway.robot.model_copy(update={"drive": "kinematic"})
-    lidar = hallway.lidar.model_copy(update={"noise_deviation_m": 0.02})
-    slip = hallway.odometry.model_copy(
-        update={"distance_scale_deviation": 0.05, "distance_noise_m": 0.02}
-    )
-    path = folder / "noisy.yaml"
-    parts = {"robot": robot, "lidar": lidar, "odometry": slip}
-    path.write_text(model_yaml(hallway.model_copy(update=parts)))
-    return path
-
-
-def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path):
-    """The planner node gets no people; /odom is the pose by the wheels alone."""
-    path, bag = noisy_hallway(tmp_path), tmp_path / "bag"
-    processes = nodes.start_stack(
-        "demonstrate",
-        scenario=str(path),
-        seed=SEEDS["robot1"],
-        episodes=1,
-        timeout_s=SLIPPING_S,
-        people_from="scan",
-        demo_recorder__output=str(bag),
-    )
-    scenario = load_scenario(path)
-    with HallwayWorld(scenario, seed=SEEDS["robot1"]) as world:
-        planner, expert = (
-            planner_in_world("dwa", world, "scan"),
-            ScriptedExpert(scenario, SEEDS["robot1"]),
-        )
-        poses, odometry = [], []
-
-        def look(observation, *_):
-            poses.append(observation.pose)
-            odometry.append(world.odometry_pose)
-
-        run_episode(world, planner, expert, episode=0, timeout_s=SLIPPING_S, observer=look)
-    assert processes["scripted_expert"].wait(PATIENCE_S) == 0, nodes.log_of("scripted_expert")
-    nodes.end_all()
-
-    places = places_of(each.pose.position for each in recorded(bag, "/robot_pose"))
-    assert np.array_equal(places[: len(poses)], np.array(poses)[:, :2])
-    wheels = places_of(each.pose.pose.position for each in recorded(bag, "/odom"))
-    assert np.array_equal(wheels[: len(poses)], np.array(odometry)[:, :2])
-    assert np.hypot(*(wheels[len(poses) - 1] - places[len(poses) - 1])) > 0.1
-
-
-def places_of(positions):
-    """(N, 2) x and y."""
-    return np.array([(each.x, each.y) for each in positions])

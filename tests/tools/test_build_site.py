@@ -24,7 +24,6 @@ def test_each_command_and_each_of_its_options_has_its_line(tool):
     assert "### `serd bag suggest`\n" in page
     assert "* `--cell-size-m <float>`: " in page
     assert "\n\n```bash\nserd report model.yaml --demonstrations decisions.csv\n```\n\n" in page
-    assert "\n\\# yaml-language-server" in page  # text of a help, no heading
 
 
 def test_each_module_of_the_libraries_is_on_a_page(tool):

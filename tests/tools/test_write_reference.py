@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 
 from serd_ros.graph.graph import config_of, load_graph
-from serd_ros.process.parameters import validated
+from serd_ros.process.serd_node import validated
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -103,9 +103,8 @@ def _drive_messages() -> list[tuple[str, bytes, int]]:
     # Here, so that the process whose memory is measured does without ROS.
     from rclpy.serialization import serialize_message
 
-    from serd_ros.convert.command import to_intent
     from serd_ros.convert.diagnostics import to_episode_message
-    from serd_ros.convert.pose import to_pose_stamped
+    from serd_ros.convert.motion import to_intent, to_pose_stamped
 
     begin, end_s = EpisodeMark(START, 0.0, 0), (_N_POSES - 1) * _POSE_PERIOD_S
     sent: list[tuple[str, object, float]] = [("/episode", to_episode_message(begin), 0.0)]

@@ -6,7 +6,7 @@ import pytest
 
 from serd_app.navigation.nav2_goals import CANCELED, SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
-from serd_ros.convert.pose import odom_in_map
+from serd_ros.convert.motion import odom_in_map
 from serd_ros.nodes.nav2_bridge import ros_type
 from support.nav2_server import Handle, Nav2Server, answered
 

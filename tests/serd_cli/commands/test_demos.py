@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
@@ -20,8 +19,6 @@ from tests.serd_cli.conftest import copied_bag
 IN_HALLWAY = ("--scenario", "hallway")
 TABLE = Path("decisions.csv")
 RECORD, GRID = TABLE.with_suffix(".yaml"), TABLE.with_suffix(".grid.yaml")
-#: Of poses and intents of another robot.
-AMCL = {"pose": "/amcl", "intent": "/wish"}
 
 
 @pytest.fixture
@@ -96,15 +93,6 @@ def test_decisions_that_a_gap_of_poses_loses_are_faults(serd, drive_bag, tmp_pat
     assert report_of_table(tmp_path / "another.csv") is None
 
 
-def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp_path, mapping):
-    bag = drive_bag(**AMCL)
-    gaps = torn(bag, tmp_path / "gaps", "/amcl")
-    options = (*IN_HALLWAY, *mapping("pose_topic: /amcl", "action_topic: /wish"))
-    sentence = "gaps: cut into 2 episodes at 1 gap of more than 0.5 s between poses; "
-    assert sentence in serd("demos", gaps, *options).out
-    assert "cut into" not in serd("demos", bag, *options).out
-
-
 def test_what_is_dropped_of_several_bags_is_counted_with_its_reason(serd, drive_bag):
     bags = drive_bag("one"), drive_bag("two", x_m=5.5), drive_bag("far", x_m=40.0)
     ended = serd("demos", *bags, *IN_HALLWAY)
@@ -139,26 +127,6 @@ def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, 
     assert values["bags"][2]["dropped"] == {"of an episode that was there before": 6}
     assert load_decisions(TABLE).episode.tolist() == [0] * 6
     assert values["flow"]["n_sightings"] == 60
-
-
-def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag):
-    bags = drive_bag("one"), drive_bag("two", x_m=40.5)
-    assert serd("demos", *bags, "--cell-size-m", "1").code == 0
-    grid = load_grid(GRID)
-    expected = [grid.state_at(x_m, 1.5 + row) for x_m in (4.5, 40.5) for row in range(6)]
-    assert load_decisions(TABLE).state.tolist() == expected
-    assert grid.state_at(20.5, 3.5) == -1
-
-
-def test_cells_fit_the_motion_of_a_foreign_robot_where_no_size_is_given(serd, drive_bag, mapping):
-    """It drives half a metre in a second."""
-    options = mapping("pose_topic: /amcl", "action_topic: /wish")
-    words = ("demos", drive_bag(**AMCL), *options)
-    assert serd(*words).code == 0
-    assert load_grid(GRID).cell_size_m == 0.5
-    assert load_yaml_model(RECORD, DemonstrationRecord).patience_s == 4.0
-    assert serd(*words, "--cell-size-m", 2).code == 0
-    assert load_yaml_model(RECORD, DemonstrationRecord).patience_s == 12.0
 
 
 def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
@@ -205,31 +173,6 @@ def write_table(path, header, rows):
     return path
 
 
-def test_of_tables_of_a_robot_among_people_the_robot_is_learned_from(serd, tmp_path):
-    """It drives east at 0.8 m/s, and two people come towards it."""
-    rng, files, robots = np.random.default_rng(3), [], []
-    time_s = np.arange(90) / 10
-    for run in range(4):
-        robots.append(np.column_stack([0.4 + 0.8 * time_s, 0.4 + rng.normal(size=90) / 100]))
-        rows = [
-            pd.DataFrame({"timestamp": (1e9 * (1000 * run + time_s)).astype(np.int64),
-                          "x": 9.0 - time_s, "y": y_m, "column": number,
-                          "robot_x": robots[-1][:, 0], "robot_y": robots[-1][:, 1],
-                          "robot_yaw_rad": 0.0})
-            for number, y_m in ((1, 1.2), (2, 2.0))
-        ]  # fmt: skip
-        files.append(tmp_path / f"run_{run}.csv")
-        pd.concat(rows).sort_values("timestamp", kind="stable").to_csv(files[-1], index=False)
-    ended = serd("demos", *files, "--cell-size-m", "0.8")
-    assert ended.code == 0
-    assert ended.out.count("robot demonstrates among 2 people") == len(files)
-    assert "flow of people: none was recorded" not in ended.out
-    decisions, grid = load_decisions(TABLE), load_grid(GRID)
-    for number, robot in enumerate(robots):
-        states = decisions.state[decisions.episode == number]
-        assert states.tolist() == list(dict.fromkeys(grid.states_at(robot).tolist()))
-
-
 def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_path, mapping):
     """20 people side by side walk east along y = 0.25 m and 0.75 m, in equal cells at one time."""
     rows = [
@@ -252,16 +195,6 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
     assert "pose_topic is not a known key" in refusal
 
 
-def test_people_of_a_bag_can_be_the_experts(serd, people_bag, mapping):
-    options = (*mapping("experts: people"), "--cell-size-m", 1, "--json")
-    values = serd("demos", people_bag, *options).values
-    assert values["bags"][0]["n_episodes"] == 2
-    assert values["flow"]["n_sightings"] == 60
-    grid, decisions = load_grid(GRID), load_decisions(TABLE)
-    assert decisions.hidden.all()
-    assert set(decisions.state.tolist()) == {grid.state_at(4.5, 8.5), grid.state_at(1.5, 8.5)}
-
-
 def test_an_area_says_what_is_walkable(serd, tmp_path):
     """Two people; one leaves the area."""
     rows = [(1, t, 0.5 + t, 0.5) for t in range(5)] + [(2, t, 1.5, 0.5 + t) for t in range(5)]
@@ -282,52 +215,12 @@ def test_an_area_says_what_is_walkable(serd, tmp_path):
         assert sentence in serd(*given).refusal
 
 
-def test_equal_decisions_of_several_tables_count_and_a_table_given_twice_once(serd, tmp_path):
-    """Times of each table begin at 0, and all robots drive through the same cells."""
-    paths = [
-        write_table(
-            tmp_path / f"run{number}.csv",
-            "t,x,y",
-            [(step / 10, 0.1 * step, 0.01 * number) for step in range(60)],
-        )
-        for number in range(3)
-    ]
-    one, three, twice = (
-        sum(bag["n_decisions"] for bag in serd("demos", *given, *words).values["bags"])
-        for words in [("--cell-size-m", 1, "--json")]
-        for given in (paths[:1], paths, [paths[0], paths[0]])
-    )
-    assert (one > 0, three, twice) == (True, 3 * one, one)
-
-
-def test_cells_where_people_walk_beside_a_robot_are_walkable_and_those_elsewhere_are_not(
-    serd, tmp_path
-):
-    rows = [
-        (step / 10, who, x_m, y_m)
-        for step in range(60)
-        for who, x_m, y_m in (
-            ("robot", 0.1 * step, 0.5),
-            ("anna", 6 - 0.1 * step, 3.5),
-            ("far", 500 + 0.1 * step, 900.0),
-        )
-    ]
-    path = write_table(tmp_path / "drive.csv", "t,id,x,y", rows)
-    assert serd("demos", path, "--cell-size-m", 1).code == 0
-    states = load_grid(GRID).states_at(np.array([[3, 3.5], [3, 4.5], [3, 6.5], [503.0, 900.0]]))
-    assert (states >= 0).tolist() == [True, True, False, False]
-
-
 @pytest.mark.parametrize(
     ("paths", "names"),
     [
-        (["bags/data/hallway/training"], ["training"]),
         (["run-1/bag", "run-2/bag"], ["run-1/bag", "run-2/bag"]),
         (["a/run-1/b", "b/run-1/b", "b/run-2/b"], ["a/run-1/b", "b/run-1/b", "b/run-2/b"]),
-        (["run-1/bag", "bag"], ["run-1/bag", "bag"]),
         (["run-1/bag", "run-1/bag"], ["bag", "bag"]),
-        (["/"], ["/"]),
-        ([], []),
     ],
 )
 def test_no_more_of_a_path_is_kept_than_tells_it_apart(paths, names):

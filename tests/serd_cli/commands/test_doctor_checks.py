@@ -6,30 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from serd_cli.commands import doctor as checks
-from serd_cli.processes.discovery import processes_discover_each_other
+from serd_cli.commands.doctor import processes_discover_each_other
 from serd_cli.processes.workspace import ros_environment
-
-
-def test_here_python_and_all_required_packages_work():
-    assert checks.python().state == "works"
-    assert next(checks.packages()).state == "works"
-
-
-@pytest.mark.parametrize(
-    ("missing", "subject", "state", "finding", "fix"),
-    [
-        ("numpy", "packages", "fails", "without numpy", "make setup"),
-        ("pyarrow", "extras", "optional", "not complete: parquet", "pip install 'serd[parquet"),
-    ],
-)
-def test_missing_packages_are_named_with_what_mends_it(
-    monkeypatch, missing, subject, state, finding, fix
-):
-    monkeypatch.setattr(checks, "distributions", lambda name: [] if name == missing else ["one"])
-    found = list(checks.packages())[-1]
-    assert (found.subject, found.state) == (subject, state)
-    assert found.finding.startswith(finding)
-    assert found.fix.startswith(fix)
 
 
 def test_a_full_disk_fails(tmp_path, monkeypatch):

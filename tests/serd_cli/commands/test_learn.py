@@ -7,10 +7,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
-from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
 from serd_core.bayes.draws import N_DRAWS
 from serd_core.grid.navigation import with_dwell_times
@@ -23,13 +22,14 @@ from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
 from support.commands import printed_in
+from support.made_once import made_once
 from tests.conftest import MEAN_S, OUTCOMES
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 WEIGHTS = {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.2}
 TRUTH = np.array(list(OUTCOMES.values()))
-QUICK = ("--method", "mdce_irl")
+QUICK = ("--method", "pm_serd")
 
 
 def write_demonstrations(folder, scenario="hallway", flow=None, n_episodes=30, **changes):
@@ -73,12 +73,16 @@ def demonstrations(tmp_path):
     return lambda *words, **options: write_demonstrations(tmp_path, *words, **options)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def by_default(tmp_path_factory):
     """What the default learns of 30 episodes: its values, and the folder with its files."""
-    folder = tmp_path_factory.mktemp("default")
-    table = write_demonstrations(folder)
-    return json.loads(printed_in(folder, "learn", table, "--json")), folder
+
+    def run(folder):
+        printed = printed_in(folder, "learn", write_demonstrations(folder), "--json")
+        (folder / "printed.json").write_text(printed)
+
+    folder = made_once(tmp_path_factory, "learned-by-default", run)
+    return json.loads((folder / "printed.json").read_text()), folder
 
 
 def test_the_expert_s_weights_lie_within_their_standard_errors(by_default):
@@ -95,16 +99,6 @@ def test_the_expert_s_weights_lie_within_their_standard_errors(by_default):
     assert len(model.draws.reward_weights) == N_DRAWS
 
 
-def test_true_times_of_moves_lie_near_their_intervals(by_default):
-    values, _ = by_default
-    times = {row["model"]: row for row in values["knowledge"]["durations"]}
-    for name, true_s in MEAN_S.items():
-        row = times[name]
-        assert row["lower_s"] / 1.3 < true_s < 1.3 * row["upper_s"]
-    mean_s = values["mean_dwell_s"]["with_flow"]
-    assert mean_s == pytest.approx(times["with_flow"]["median_s"], 0.05)
-
-
 def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(by_default):
     values, folder = by_default
     assert (values["scenario"], values["flow"], values["n_episodes"]) == ("hallway", "scenario", 30)
@@ -112,17 +106,6 @@ def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(b
     known = "posterior.csv", "durations.csv", "next_demonstration.csv", "next_demonstration.png"
     for name in known:
         assert (folder / f"model.{name}").stat().st_size > 100
-
-
-def test_states_alone_are_learned_from_where_no_method_counts_actions(serd, demonstrations):
-    table = demonstrations(n_episodes=60)
-    save_decisions(table, load_decisions(table).with_hidden_actions())
-    words = ("learn", table, "--method")
-    values = serd(*words, "mdce_serd_evidence", "--json").values
-    assert abs(values["outcome_probabilities"][0][1] - TRUTH[0, 1]) < 0.1
-    assert values["weight.goal"] > 0
-    refusal = serd(*words, "policy_matching").refusal
-    assert "where actions are hidden, got policy_matching, which counts actions" in refusal
 
 
 def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrations):
@@ -161,32 +144,6 @@ def test_without_a_scenario_the_goal_is_where_episodes_end_and_the_model_drives_
     assert "--scenario must be given" in serd("navigate", "model.yaml").refusal
 
 
-def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
-    table = demonstrations(n_episodes=6)
-    visited = np.unique(load_decisions(table).next_state)
-    starts = start_states_of(HALLWAY, GRID, "train")
-    unseen = np.setdiff1d(np.arange(GRID.n_states), [*visited, *starts])[0]
-    x_m, y_m = GRID.centers_m[unseen]
-    files = read_learning_files(table, discount=0.99, goals_m=((x_m, y_m),), scenario="")
-    assert files.n_reaching_goal == 0
-    (remark,) = files.remarks()
-    assert remark.startswith(f"no episode reaches the goal ({x_m:g},{y_m:g})")
-    assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", *QUICK).out
-    files = read_learning_files(table, discount=0.99, goals_m=(), scenario="")
-    assert 0 < files.n_reaching_goal <= 6
-    assert not tuple(files.remarks())
-
-
-def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
-    table = demonstrations(flow=np.full(GRID.n_states, -1), n_episodes=6)
-    words = ("--flow", "none", "--method", "mdce_serd", "--prior-weight", "1")
-    values = serd("learn", table, *words, "--json").values
-    assert not values["identified_without_prior"]
-    against, across = values["outcome_standard_errors"][1:3]
-    assert against == [None] * 5
-    assert None not in across
-
-
 #: What is changed in the files, words of the command and of its refusal.
 APART = (
     ({"patience_s": 1.0}, (), "patience_s must be 4 as in the scenario, got 1"),
@@ -194,7 +151,6 @@ APART = (
     ({"grid_fingerprint": "0"}, (), "but it is another; run 'serd demos' again"),
     ({"scenario": ""}, ("--flow", "scenario"), "--flow scenario needs a scenario"),
     ({}, ("--goal", "4.5,10.5", "--minimum-decisions", "99999"), "decisions before the goal are n"),
-    ({}, ("--goal", "4.5,10.5", "--minimum-decisions", "99999"), "(goal: 4.5,10.5); name another"),
 )
 
 
@@ -241,37 +197,10 @@ def test_files_of_decisions_with_a_period_are_refused_with_the_command_that_make
     "method", [name for name in get_args(MethodName) if not name.endswith("evidence")]
 )
 def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method):
-    table = demonstrations(n_episodes=6)
-    values = serd("learn", table, "--method", method, "--prior-weight", "0.1", "--json").values
-    assert values["method"] == method
-    assert values["converged"]
-    model = load_model(values["model"], expected_grid=GRID)
-    assert (model.method, model.fit.n_episodes) == (method, 6)
-    assert all(each.mean_s > 0.2 for each in model.outcome_models)
+    words = ("--method", method, "--prior-weight", "0.1", "--json")
+    values = serd("learn", demonstrations(), *words).values
+    assert (values["method"], values["converged"]) == (method, True)
+    assert load_model(values["model"], expected_grid=GRID).method == method
     strategy = load_strategy(values["model"], HALLWAY, "optimal")
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
-
-
-def test_the_evidence_decides_whether_the_expert_knows_the_dynamics(serd, demonstrations):
-    """The episodes are of an expert who does, and the model says so."""
-    words = ("--method", "mdce_serd_belief_evidence", "--json")
-    values = serd("learn", demonstrations(n_episodes=20), *words).values
-    assert "belief is equal to the truth" in values["belief"]
-    assert "Bayes factor" in values["belief"]
-    model = load_model(values["model"])
-    assert values["belief"] in model.prior
-    assert len(model.draws.reward_weights) == N_DRAWS
-    assert values["knowledge"] is not None
-
-
-def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):
-    words = [word for weight in ("0.1", "1000") for word in ("--prior-weight", weight)]
-    words += ["--method", "mdce_serd", "--json"]
-    values = serd("learn", demonstrations(n_episodes=8), *words).values
-    scores = values["validation_log_likelihoods"]
-    assert set(scores) == {"0.1", "1000.0"}
-    assert str(values["prior_weight"]) == max(scores, key=scores.get)
-    assert values["knowledge"] is None
-    prior = load_model(values["model"]).prior
-    assert f"weight {values['prior_weight']:g} (chosen on validation episodes)" in prior

@@ -1,7 +1,5 @@
 """`serd navigate`: predicted against measured, goals, resuming, and what is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -45,17 +43,6 @@ def test_the_table_says_what_the_numbers_are_of(serd, save_model_of):
         "if the prediction is right",
     ):
         assert sentence in ended.out
-
-
-def test_a_trapped_policy_drives_the_way_of_least_time_and_its_cells_are_counted(
-    serd, save_model_of
-):
-    path = save_model_of(reward_weights={"goal": 0.1, "inverse_wall_distance": -5.0})
-    ended = serd("navigate", path, *NEAR)
-    assert ended.code == 0, ended.err
-    words = " ".join(ended.out.split())
-    assert "1 episode: 1 arrived" in words
-    assert "cells the way of least expected time is taken instead" in words
 
 
 def test_an_interrupted_drive_goes_on_where_it_stopped_with_the_same_result(
@@ -140,14 +127,3 @@ def test_times_drawn_from_the_prediction_agree_with_it_and_late_ones_do_not(save
     low_s, high_s = right.predicted_band_s
     assert low_s < right.predicted_median_s < high_s
     assert right.covered == np.mean((drawn_s >= low_s - 1e-9) & (drawn_s <= high_s + 1e-9))
-
-
-def test_remarks_state_the_test_with_its_power(save_model_of):
-    strategy = load_strategy(str(save_model_of()), load_scenario("hallway"), "optimal")
-    found = compare(strategy, "train", [row(0, 30.0), row(1, 35.0), row(2, 40.0)])
-    patience = strategy.scenario.patience_remark
-    first = remarks(found, patience)[0]
-    for number in (found.largest_gap, found.gap_probability, found.detectable_delay, found.crps_s):
-        assert f"{number:.2f}" in first
-    blind = remarks(replace(found, detectable_delay=None), patience)[0]
-    assert "not even drives that take three times as long would be noticed" in blind

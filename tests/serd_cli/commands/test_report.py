@@ -3,22 +3,39 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_files.model_file import load_model
-from serd_files.yaml_config import model_yaml, save_yaml_model
-from serd_sim.scenario.grid import flow_of, grid_of
-from serd_sim.scenario.scenario import load_scenario
+from serd_app.errors import AppError
+from serd_app.navigation.evaluation.familiarity import familiarity_of
+from serd_bag.errors import FileError
+from serd_core.semi_markov.timed_decisions import TimedDecisions
 from support.bag_messages import Messages
 from support.commands import printed_in
 from support.foreign_bags import STEP_S, ForeignBag
-from tests.serd_cli.test_map_journey import SPEED_MPS, laps
+from support.made_once import made_once
 
+SPEED_MPS = 0.4
 FIGURES = {"forecast", "visitation", "policy", "outcomes", "gain", "surprises"}
+
+
+def laps(n_laps, rng):
+    """(T, 5) time, x, y, yaw, speed: through the door to the goal and back, standing nowhere."""
+    way = [(1.0, 1.0), (2.6, 1.2), (3.4, 2.2), (4.7, 2.2), (5.6, 3.4), (6.7, 3.9)]
+    points = np.array([way[0]])
+    for _ in range(n_laps):
+        there = np.array(way[1:]) + rng.normal(0.0, 0.05, (len(way) - 1, 2))
+        points = np.concatenate([points, there, np.array(way[-2::-1])])
+    steps_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    at_s = np.concatenate([[0.0], np.cumsum(steps_m) / SPEED_MPS])
+    time_s = np.arange(0.0, at_s[-1], STEP_S)
+    x, y = (np.interp(time_s, at_s, each) for each in points.T)
+    yaw = np.arctan2(np.gradient(y), np.gradient(x))
+    return np.stack([time_s, x, y, yaw, np.full(len(time_s), SPEED_MPS)], axis=1)
 
 
 def foreign_bag(folder):
@@ -32,20 +49,22 @@ def foreign_bag(folder):
     return bag.write(folder)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def three_commands(tmp_path_factory):
     """A folder in which three commands were run, and what they printed."""
-    folder = tmp_path_factory.mktemp("three")
-    bag = foreign_bag(folder / "bag")
-    printed = [
-        printed_in(folder, *words)
+
+    def run(folder):
+        bag, printed = foreign_bag(folder / "bag"), ""
         for words in (
             ("bag", "suggest", bag, "--output", "mapping.yaml"),
             ("demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
             ("learn", "decisions.csv", "--report", "report"),
-        )
-    ]
-    return folder, "".join(printed)
+        ):
+            printed += printed_in(folder, *words)
+        (folder / "printed.txt").write_text(printed)
+
+    folder = made_once(tmp_path_factory, "three-commands", run)
+    return folder, (folder / "printed.txt").read_text()
 
 
 @pytest.fixture
@@ -98,42 +117,97 @@ def test_one_demonstration_predicts_nothing_and_its_own_time_is_drawn(learned):
     assert "This is no prediction, because a prediction takes" in page
 
 
-def test_a_model_that_shuns_the_goal_predicts_nothing_and_is_reported_with_what_drives(learned):
-    model = load_model("model.yaml")
-    weights = {**dict.fromkeys(model.feature_names, 0.0), "goal": -1.0}
-    save_yaml_model(Path("model.yaml"), model.model_copy(update={"reward_weights": weights}))
-    ended = learned("report", "model.yaml", "--demonstrations", "decisions.csv", "--json")
-    found = json.loads(ended.out)
-    assert found["n_least_time_states"] > 20
-    assert found["n_trap_states"] == 0
-    assert found["no_prediction_because"][0].startswith("the learned policy does not arrive from")
-    assert "the way of least expected time is taken instead" in found["plan_remarks"][-1]
+def walks(path, y_m, seed, n=30):
+    """People walk 10 m east within a corridor, each in a lane around y."""
+    rng, lines = np.random.default_rng(seed), ["id,t,x,y"]
+    for agent in range(n):
+        lane_m, time_s, x_m = np.clip(y_m + rng.normal(0, 0.2), 0.1, 2.9), 100.0 * agent, 0.5
+        while x_m < 10.5:
+            lines.append(f"{agent},{time_s:.1f},{x_m:.3f},{lane_m:.3f}")
+            x_m += 0.1 * (1.0 + rng.normal(0, 0.1))
+            time_s += 0.1
+    # Two who walk across show the whole width of the corridor.
+    for agent in (n, n + 1):
+        start_s, x_m = 1e4 * agent, 5 * (agent - n) + 0.5
+        lines += [f"{agent},{start_s + y / 10:.1f},{x_m},{y / 10}" for y in range(30)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
 
 
-def test_a_model_of_an_older_version_is_reported_without_the_norm_of_a_place_without_people(
-    learned,
-):
-    model = load_model("model.yaml")
-    rows = tuple((*row, 7.1) for row in model.draws.reward_weights)
-    changes = {
-        "reward_weights": {**model.reward_weights, "social_norm": 7.1},
-        "draws": model.draws.model_copy(update={"reward_weights": rows}),
-    }
-    save_yaml_model(Path("model.yaml"), model.model_copy(update=changes))
-    found = json.loads(learned("report", "model.yaml", "--json").out)
-    assert set(found["reward_weights"]) == {"goal", "inverse_wall_distance"}
-    assert found["plan_remarks"][0].startswith("the model's weight of social_norm is not used")
+@pytest.fixture(scope="session")
+def people_model(tmp_path_factory):
+    """Learned from people who keep to the southern side."""
+
+    def run(folder):
+        people = walks(folder / "people.csv", 0.5, seed=0)
+        printed_in(folder, "demos", people, "--cell-size-m", 1)
+        printed_in(folder, "learn", "decisions.csv")
+
+    return made_once(tmp_path_factory, "people-who-keep-south", run)
 
 
-def test_a_recording_is_reported_against_a_model_of_a_scenario_with_people(serd, root, tmp_path):
-    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
-    place = tmp_path / "place.yaml"
-    place.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
-    assert serd("demos", bag, "--scenario", place).code == 0
-    assert serd("learn", "decisions.csv", "--method", "mdce_irl").code == 0
-    place.unlink()
-    for recorded in ("decisions.csv", bag):
-        ended = serd("report", "model.yaml", "--demonstrations", recorded)
-        assert ended.code == 0, ended.err
-    assert {"flow", "surprises", "visitation"} <= shown("report/report.html")
-    assert (flow_of(load_scenario("hallway"), grid_of(load_scenario("hallway"))) >= 0).any()
+@pytest.fixture
+def model(people_model, tmp_path):
+    """This test's own copy of the model, with its table."""
+    shutil.copytree(people_model, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "model.yaml"
+
+
+def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, model, tmp_path):
+    same = walks(tmp_path / "same.csv", 0.5, seed=1)
+    other = walks(tmp_path / "other.csv", 2.5, seed=2)
+    usual, unusual = (familiarity_of(model, [each]).as_json() for each in (same, other))
+    assert usual["n_hidden"] == usual["n_decisions"] > 0
+    assert f"decisions in {usual['n_episodes']} episodes" in usual["discretised"]
+    assert usual["mean_rank"] > unusual["mean_rank"]
+    assert usual["log_likelihood"] > unusual["log_likelihood"]
+    shown = serd("report", model, "--demonstrations", other, "--json").values
+    assert shown["familiarity"] == unusual
+    rows = Path("report/compared.csv").read_text().splitlines()
+    assert rows[0] == "episode,decisions,log_likelihood,simulated,rank,surprising"
+    ranks = [float(row.split(",")[4]) for row in rows[1:]]
+    assert ranks == sorted(ranks)
+    assert np.mean(ranks) == pytest.approx(unusual["mean_rank"])
+    assert sum(int(row.split(",")[5]) for row in rows[1:]) == unusual["n_surprising"] > 0
+    page = Path("report/report.html").read_text(encoding="utf-8")
+    assert "Least usual demonstrations" in page
+    assert f"mean rank {unusual['mean_rank']:.2f}" in page
+
+
+def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
+    people = walks(tmp_path / "again.csv", 0.5, seed=3)
+    table = tmp_path / "fine.csv"
+    assert serd("demos", people, "--cell-size-m", 0.5, "--output", table).code == 0
+    far = tmp_path / "far.csv"
+    far.write_text("t,x,y\n" + "".join(f"{n / 10},{500 + n / 10},900\n" for n in range(100)))
+    for trajectories, sentence in (
+        (table, "was learned with cells of 1 m, but"),
+        (far, "holds no decision on the grid of"),
+    ):
+        with pytest.raises((AppError, FileError), match=sentence):
+            familiarity_of(model, [trajectories])
+    model.with_suffix(".grid.yaml").unlink()
+    with pytest.raises(FileError, match=r"model\.grid\.yaml, which is written with it, must be be"):
+        familiarity_of(model, [people])
+
+
+def test_decisions_that_another_command_ended_are_not_scored(model, tmp_path):
+    """Of what they would have led to nothing is known; what was reached is scored as before."""
+    table = tmp_path / "decisions.csv"
+    before, whole = familiarity_of(model, [table]), load_decisions(table)
+    second = np.flatnonzero(whole.episode == whole.episodes[0])[1]
+    columns = whole.columns().items()
+    cut = TimedDecisions(**{name: np.insert(each, second, each[second]) for name, each in columns})
+    censored = np.arange(len(cut)) == second
+    ended = replace(
+        cut,
+        time_s=cut.time_s - 0.01 * censored,
+        next_state=np.where(censored, cut.state, cut.next_state),
+        dwell_s=np.where(censored, 0.01, cut.dwell_s),
+        censored=censored,
+    )
+    save_decisions(table, ended)
+    found = familiarity_of(model, [table])
+    assert len(load_decisions(table)) == len(whole) + 1
+    assert len(found.decisions) == len(before.decisions)
+    assert found.as_json() == before.as_json()

@@ -7,17 +7,11 @@ import pytest
 
 from serd_app.errors import TeleopError
 from serd_bag.errors import FileError
-from serd_cli.commands import watch as watch_module
-from serd_cli.commands.teleop import TeleopSettings
+from serd_cli.commands import launch as watch_module
+from serd_cli.commands.teleop import TeleopSettings, driver_lines, require_page
 from serd_cli.errors import UsageError
 from serd_cli.options import free_folder
-from serd_cli.processes.node_commands import stack_processes
-from serd_cli.processes.teleop_session import (
-    SessionSummary,
-    driver_lines,
-    require_page,
-    summarise_session,
-)
+from serd_cli.processes.workspace import stack_processes
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, Progress, report_address
 
@@ -79,14 +73,6 @@ def test_the_driver_sees_its_own_lines_and_everything_goes_into_the_log(
     for hidden in ("nothing of interest", "Exception", "x.py"):
         assert hidden not in printed
     assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 6
-
-
-def test_the_summary_counts_kept_and_discarded_episodes(tmp_path):
-    summary = SessionSummary({"arrived": 2, "cut_off": 1, "discarded": 3}, 17)
-    assert str(summary) == (
-        "3 episodes kept (2 arrived, 1 cut off), 3 discarded; 17 decisions by directions"
-    )
-    assert summarise_session(tmp_path / "no bag", "hallway") is None
 
 
 @pytest.mark.parametrize("as_json", [True, False])

@@ -59,9 +59,7 @@ def test_an_interrupt_and_a_closed_window_end_all_and_give_the_handler_back(numb
     talker = python("talker", "import time; print('ready', flush=True); time.sleep(3600)")
     with pytest.raises(KeyboardInterrupt):
         run_together(
-            [Process("sleeper", SLEEP), talker],
-            os.environ,
-            lambda *_: os.kill(os.getpid(), number),
+            [Process("sleeper", SLEEP), talker], os.environ, lambda *_: os.kill(os.getpid(), number)
         )
     assert signal.getsignal(number) is before
 

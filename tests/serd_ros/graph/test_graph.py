@@ -1,15 +1,24 @@
 """The graph description: known names only, parameters to the nodes that have them."""
 
+import json
+import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Generic
 
 import pytest
+import yaml
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
 
-from serd_ros.episodes.page_view import WatchView
+from serd_files.settings import settings_of
+from serd_files.yaml_config import model_yaml
+from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import (
     PACKAGE,
+    PATIENCE_S,
+    Readiness,
     class_of,
     config_of,
     find_stack,
@@ -19,10 +28,17 @@ from serd_ros.graph.graph import (
     placed_nodes,
     stack_parameters,
 )
-from serd_ros.nodes.bags.demo_recorder import DemoRecorderConfig
-from serd_ros.process.lifecycle import ManagedNode
-from serd_ros.process.serd_node import SerdNode
-from serd_ros.settings import NodeConfig
+from serd_ros.nodes.demo_recorder import DemoRecorderConfig
+from serd_ros.nodes.guard import GuardConfig
+from serd_ros.nodes.hallway_sim import HallwaySimConfig
+from serd_ros.nodes.local_planner import LocalPlannerConfig
+from serd_ros.nodes.watch_page import WatchView
+from serd_ros.process.serd_node import SerdNode, validated
+from serd_sim.planning.settings import PlannerSettings
+from serd_sim.scenario.names import builtin_scenarios
+from serd_sim.scenario.scenario import load_scenario
+from support.nodes_in_process import node_in_process
+from support.processes import outputs_of_processes
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -39,20 +55,12 @@ def test_every_module_of_the_nodes_is_in_the_graph():
     assert modules == set(map(_path_of, load_graph().nodes))
 
 
-def test_every_executable_makes_the_node_of_its_name():
-    for node in load_graph().nodes:
-        made = class_of(node)
-        assert made.__module__ == module_of(node)
-        assert issubclass(made, SerdNode)
-        assert issubclass(config_of(node), NodeConfig)
-
-
 def test_the_classes_of_a_node_above_rclpys_override_nothing_of_it():
     public = {name for name in dir(Node) if not name.startswith("_")}
     for kind in load_graph().nodes:
         ours = class_of(kind).mro()
         ours = [each for each in ours[: ours.index(Node)] if each is not Generic]
-        assert set(ours[1:]) <= {ManagedNode, SerdNode}
+        assert ours[1:] == [SerdNode]
         assert not public & {name for each in ours for name in vars(each)}
 
 
@@ -80,8 +88,6 @@ def test_all_that_the_page_shows_is_recorded_but_for_diagnostics():
         ("live", {"local_planner.scenario": "corridor"},
          {"local_planner.scenario": "corridor", "hallway_sim.scenario": "hallway"}),
         # A name does not reach a node to which the stack gives its own value.
-        ("replay_and_learn", {"bag": "drive"}, {"bag_replay.bag": "drive", "learner.bag": ""}),
-        ("replay_and_learn", {"learner.bag": "drive"}, {"learner.bag": "drive"}),
         ("demonstrate_and_learn", {"output": "drive"},
          {"demo_recorder.output": "drive", "learner.output": "model.yaml",
           "scripted_expert.output": ""}),
@@ -95,17 +101,6 @@ def test_a_parameter_reaches_the_nodes_that_it_means(stack, given, expected):
     assert "seed" not in layers.get("local_planner", {})
 
 
-def test_no_name_means_different_things_in_the_nodes_it_reaches():
-    for name, stack in load_graph().stacks.items():
-        for own in {"bag", "output"}:
-            reached = [
-                node
-                for node in stack.nodes
-                if own in config_of(node).model_fields and own not in stack.parameters.get(node, {})
-            ]
-            assert len(reached) <= 1, (name, own, reached)
-
-
 @pytest.mark.parametrize(
     ("stack", "name", "sentence"),
     [
@@ -114,7 +109,6 @@ def test_no_name_means_different_things_in_the_nodes_it_reaches():
         ("live", "hallway_sim.sede", "hallway_sim has no parameter 'sede'; did you mean 'seed'"),
         ("demonstrate", "required_nodes",
          "name the node: hallway_sim.required_nodes or local_planner.required_nodes"),
-        ("replay_and_learn", "bag_replay.rate", "parameter bag must be given, .*; add bag:=VALUE"),
     ],
 )  # fmt: skip
 def test_a_wrong_or_missing_name_gets_the_right_one(stack, name, sentence):
@@ -136,14 +130,246 @@ def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_d
     assert nodes["hallway_sim"].parameters["seed"] == 4
 
 
-@pytest.mark.parametrize(
-    ("name", "full"), [("", ""), ("/", ""), ("robot1", "/robot1"), ("/fleet/r_2/", "/fleet/r_2")]
-)
-def test_a_namespace_is_written_in_full(name, full):
-    assert full_namespace(name) == full
-
-
 @pytest.mark.parametrize("name", ["1robot", "robot-1", "a//b", "robot 1", "a/2"])
 def test_a_name_that_is_no_namespace_is_refused(name):
     with pytest.raises(NodeError, match="namespace must be letters"):
         full_namespace(name)
+
+
+RVIZ_TYPES = {
+    "LaserScan": "sensor_msgs/msg/LaserScan",
+    "Map": "nav_msgs/msg/OccupancyGrid",
+    "MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "Path": "nav_msgs/msg/Path",
+    "PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "Polygon": "geometry_msgs/msg/PolygonStamped",
+    "Pose": "geometry_msgs/msg/PoseStamped",
+    "SetGoal": "geometry_msgs/msg/PoseStamped",
+}
+#: A pose that is sent and not shown.
+SENT = "goal_pose"
+#: Its type, a String, has no display by itself.
+DESCRIPTION = "robot_description"
+
+
+def type_of(topic):
+    return topic_type(topic, stamped_cmd_vel=False)
+
+
+@pytest.fixture(scope="module")
+def shown():
+    """Published topics of the types that have a display, and the String that has one of its own."""
+    published = {topic for node in load_graph().nodes.values() for topic in node.publishes}
+    return {t for t in published if type_of(t).name in RVIZ_TYPES.values()} | {DESCRIPTION}
+
+
+def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
+    text = (root / "ros_ws/src/serd_ros/rviz/serd.rviz").read_text()
+    manager, found = yaml.safe_load(text)["Visualization Manager"], []
+    for each in (*manager["Displays"], *manager["Tools"]):
+        shown_by = each["Class"].partition("/")[2]
+        place = each.get("Description Topic" if shown_by == "RobotModel" else "Topic")
+        if place is None:
+            continue
+        kind = type_of(place["Value"])
+        assert kind.name == RVIZ_TYPES.get(shown_by, "std_msgs/msg/String")
+        if place.get("Durability Policy") == "Transient Local":
+            assert kind.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL, place
+        found.append(place["Value"])
+    assert sorted(found) == sorted(shown | {SENT})
+    assert any(each["Class"] == "rviz_default_plugins/TF" for each in manager["Displays"])
+
+
+def test_foxglove_shows_the_same_topics(root, shown):
+    layout = json.loads((root / "ros_ws/src/serd_ros/foxglove/serd.json").read_text())
+    panels = layout["configById"]
+    assert {topic.removeprefix("/") for topic in panels["3D!world"]["topics"]} == shown
+    assert panels["3D!world"]["publish"]["poseTopic"] == f"/{SENT}"
+    summary = panels["DiagnosticSummary!nodes"]["topicToRender"].removeprefix("/")
+    assert type_of(summary).name == "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@pytest.mark.parametrize("node", sorted(load_graph().nodes))
+def test_the_defaults_of_every_node_are_valid(node):
+    config = config_of(node)
+    assert validated(node, {}, config) == config(**config.defaults({}))
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"seed": -1}, "seed must be greater than or equal to 0, got -1"),
+        (
+            {"command_timeout_s": 0.8},
+            "command_timeout_s must be less than or equal to 0.5, got 0.8",
+        ),
+        ({"gui": "yes"}, "gui must be a boolean, got 'yes'"),
+        ({"lockstep_timeout_s": float("nan")}, "lockstep_timeout_s must be a finite number"),
+    ],
+)
+def test_a_bad_value_names_the_parameter_the_rule_and_the_value(values, sentence):
+    with pytest.raises(NodeError, match=f"parameter of hallway_sim: {sentence}"):
+        validated("hallway_sim", values, HallwaySimConfig)
+
+
+def config(scenario, **given):
+    """The config of the node: its defaults, then the scenario's, then the values given."""
+    return validated("local_planner", {"scenario": str(scenario), **given}, LocalPlannerConfig)
+
+
+@pytest.fixture
+def slow_corridor(tmp_path):
+    """A corridor whose robot is slower than usual and whose planner is slower still."""
+    corridor = load_scenario("corridor")
+    robot = corridor.robot.model_copy(update={"max_vel_x_mps": 0.9, "acc_lim_x_mps2": 2.0})
+    planner = PlannerSettings(max_vel_x=0.7, sim_time=2.0)
+    path = tmp_path / "slow.yaml"
+    changes = {"robot": robot, "local_planner": planner, "control_period_s": 0.1}
+    path.write_text(model_yaml(corridor.model_copy(update=changes)))
+    return path
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
+    parameters = LocalPlannerConfig.defaults({"scenario": name})
+    assert None not in parameters.values()
+    assert parameters == LocalPlannerConfig.defaults({})
+
+
+def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
+    scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
+    limited = scenario.local_planner.limited(scenario.robot)
+    assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
+    assert (scenario.local_planner.vx_samples, scenario.local_planner.sim_time) == (5, 2)
+    assert scenario.robot == load_scenario(slow_corridor).robot
+
+
+def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
+    scenario, given = config("hallway").planned_scenario(), load_scenario("hallway")
+    braking = {"decel_lim_x_mps2": given.robot.acc_lim_x_mps2}  # as planners accelerate
+    limited = scenario.local_planner.limited(scenario.robot)
+    assert limited == given.robot.model_copy(update=braking)
+    complete = given.local_planner.complete(given.robot, given.control_period_s)
+    assert scenario.local_planner == complete
+
+
+def test_a_guard_of_a_robot_that_accelerates_less_does_not_count_on_harder_braking():
+    def braking(**given):
+        return validated("guard", {"scenario": "hallway", **given}, GuardConfig).guard().braking
+
+    assert braking() == load_scenario("hallway").robot.decel_lim_x_mps2
+    assert braking(acc_lim_x=1.0) == 1.0
+    assert braking(acc_lim_x=1.0, decel_lim_x=3.0) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("namespace", "missing"), [("/robot1", ""), ("/robot2", "node guard"), ("/", "node guard")]
+)
+def test_required_nodes_are_looked_for_in_the_own_namespace(namespace, missing):
+    node = SimpleNamespace(
+        get_namespace=lambda: namespace,
+        get_node_names_and_namespaces=lambda: [("guard", "/robot1"), ("strategy", namespace)],
+        publishers=[],
+    )
+    assert Readiness(node, ["guard", ""], 0.0).missing(0.0) == missing
+
+
+def test_patience_begins_with_the_last_node_or_subscription_that_has_appeared():
+    """A learner that starts late is present long before it subscribes."""
+    present, count = [], [0]
+    poses = SimpleNamespace(topic_name="/robot_pose", get_subscription_count=lambda: count[0])
+    node = SimpleNamespace(
+        get_namespace=lambda: "/",
+        get_node_names_and_namespaces=lambda: present,
+        count_subscribers=lambda _: count[0],
+        resolve_topic_name=lambda name: f"/{name}",
+        publishers=[poses],
+    )
+    readiness = Readiness(node, ["learner"], 0.0)
+    assert readiness.missing(3.0 * PATIENCE_S) == "node learner"
+    present.append(("learner", "/"))
+    assert readiness.missing(4.0 * PATIENCE_S) == "subscribers of /robot_pose"
+    assert readiness.missing(4.9 * PATIENCE_S) == "subscribers of /robot_pose"
+    assert readiness.missing(5.0 * PATIENCE_S) == ""  # it is configured to subscribe to less
+    count[0] = 1
+    assert readiness.missing(5.1 * PATIENCE_S) == ""
+
+
+UNITS = {"s": "s", "m": "m", "mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "hz": "Hz", "mb": "MB"}
+#: Numbers that are counts or shares.
+WITHOUT_RANGE = {"sensor_x", "sensor_y", "sensor_yaw"}
+
+
+@pytest.fixture
+def given(tmp_path, save_model_of, small_bag):
+    return {
+        "strategy": {"model": str(save_model_of())},
+        "learner": {"output": str(tmp_path / "learned.yaml")},
+        "demo_recorder": {"output": str(tmp_path / "bag")},
+        "bag_replay": {"bag": str(small_bag())},
+        "teleop_page": {"port": 0},
+        "watch_page": {"port": 0},
+        "hallway_sim": {"people": 0},
+    }
+
+
+def other_value(parameter):
+    """A value of the same type that differs."""
+    value = parameter.value
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return f"{value}x"
+    return [*value, value[0]] if isinstance(value, list | tuple) else value + 1
+
+
+@pytest.mark.usefixtures("nav2_server")
+@pytest.mark.parametrize("kind", sorted(load_graph().nodes))
+def test_every_parameter_is_described_and_refuses_to_be_set(kind, given):
+    with node_in_process(kind, **given.get(kind, {})) as running:
+        node, config = running.node, config_of(kind)
+        for name in config.model_fields:
+            described, parameter = node.describe_parameter(name), node.get_parameter(name)
+            assert len(described.description) > 5, name
+            assert described.type == parameter.type_.value, name
+            assert not running.set(**{name: other_value(parameter)}).successful, name
+            assert node.get_parameter(name).value == parameter.value
+        running.assert_alive()
+
+
+def test_every_number_has_its_unit_and_its_range():
+    for kind in load_graph().nodes:
+        for setting in settings_of(config_of(kind)):
+            if setting.schema["type"] not in ("number", "integer"):
+                continue
+            assert setting.range or setting.name in WITHOUT_RANGE, setting.name
+            suffix = re.search(r"_([a-z0-9]+)$", setting.name)
+            if suffix and suffix[1] in UNITS:
+                assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
+
+
+def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
+    with node_in_process("guard") as running:
+        for value in (True, False):
+            assert running.set(use_sim_time=value).successful
+            running.call_timers()
+        running.assert_alive()
+
+
+_NODES = (
+    "hallway_sim", "guard", "local_planner", "scripted_expert", "demo_recorder", "teleop_mux",
+)  # fmt: skip
+
+
+def test_nodes_with_a_scenario_load_no_package_of_scipy():
+    """A stack starts half a dozen of them at once."""
+    lines = [
+        "import sys", *(f"import {module_of(node)}" for node in _NODES),
+        "from serd_sim.scenario.scenario import load_scenario", 'load_scenario("t_junction")',
+        "print(*sys.modules)",
+    ]  # fmt: skip
+    (output,) = outputs_of_processes("\n".join(lines), count=1)
+    loaded = set(output.split())
+    assert "serd_sim.scenario.scenario" in loaded
+    packages = {"sparse", "ndimage", "spatial", "special", "linalg", "optimize"}
+    assert not loaded & {f"scipy.{package}" for package in packages}

@@ -7,20 +7,17 @@ from functools import reduce
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import PointCloud2, PointField
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from serd_bag.errors import FileError
 from serd_ros.convert.diagnostics import values_of
-from serd_ros.episodes.page_view import episode_values
+from serd_ros.nodes.watch_page import episode_values
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 
 PARAMETERS = {
     "hallway_sim": {"people": 0},
-    "local_planner": {"people_from": "scan"},
     "teleop_page": {"port": 0},
     "teleop_mux": {"use_sim_time": True},
 }
@@ -84,7 +81,6 @@ CASES = [
     ("teleop_page", "scan", with_another_number_of_rays, "must have the 360 rays"),
     ("teleop_page", "robot_pose", setting("header.stamp.sec", -5), "stamp must be from 0 to"),
     ("local_planner", "intent", setting("vector.y", math.nan), "vector must be finite"),
-    ("local_planner", "scan", with_another_number_of_rays, "must have the 360 rays"),
     ("local_planner", "waypoint", setting("header.frame_id", "odom"), "joined with it by /tf, got"),
     (
         "scripted_expert",
@@ -183,33 +179,3 @@ def test_a_full_disk_ends_the_node_with_its_sentence_and_no_traceback(capsys):
         assert running.node.finished.result() == 2
         running.receive("e_stop", valid_message("e_stop", 0.0))
     assert capsys.readouterr().err == "teleop_mux: the disk is full; free some space\n"
-
-
-@pytest.mark.parametrize(
-    ("kind", "service", "asked"),
-    [
-        ("hallway_sim", "reset", Trigger.Request()),
-        ("teleop_mux", "set_e_stop", SetBool.Request(data=True)),
-        ("learner", "learn", Trigger.Request()),
-        ("demo_recorder", "stop_recording", Trigger.Request()),
-    ],
-)
-def test_a_service_answers_every_call_before_anything_else_has_come(kind, service, asked, tmp_path):
-    parameters = {
-        "learner": {"output": str(tmp_path / "model.yaml")},
-        "demo_recorder": {"output": str(tmp_path / "bag"), "record_at_start": False},
-        "hallway_sim": {"people": 0},
-    }
-    with node_in_process(kind, **parameters.get(kind, {})) as running:
-        for _ in range(3):
-            assert running.call(service, asked).message
-        running.assert_alive()
-
-
-def test_a_parameter_of_an_unknown_type_is_refused():
-    with node_in_process("teleop_mux") as running:
-        unknown = Parameter(name="rate_hz", value=ParameterValue(type=200))
-        response = running.call("set_parameters", SetParameters.Request(parameters=[unknown]))
-        assert not any(each.successful for each in response.results)
-        assert running.node.config.rate_hz == 50.0
-        running.assert_alive()

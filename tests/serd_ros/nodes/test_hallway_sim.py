@@ -2,6 +2,7 @@
 
 import math
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from xml.etree import ElementTree
 
 import pytest
@@ -11,28 +12,25 @@ from geometry_msgs.msg import Twist, Vector3
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from serd_app.drives.episode_spans import START, EpisodeMark
 from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.plain import transforms
-from serd_files.yaml_config import model_yaml
-from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.frames import Frames
-from serd_ros.convert.pose import to_goal_area_message
+from serd_ros.convert.motion import to_goal_area_message, to_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.followed_topic import TF_TYPE
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.endpoints.transforms import TF_TYPE
-from serd_ros.graph.readiness import PATIENCE_S
+from serd_ros.graph.graph import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
 from serd_sim.episodes.result import EpisodeStart
 from serd_sim.robot.urdf import BUILTIN_URDF
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until
-from support.wheeled_robots import physical, urdf_with
 
 
 @contextmanager
@@ -56,36 +54,18 @@ def driver_of(robot):
         driver.destroy_node()
 
 
-@contextmanager
-def viewer():
-    """A node that joins late; returns the messages of a latched topic when its first has come."""
-    node = rclpy.create_node("viewer")
-
-    def received(kind, topic):
-        taken = []
-        node.create_subscription(kind, topic, taken.append, qos.LATCHED, raw=True)
-        wait_until(lambda: taken, turn=lambda: rclpy.spin_once(node, timeout_sec=0.1))
-        return taken
-
-    try:
-        yield received
-    finally:
-        node.destroy_node()
-
-
-def description_and_frames(received, prefix=""):
-    """Text of `robot_description`, and the frames of /tf_static, as one who joins late has them."""
-    (text,) = received(String, f"{prefix}robot_description")
-    (data,) = received(TopicType(TF_TYPE).message, f"{prefix}tf_static")
-    frames = Frames()
-    for each in transforms(data, TF_TYPE, rosbags_types()):
-        frames.take(each, static=True)
-    return deserialize_message(text, String).data, frames
-
-
 def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
-    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"), viewer() as received:
-        text, frames = description_and_frames(received)
+    kinds, taken = {"robot_description": String, "tf_static": TopicType(TF_TYPE).message}, {}
+    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"):
+        viewer = rclpy.create_node("viewer")  # which joins late
+        for topic, kind in kinds.items():
+            take = partial(taken.__setitem__, topic)
+            viewer.create_subscription(kind, topic, take, qos.LATCHED, raw=True)
+        wait_until(lambda: len(taken) == 2, turn=lambda: rclpy.spin_once(viewer, timeout_sec=0.1))
+        viewer.destroy_node()
+    text, frames = deserialize_message(taken["robot_description"], String).data, Frames()
+    for each in transforms(taken["tf_static"], TF_TYPE, rosbags_types()):
+        frames.take(each, static=True)
     assert text == BUILTIN_URDF.read_text(encoding="utf-8")
     links = {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
     assert {f"robot1/{link}" for link in links} == set(frames.names)
@@ -94,18 +74,6 @@ def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
     assert len(placed) == 5
     assert {each.stamp_ns for each in placed.values()} == {None}
     assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
-
-
-@pytest.mark.parametrize("drive", ["kinematic", "physical"])
-def test_the_urdf_is_that_which_the_scenario_names_with_either_drive(drive, tmp_path):
-    urdf = urdf_with(tmp_path, ('xyz="0.2 0 0.031"', 'xyz="0.2 0 0.031" rpy="0 0.5 0"'))
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(model_yaml(physical(drive=drive, urdf=str(urdf))))
-    with node_in_process("hallway_sim", scenario=str(scenario)), viewer() as received:
-        text, frames = description_and_frames(received)
-    assert text == urdf.read_text(encoding="utf-8")
-    turned = frames.place("front_caster", "base_link", level=False).matrix
-    assert turned[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([math.sin(0.5), 0.0, math.cos(0.5)])
 
 
 def ask(robot):
@@ -164,14 +132,6 @@ def test_a_world_without_a_processor_for_long_sends_its_tick_again_and_goes_on(b
     assert time_after_command(begun) == 0.05
 
 
-def test_the_time_in_which_a_world_is_paused_is_no_silence(begun):
-    for paused in (True, False):
-        begun.call("pause", SetBool.Request(data=paused))
-        look(begun, 1.0, times=9)
-    assert not begun.node.finished.done()
-    assert time_after_command(begun) == 0.05
-
-
 def test_a_robot_in_its_goal_is_not_waited_for_until_the_goal_is_elsewhere(begun):
     for first_m, last_m, time_s in ((-100.0, 100.0, 0.05), (90.0, 100.0, 0.1)):
         corners = (first_m, first_m), (last_m, first_m), (last_m, last_m), (first_m, last_m)
@@ -212,9 +172,8 @@ def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
             for _ in range(5):
                 running.call_timers()
         elif between == "turn":
-            requests = running.node._requests
-            x_m, y_m, yaw_rad = requests._start_pose
-            requests._start_pose = x_m, y_m, yaw_rad + math.tau
+            x_m, y_m, yaw_rad = running.node._start_pose
+            running.node._start_pose = x_m, y_m, yaw_rad + math.tau
         found.append(ask(running))
         assert [episode_of(each).episode for each in found] == episodes
 

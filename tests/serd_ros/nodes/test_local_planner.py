@@ -1,12 +1,9 @@
 """Live, the planner answers each observation at once, and stops when they stop coming."""
 
-import math
-
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_intent
-from serd_ros.convert.pose import to_odometry, to_pose_stamped, to_waypoint_message
+from serd_ros.convert.motion import to_intent, to_odometry, to_pose_stamped, to_waypoint_message
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.nodes import local_planner
 from serd_sim.world.waypoint import Waypoint
@@ -81,47 +78,6 @@ def seen(monkeypatch):
     take = lambda _, observation: observations.append(observation)  # noqa: E731
     monkeypatch.setattr(local_planner.Planning, "_on_observation", take)
     return observations
-
-
-def test_amcl_pose_is_carried_on_by_odometry(seen):
-    given = {"people_from": "none", "pose_from": "amcl_pose", "stamp_tolerance_s": 0.3}
-    with node_in_process("local_planner", lockstep=False, **given) as running:
-        observe(running, 10.0, "odom")
-        assert seen == []
-        found = valid_message("amcl_pose", 9.98)
-        running.receive("amcl_pose", found)
-        odometry = valid_message("odom", 10.1)
-        odometry.pose.pose.position.x += 0.2
-        running.receive("odom", odometry)
-        (observation,) = seen
-        place = found.pose.pose.position
-        assert observation.time_s == pytest.approx(10.1)
-        moved_m = math.dist((observation.x_m, observation.y_m), (place.x, place.y))
-        assert moved_m == pytest.approx(0.2)
-
-
-def test_people_are_those_of_the_topic_that_is_named_for_them(seen):
-    with node_in_process("local_planner", people_topic="tracks", lockstep=False) as running:
-        running.receive("tracks", valid_message("pedestrians", 10.0))
-        observe(running, 10.0, "odom", "robot_pose")
-        (observation,) = seen
-        assert observation.people_position_m.tolist() == [[4.5, 12.0], [2.5, 9.0]]
-        assert "/pedestrians" not in {each.topic_name for each in running.node.subscriptions}
-
-
-def test_frames_with_the_prefix_of_the_robot_are_received_and_published():
-    given = {"frame_prefix": "robot1/", "stamped_cmd_vel": True, "lockstep": False}
-    with node_in_process("local_planner", **given) as running:
-        running.receive("waypoint", valid_message("waypoint", 10.0))
-        odometry = valid_message("odom", 10.0)
-        odometry.header.frame_id, odometry.child_frame_id = "robot1/odom", "robot1/base_link"
-        running.receive("odom", odometry)
-        observe(running, 10.0, "pedestrians", "robot_pose")
-        assert running.sent["cmd_vel_raw"].header.frame_id == "robot1/base_link"
-        odometry = valid_message("odom", 10.05)
-        odometry.header.frame_id = "robot2/odom"
-        running.receive("odom", odometry)
-        assert "got 'robot2/odom'" in str(running.rejected)
 
 
 class Lockstep:

@@ -8,7 +8,7 @@ import rclpy
 from domain_coordinator import domain_id
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import from_intent
+from serd_ros.convert.motion import from_intent
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import deliver
 from support.valid_messages import valid_message

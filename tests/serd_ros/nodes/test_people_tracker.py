@@ -95,22 +95,3 @@ def test_a_lidar_in_a_frame_of_its_own_is_placed_by_parameters_and_others_need_t
         assert running.node.callbacks.n_rejected == 1
         observe(running, 10.1)
         running.assert_alive()
-
-
-@pytest.mark.parametrize("later_s", [2000.0, 0.0])
-def test_a_jump_of_the_clock_begins_anew(later_s, running):
-    for time_s in (1000.0, later_s):
-        running.receive("scan", scan_at(time_s))
-        observe(running, time_s)
-        _, people = from_people_message(running.sent["pedestrians"])
-        assert people.identity.tolist() == [0]
-    assert running.published["pedestrians"] == 2
-
-
-def test_a_pose_that_is_missing_is_named():
-    with node_in_process("people_tracker", stamp_tolerance_s=0.3) as running:
-        running.wait(3.0)
-        running.call_timers()
-        ((name, message),) = statuses(running)
-        assert name == "people_tracker: observation"
-        assert message == "robot_pose has no publisher; odom has no publisher"

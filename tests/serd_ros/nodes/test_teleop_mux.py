@@ -8,7 +8,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_ros.convert.command import to_twist, to_twist_stamped
+from serd_ros.convert.motion import to_twist, to_twist_stamped
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 

@@ -1,20 +1,20 @@
 """Which intents and velocities the page's node publishes, and what counts as a decision."""
 
 import pytest
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import to_diagnostics
-from serd_ros.convert.pose import to_odometry, to_pose_stamped
+from serd_ros.convert.motion import from_intent, to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
-from serd_ros.episodes.page_view import episode_values
+from serd_ros.nodes.watch_page import episode_values
 from serd_sim.episodes.result import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 BEGIN_S, TICK_S = 50.0, 0.05
 NORTH, EAST, WAIT = Action.NORTH, Action.EAST, Action.WAIT
@@ -124,13 +124,6 @@ def test_a_held_direction_is_published_once_in_each_cell_and_release_stops(perso
     assert person.intents[-1][0] == pytest.approx(BEGIN_S + 5.05)
 
 
-def test_a_blocked_robot_gets_the_held_direction_again_after_patience(person):
-    person.drive("north", duration_s=9.0)
-    assert person.actions == [NORTH] * 3
-    since_s = [time_s - person.intents[0][0] for time_s, _ in person.intents]
-    assert since_s == pytest.approx([0.0, 4.0, 8.0])
-
-
 def test_decisions_count_from_the_first_direction_on_with_waits_of_a_second(person):
     person.drive(None)
     person.begin_episode()
@@ -148,16 +141,6 @@ def test_a_key_that_is_held_for_a_moment_drives_and_is_no_decision(held_s, n_dec
     driver.drive("east", duration_s=held_s)
     assert driver.actions == [NORTH, EAST]
     assert driver.episodes.n_decisions == n_decisions
-
-
-def test_a_key_that_is_held_while_the_stack_starts_counts_once_it_runs(person):
-    """Without a heartbeat before in which nothing was held, and while the process is late."""
-    for after_s in (0.05, 0.05, 0.8, 0.05, 1.5, 0.05):
-        person.beat("north", after_s)
-    assert person.actions == []
-    person.drive("north", 3.5, 4.3)
-    assert person.actions == [NORTH, NORTH]
-    assert not person.is_gone
 
 
 def test_a_key_that_is_held_while_an_episode_begins_decides_at_its_first_observation(person):
@@ -221,15 +204,6 @@ def test_a_key_pressed_in_the_e_stop_drives_neither_before_the_mux_confirms_it_n
     assert driver.actions[-1] is NORTH
 
 
-def test_keys_count_again_after_the_stop_was_pressed_twice_and_released_by_another(driver):
-    driver.beat(STOP)
-    driver.running.receive("e_stop_engaged", Bool(data=True))
-    driver.beat(STOP)
-    driver.running.receive("e_stop_engaged", Bool(data=False))
-    driver.press_anew("north")
-    assert driver.actions[-1] is NORTH
-
-
 @pytest.mark.parametrize(
     "event",
     [
@@ -282,3 +256,37 @@ def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did
     assert (drives_on and person.running.published["cmd_vel_teleop"] > driven) == (silent_s < 0.5)
     beat(0.0)
     assert beat(1.0)
+
+
+def test_the_page_has_the_layers_of_the_newest_model_and_a_bad_one_changes_nothing(
+    save_model_of, monkeypatch
+):
+    text, shown = save_model_of().read_text(), []
+    with node_in_process("watch_page", port=0) as running:
+        monkeypatch.setattr(running.node._server, "show_overlay", shown.append)
+        running.receive("model", String(data=text))
+        wait_until(lambda: shown)
+        (layers,) = shown
+        assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
+        assert "with flow 90 %" in layers["dynamics"]["note"]
+        for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):
+            running.receive("model", String(data=bad))
+        running.node.close()  # which waits for what is being solved
+        assert len(shown) == 1
+        running.assert_alive()
+
+
+def test_the_page_follows_a_stack_and_its_node_publishes_its_health_alone():
+    with node_in_process("watch_page", port=0) as running:
+        for topic in ("pedestrians", "odom", "episode", "robot_pose", "intent"):
+            running.receive(topic, valid_message(topic, 10.0))
+        state = running.node._view.watched_state(running.node.wall_s())
+        robot = valid_message("robot_pose", 10.0).pose.position
+        assert state["world"]["robot"][:2] == [robot.x, robot.y]
+        assert len(state["world"]["people"]) == 2
+        assert (state["is_stale"], state["episode"]["phase"]) == (False, "running")
+        assert state["episode"]["other_driver"]
+        own = {"/diagnostics", "/rosout", "/parameter_events"}
+        assert {each.topic_name for each in running.node.publishers} <= own
+        assert not list(running.node.clients)
+        running.assert_alive()

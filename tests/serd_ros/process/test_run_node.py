@@ -6,17 +6,15 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import pytest
 import rclpy
 from domain_coordinator import domain_id
 from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 
-from serd_ros.nodes.teleop.joy import TeleopJoyNode
-from serd_ros.process.exit_limit import process_ends_within
+from serd_ros.nodes.teleop_mux import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
-from support.nodes_in_process import node_in_process
 from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -92,24 +90,43 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
 
 
-def test_a_second_node_of_the_name_is_logged_once_each_time_that_it_appears(monkeypatch):
-    warnings = []
-    with node_in_process("teleop_joy") as running:
-        node = running.node
-        own = node.get_name(), node.get_namespace()
-        monkeypatch.setattr(node, "get_logger", lambda: SimpleNamespace(warning=warnings.append))
-        for n_nodes, n_warnings in ((1, 0), (2, 1), (2, 1), (1, 1), (3, 2)):
-            found = [own] * n_nodes + [("teleop_joy", "/other")]
-            monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda found=found: found)
-            node._warn_of_namesakes()
-            assert len(warnings) == n_warnings
-    assert "3 nodes are named /teleop_joy" in warnings[-1]
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+@pytest.mark.parametrize("fault", ["a service that is gone", "no response"])
+def test_an_answer_that_cannot_be_sent_ends_no_node(fault):
+    asked, sent = [], []
+
+    def make_node():
+        node = TeleopJoyNode("teleop_joy")
+        scope = node.endpoints.scope()
+
+        def end_service(_):
+            asked.append(True)
+            node.endpoints.destroy(scope)
+            return "too late"
+
+        if fault == "no response":
+            node.create_service(Trigger, "ask", lambda *_: asked.append(True))
+        else:
+            scope.serve(Trigger, "ask", end_service)
+        client = node.endpoints.client(Trigger, "ask")
+
+        def look():
+            if asked:
+                node.finish(0)
+            elif client.service_is_ready() and not sent:
+                sent.append(client.call_async(Trigger.Request()))
+
+        node.endpoints.every(0.01, look)
+        return node
+
+    assert run_node(make_node) == 0
+    assert asked
 
 
 HANGING_NODE = """
 import ctypes
-from serd_ros.nodes.teleop.joy import TeleopJoyNode
-from serd_ros.process.exit_limit import process_ends_within
+from serd_ros.nodes.teleop_mux import TeleopJoyNode
 from serd_ros.process.run_node import run_node
 
 
@@ -135,21 +152,6 @@ def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code():
     program = [sys.executable, "-c", HANGING_NODE]
     ended = subprocess.run(program, stdout=subprocess.PIPE, text=True, check=False)
     assert (ended.returncode, ended.stdout) == (2, "closed\n")
-
-
-LIMITED = """
-import time
-from serd_ros.process.exit_limit import process_ends_within
-with process_ends_within(9, 50):
-    pass
-time.sleep(0.2)  # what returned in time goes on
-"""
-
-
-def test_what_returns_in_time_goes_on_and_an_error_inside_is_raised():
-    assert subprocess.run([sys.executable, "-c", LIMITED], check=False).returncode == 0
-    with pytest.raises(ValueError, match="inside"), process_ends_within(1, 60_000):
-        raise ValueError("inside")
 
 
 MANY = 1_000_000

@@ -1,1 +1,0 @@
-"""The simulated world as nodes meet it: its clock, its robots, and other worlds."""

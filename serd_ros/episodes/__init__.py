@@ -1,1 +1,0 @@
-"""Nodes that drive episodes: resets, marks, results."""

@@ -1,0 +1,165 @@
+"""bag_replay: plays a bag into its topics, as a ROS 2 node.
+
+A learner, a recorder or a viewer subscribes as to the recorded world. Bag time is that of the log
+times; a recorded /clock is played as any other topic.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import ReliabilityPolicy
+
+from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
+from serd_bag.formats.rosbag2.qos import profile_to_offer
+from serd_bag.playback import Excerpt, Playback, UntilDamage
+from serd_bag.reader import BagReader
+from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
+from serd_ros.convert.diagnostics import ERROR, OK
+from serd_ros.endpoints import qos
+from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.endpoints.topic_types import message_class
+from serd_ros.errors import NodeError
+from serd_ros.graph.graph import Readiness
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.settings import BagReplayConfig
+
+_TURN_S = 0.005
+_AT_ONCE = 200
+_REPORT_PERIOD_S = 0.5
+#: The longest wait (s) for a subscriber where no node is required.
+_WAIT_S = 10.0
+_CONFIRMED_WITHIN = Duration(seconds=10.0)
+_UNCONFIRMED_AT_MOST = qos.STATE_DEPTH // 2
+
+
+class ReplayPublishers:
+    """One publisher for each recorded topic; skipped: types of those that cannot be played."""
+
+    def __init__(self, endpoints: Endpoints, topics: Iterable[Topic]) -> None:
+        self.skipped: dict[str, str] = {}
+        self._of: dict[str, Publisher] = {}
+        self._n_unconfirmed: Counter[str] = Counter()
+        for topic in topics:
+            message = message_class(resolve_type_if_known(topic.message_type))
+            if message is None or topic.encoding != CDR:
+                self.skipped[topic.name] = topic.type_name
+                continue
+            profile = qos.replay_qos(profile_to_offer(topic.qos))
+            self._of[topic.name] = endpoints.publisher(message, topic.name, profile)
+        if not self._of:
+            types = ", ".join(sorted(set(self.skipped.values()))) or "nothing"
+            raise NodeError(f"bag must hold a topic of messages in CDR, got {types}")
+
+    @property
+    def topics(self) -> Collection[str]:
+        """Topics that can be played."""
+        return self._of.keys()
+
+    def publish(self, messages: Iterable[RawMessage]) -> None:
+        """Send them; at times wait for reliable readers, so that none is overrun."""
+        for message in messages:
+            topic = message.topic
+            self._of[topic].publish(message.data)
+            self._n_unconfirmed[topic] += 1
+            if self._n_unconfirmed[topic] >= _UNCONFIRMED_AT_MOST:
+                self._confirm(topic)
+
+    def finish(self) -> None:
+        """Wait until everything has arrived."""
+        for topic in list(self._n_unconfirmed):
+            self._confirm(topic)
+
+    def _confirm(self, topic: str) -> None:
+        self._n_unconfirmed[topic] = 0
+        publisher = self._of[topic]
+        if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+            publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether any topic has a subscriber."""
+        return any(publisher.get_subscription_count() for publisher in self._of.values())
+
+
+class BagReplayNode(SerdNode[BagReplayConfig]):
+    """Waits for subscribers, then publishes every message at its time."""
+
+    config_class = BagReplayConfig
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        config, endpoints, now_s = self.config, self.endpoints, self.wall_s()
+        self._reader = BagReader(config.bag)
+        kinds = self._reader.topics
+        wanted = selected_topics(kinds, [name for name in config.topics if name])
+        self._outlet = ReplayPublishers(endpoints, [kinds[name] for name in wanted])
+        for topic, kind in self._outlet.skipped.items():
+            text = f"{topic} is not played: {kind} is not in CDR or not installed"
+            self.get_logger().warning(text)
+        excerpt = Excerpt(frozenset(self._outlet.topics), config.start_s, math.inf)
+        self._n_sent = 0
+        self._readiness = Readiness(self, config.required_nodes, now_s)
+        self._waiting_until_s: float | None = now_s + _WAIT_S
+        self._sound = UntilDamage(excerpt.messages(self._reader))
+        self._playback = Playback(self._sound, rate=config.rate)
+        self._require_messages()
+        endpoints.every(_TURN_S, self._turn)
+        endpoints.every(_REPORT_PERIOD_S, self._report_playback)
+
+    def _require_messages(self) -> None:
+        if self._sound.damage:
+            raise NodeError(self._sound.damage)
+        if self._playback.finished:
+            raise NodeError(
+                f"bag {self.config.bag} must hold a message to play, got none from"
+                f" {self.config.start_s:g} s on; begin earlier, or play other topics"
+            )
+
+    def _turn(self) -> None:
+        if self._waiting_until_s is not None and not self._has_subscribers():
+            return
+        messages = self._playback.due(self.wall_s(), at_most=_AT_ONCE)
+        self._outlet.publish(messages)
+        self._n_sent += len(messages)
+        if self._playback.finished:
+            self._end()
+
+    def _has_subscribers(self) -> bool:
+        """Whether all required nodes subscribe, or without them any node, or the wait is over."""
+        assert self._waiting_until_s is not None
+        now_s = self.wall_s()
+        missing = self._readiness.missing(now_s)
+        required = any(self.config.required_nodes)
+        is_ready = not missing and (required or self._outlet.has_subscriber)
+        if is_ready or (not required and now_s >= self._waiting_until_s):
+            self._waiting_until_s = None
+            return True
+        waited_for = missing or "a subscriber"
+        self.get_logger().info(f"waiting for {waited_for}", throttle_duration_sec=2.0)
+        return False
+
+    def _bag_time_s(self) -> float:
+        return self._playback.bag_time_ns(self.wall_s()) * 1e-9
+
+    def _report_playback(self) -> None:
+        if self._waiting_until_s is not None:
+            return
+        playback = self._playback
+        state = "finished" if playback.finished else "playing"
+        damage = self._sound.damage
+        values = {"messages": self._n_sent, "rate": self.config.rate, "bag": self.config.bag}
+        level = ERROR if damage else OK
+        self.report(self._bag_time_s(), values, level=level, message=damage or state)
+
+    def _end(self) -> None:
+        """All sound messages have been played; a damaged bag ends the node with the damage."""
+        self._outlet.finish()
+        self._report_playback()
+        if damage := self._sound.damage:
+            self.fail(damage)
+            return
+        self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
+        self.finish(0)

@@ -1,1 +1,0 @@
-"""Nodes that write topics to recordings, and publish recordings."""

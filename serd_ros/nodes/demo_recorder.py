@@ -1,0 +1,193 @@
+"""demo_recorder: writes topics as they come into a rosbag2 MCAP bag, as a ROS 2 node.
+
+The log time of a message is when it was received, its publish time when it was published. Where
+`use_sim_time` is true, or /clock has a publisher when the first message of a recording comes, both
+are simulated time instead (`bags/serd_bag/messages/times.py`).
+"""
+
+import sys
+import time
+from collections.abc import Iterable
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+from serd_bag.errors import BagError
+from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.messages.times import RecordingClock
+from serd_bag.recorder import BagRecorder
+from serd_bag.recorder_settings import RecorderSettings
+from serd_files.settings import setting, setting_of
+from serd_ros.convert.diagnostics import ERROR, OK, WARN
+from serd_ros.convert.stamp import require_time
+from serd_ros.endpoints import topics
+from serd_ros.endpoints.endpoints import Endpoints
+from serd_ros.endpoints.followed_topic import FollowedTopic, Received
+from serd_ros.endpoints.qos import bag_qos
+from serd_ros.endpoints.topic_types import TopicType, named_topic
+from serd_ros.errors import MessageError, NodeError
+from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.settings import ManagedConfig, StackConfig
+
+_POLL_PERIOD_S = 0.1
+_REPORT_PERIOD_S = 1.0
+#: At its end it takes messages until no more come, at most for the product of these.
+_LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
+_RECORDER = RecorderSettings()
+_RECORDED = (
+    topics.CLOCK, topics.ODOM, topics.ROBOT_POSE, topics.SCAN, topics.PEDESTRIANS, topics.MAP,
+    topics.CMD_VEL, topics.INTENT, topics.WAYPOINT, topics.EPISODE,
+)  # fmt: skip
+
+
+class DemoRecorderConfig(ManagedConfig):
+    """Parameters of demo_recorder."""
+
+    output: str = setting("recording", "folder of the bag; must not exist", min_length=1)
+    topics: tuple[str, ...] = setting(
+        _RECORDED,
+        'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
+        " recorded from its first publisher on, with the quality of service of its publishers",
+        min_length=1,
+    )
+    stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
+    minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
+
+
+class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
+    """Records while it is active."""
+
+    config_class = DemoRecorderConfig
+
+    def __init__(self, kind: str) -> None:
+        #: The bags of this process.
+        self._bags: list[Path] = []
+        super().__init__(kind)
+
+    def configure(self) -> Activate:
+        """Look up the types of the topics, by their full names."""
+        kinds: dict[str, TopicType] = {}
+        for text in self.config.topics:
+            topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
+            name = self.resolve_topic_name(topic)
+            if name in kinds:
+                rule = f"topics must name each topic once, got {name} twice"
+                raise NodeError(f"{rule}; leave one out")
+            kinds[name] = kind
+        return partial(Recording, kinds, self._bags)
+
+
+class Recording(Activity):
+    """Subscribes raw and records; each activation begins a bag, `output`, `output-2`, ..."""
+
+    def __init__(self, kinds: dict[str, TopicType], bags: list[Path], endpoints: Endpoints) -> None:
+        self._node, self._config, self._bags = endpoints.node, endpoints.node.config, bags
+        self._clock_topic = self._node.resolve_topic_name(topics.CLOCK)
+        self._recording_clock: RecordingClock | None = None
+        self._topics = {
+            name: FollowedTopic(endpoints, name, kind, self._take) for name, kind in kinds.items()
+        }
+        self._recorder: BagRecorder | None = self._begun()
+        for topic in self._topics.values():
+            self._declare(topic)
+        endpoints.every(_POLL_PERIOD_S, self._poll)
+        endpoints.every(_REPORT_PERIOD_S, self._report)
+
+    def close(self) -> None:
+        """Finish the bag, with all that has come in."""
+        for _ in range(_LAST_LOOKS):
+            recorded = self._record_what_waits()
+            time.sleep(_LOOK_AGAIN_S)  # the middleware may still be receiving
+            if not recorded and not self._record_what_waits():
+                break
+        self._finish_bag()
+
+    def _record_what_waits(self) -> bool:
+        """Whether anything did; in the order of receipt, as it would have been recorded."""
+        waiting = [each for topic in self._topics.values() for each in topic.waiting()]
+        for each in sorted(waiting, key=lambda each: each.received_ns):
+            self._topics[each.topic].take(each)
+        return bool(waiting)
+
+    def _finish_bag(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            status = recorder.close()
+            # Not the logger: its topic is gone once the process has received a signal.
+            summary = f"demo_recorder: {status.n_messages} messages in {recorder.directory}"
+            print("; ".join([summary, *self._silences()]), file=sys.stderr, flush=True)
+
+    def _silences(self) -> list[str]:
+        return [topic.silence for topic in self._topics.values() if topic.silence]
+
+    def _take(self, message: Received) -> None:
+        name = message.topic
+        try:
+            stamp_ns = message_stamp_ns(message.data) if self._topics[name].stamped else 0
+        except BagError as error:
+            raise MessageError("message must begin with a stamp", error, "correct it") from None
+        if name == self._clock_topic:
+            require_time(stamp_ns)
+        if self._recording_clock is None:
+            self._recording_clock = RecordingClock(simulated=self._is_simulated(name))
+        times_ns = self._recording_clock.times_ns(
+            stamp_ns, message.received_ns, message.sent_ns, is_clock=name == self._clock_topic
+        )
+        recorder = self._recorder
+        if recorder is not None and not recorder.record(name, message.data, *times_ns):
+            self._end_with_the_problem(recorder)
+
+    def _is_simulated(self, first_topic: str) -> bool:
+        """Whether there is a /clock; its publisher is known before any message of a world."""
+        node, clock = self._node, self._clock_topic
+        expected = bool(node.get_parameter("use_sim_time").value)
+        return expected or first_topic == clock or node.count_publishers(clock) > 0
+
+    def _poll(self) -> None:
+        self._look_at([topic for topic in self._topics.values() if not topic.is_subscribed])
+        if self._recorder is not None:
+            self._recorder.poll()
+            if not self._recorder.status.recording:
+                self._end_with_the_problem(self._recorder)
+
+    def _look_at(self, followed: Iterable[FollowedTopic]) -> None:
+        for topic in followed:
+            if topic.look():
+                self._declare(topic)
+
+    def _declare(self, topic: FollowedTopic) -> None:
+        if self._recorder is not None and topic.is_subscribed:
+            offered = tuple(dict.fromkeys(map(bag_qos, topic.offered)))
+            self._recorder.add_topic(topic.name, topic.kind.name, offered)
+
+    def _end_with_the_problem(self, recorder: BagRecorder) -> None:
+        """The bag is kept and closed; the process ends, and with it the stack and the drive."""
+        self._report()
+        self._finish_bag()
+        self._node.fail(recorder.status.problem)
+
+    def _begun(self) -> BagRecorder:
+        settings = RecorderSettings(min_free_bytes=round(self._config.minimum_free_mb * 1e6))
+        output = folder = Path(self._config.output)
+        numbers = count(2)
+        while self._bags and folder.exists():
+            folder = output.with_name(f"{output.name}-{next(numbers)}")
+        self._bags.append(folder)
+        return BagRecorder(folder, settings=settings)
+
+    def _report(self) -> None:
+        self._look_at(self._topics.values())
+        if self._recorder is None:
+            return
+        status, silences = self._recorder.status, "; ".join(self._silences())
+        values = {
+            "recording": status.recording,
+            "messages": status.n_messages,
+            "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
+            "bag_mb": status.size_bytes / 1e6,
+            "free_mb": status.free_bytes / 1e6,
+        }
+        clock = self._recording_clock
+        time_s = 0.0 if clock is None else clock.now_ns * 1e-9
+        level = ERROR if not status.recording else WARN if silences else OK
+        self._node.report(time_s, values, level=level, message=status.problem or silences)

@@ -1,1 +1,0 @@
-"""Nodes by which a person drives: inputs by keys, joystick and web page, and their mux."""

@@ -1,0 +1,118 @@
+"""What the recorder reports of a recording."""
+
+import time
+
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, Twist
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+from serd_bag.reader import BagReader
+from serd_files.errors import USER_ERRORS
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos
+from serd_ros.errors import NodeError
+from support.nodes_in_process import node_in_process
+from support.waiting import PATIENCE_S, wait_until
+
+POSE = PoseStamped()  # without a stamp
+
+
+@pytest.fixture
+def record(tmp_path):
+    """A recorder of some topics into the folder bag."""
+
+    def start(*topics, **more):
+        given = {"output": str(tmp_path / "bag"), "topics": [*topics], "minimum_free_mb": 0.0}
+        return node_in_process("demo_recorder", **given, **more)
+
+    return start
+
+
+def test_a_discarded_episode_is_recorded_and_not_counted(record, messages):
+    with record("episode") as running:
+        for number, outcome in enumerate(("discarded", "timeout")):
+            for event, ending in (("start", ""), ("end", outcome)):
+                running.receive("episode", messages.mark(10.0 * number, event, number, ending))
+        running.call_timers()
+        values = values_of(running.sent["diagnostics"], "demo_recorder")
+    assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_a_clock_beyond_every_stamp_is_rejected_and_the_status_still_published(record):
+    with record("/clock") as running:
+        for clock in (Time(sec=3), Time(sec=2**31 - 1, nanosec=2**31 - 1)):
+            running.receive("clock", serialize_message(Clock(clock=clock)))
+        running.call_timers()
+        values = values_of(running.sent["diagnostics"], "demo_recorder")
+        assert values["messages"] == "1"
+        assert "stamp must be from 0 to" in str(running.rejected)
+
+
+def test_the_clock_of_a_remapped_topic_is_looked_at(record, messages):
+    with record("episode", remappings=["/clock:=/robot1/clock"]) as running:
+        running.node.create_publisher(Clock, "/robot1/clock", qos.CLOCK)
+        wait_until(lambda: running.node.count_publishers("/robot1/clock"))
+        running.receive("episode", messages.mark(10.0, "start", 0, ""))
+        assert running.work._recording_clock.simulated
+
+
+def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_out(
+    record, tmp_path
+):
+    with record("odom") as running:
+        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
+        wait_until(odometry.get_subscription_count)
+        for message in (bytes([0, 1, 0, 0, 1, 0]), Odometry()):
+            odometry.publish(message)
+        assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+    (kept,) = BagReader(tmp_path / "bag").messages()
+    assert kept.topic == "/odom"
+
+
+def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(record, tmp_path):
+    with record("/clock", "robot_pose", "cmd_vel") as running:
+        for time_s in (900.0, 5.0):
+            clock = Clock(clock=to_stamp(time_s))
+            for topic, message in (("clock", clock), ("cmd_vel", Twist()), ("robot_pose", POSE)):
+                running.receive(topic, serialize_message(message))
+    messages = BagReader(tmp_path / "bag").messages({"/cmd_vel", "/robot_pose"})
+    assert [each.log_time_ns for each in messages] == [900 * 10**9] * 2 + [5 * 10**9] * 2
+
+
+def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(tmp_path):
+    topics = ["odom", "/odom:nav_msgs/msg/Odometry"]
+    with (
+        pytest.raises(USER_ERRORS, match="each topic once, got /odom twice"),
+        node_in_process("demo_recorder", output=str(tmp_path / "bag"), topics=topics),
+    ):
+        pass
+    assert not (tmp_path / "bag").exists()
+
+
+def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_path):
+    """Stamps of a faulty sensor: an hour ahead, backwards, and before all time."""
+    began_ns, now_s = time.time_ns(), int(time.time())
+    with record("odom") as running:
+        for sec in (now_s + 3600, now_s, now_s - 100, 0, -1):
+            message = Odometry()
+            message.header.stamp.sec = sec
+            running.receive("odom", serialize_message(message))
+    times_ns = [each.log_time_ns for each in BagReader(tmp_path / "bag").messages()]
+    assert len(times_ns) == 5
+    assert times_ns == sorted(times_ns)
+    assert began_ns <= times_ns[0]
+    assert times_ns[-1] <= time.time_ns()
+
+
+def test_an_empty_part_of_a_bag_is_rejected_before_playing(small_bag):
+    given = {"bag": str(small_bag()), "start_s": 99999.0}
+    with (
+        pytest.raises(NodeError, match=r"must hold a message to play, got none from 99999 s on"),
+        node_in_process("bag_replay", **given),
+    ):
+        pass
