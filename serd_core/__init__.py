@@ -14,30 +14,41 @@ from typing import Any
 
 __version__ = "0.3.0"
 
-_LAB = "the authors' lab has it"
 #: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
 _LEFT = {
     **dict.fromkeys(
         ("DwellTimes", "arrival_time_distribution", "renewal_chain", "semi_markov_arrival"),
         "use timed_arrival, which takes problems without dwell times too",
     ),
+    **dict.fromkeys(
+        (
+            "EntropyPrior",
+            "GradientAscent",
+            "NormPrior",
+            "dynamics_divergence",
+            "fit_routes",
+            "multi_start",
+            "posterior_modes",
+            "sample_posterior",
+        ),
+        "the authors' lab has it",
+    ),
+    "BeliefAroundTruth": "use CoupledBelief, or FreeBelief with a prior on each block",
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
-    "EntropyPrior": _LAB,
-    "GradientAscent": _LAB,
-    "NormPrior": _LAB,
+    "SparseModel": "use fixed_transitions or learned_transitions",
     "adjusted_rand_index": "use sklearn.metrics.adjusted_rand_score",
+    "bootstrap": "fit anew to decisions.select_episodes of drawn episodes",
+    "compare_beliefs": "compare laplace(...).log_evidence of fits under either belief",
+    "counted_transitions": "use from_transitions of the counts",
     "counterfactual_policy": "use soft_policy(problem, weights, belief)",
+    "credible_intervals": "use numpy.quantile of the draws",
+    "dynamics_draws": "use laplace_draws(found, rng, n).truth",
     "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
-    "fit_routes": _LAB,
+    "from_gymnasium": "use from_transitions (docs/library.md)",
     "load": "unpickle what you pickled",
-    "multi_start": _LAB,
-    "posterior_modes": _LAB,
-    "sample_posterior": _LAB,
+    "mean_discounted_outcomes": "use transitions.local_probabilities(draws).mean(axis=0)",
     "save": "pickle the record",
-    "score_test": "use likelihood_ratio_test of two fits",
-    "two_step_standard_errors": "use bootstrap with both steps in the estimate",
     "with_choice_cost": "append the feature -log |A(s)| to those of the problem",
-    "vuong_test": "use likelihood_ratio_test of two fits",
 }
 
 

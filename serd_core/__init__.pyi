@@ -7,8 +7,6 @@ from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
 from serd_core.ascent.trust_region import NewtonAscent as NewtonAscent
 from serd_core.ascent.trust_region import TrustRegion as TrustRegion
-from serd_core.bayes.belief_comparison import compare_beliefs as compare_beliefs
-from serd_core.bayes.draws import credible_intervals as credible_intervals
 from serd_core.bayes.draws import laplace_draws as laplace_draws
 from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import expected_information_gain as expected_information_gain
@@ -26,10 +24,8 @@ from serd_core.demonstrations.decisions import Decisions as Decisions
 from serd_core.demonstrations.decisions import decisions_from_columns as decisions_from_columns
 from serd_core.demonstrations.decisions import decisions_from_episodes as decisions_from_episodes
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
-from serd_core.dynamics.estimation import counted_transitions as counted_transitions
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels as OutcomeModels
-from serd_core.dynamics.sparse_model import SparseModel as SparseModel
 from serd_core.dynamics.sparse_model import fixed_transitions as fixed_transitions
 from serd_core.dynamics.sparse_model import learned_transitions as learned_transitions
 from serd_core.errors import SerdError as SerdError
@@ -49,14 +45,10 @@ from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_pe
 from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
-from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
-from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types
-from serd_core.mixtures.expert_types import fit_expert_types as fit_expert_types
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy
-from serd_core.posterior.beliefs import BeliefAroundTruth as BeliefAroundTruth
 from serd_core.posterior.beliefs import CoupledBelief as CoupledBelief
 from serd_core.posterior.beliefs import FixedBelief as FixedBelief
 from serd_core.posterior.beliefs import FreeBelief as FreeBelief
@@ -66,7 +58,6 @@ from serd_core.priors.dirichlet import DirichletPrior as DirichletPrior
 from serd_core.priors.divergence import KldPrior as KldPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
-from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
@@ -78,15 +69,10 @@ from serd_core.semi_markov.place import compare_places as compare_places
 from serd_core.semi_markov.place import fit_places as fit_places
 from serd_core.semi_markov.simulation import sample_timed_decisions as sample_timed_decisions
 from serd_core.semi_markov.summary import dwell_summary as dwell_summary
-from serd_core.semi_markov.summary import dynamics_draws as dynamics_draws
-from serd_core.semi_markov.summary import mean_discounted_outcomes as mean_discounted_outcomes
 from serd_core.semi_markov.timed_decisions import TimedDecisions as TimedDecisions
 from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information
-from serd_core.uncertainty.standard_errors import bootstrap as bootstrap
-from serd_core.uncertainty.standard_errors import clustered_outer_product as clustered_outer_product
 from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
-from serd_core.uncertainty.standard_errors import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
 
 __version__: str

@@ -36,7 +36,7 @@ from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
 #: Methods that learn laws of dwell times together with rewards and outcomes.
-TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence", "mdce_serd_belief_evidence")
+TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence",)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,6 @@ def learn(
         found.validation,
         None if posterior is None else knowledge_of(problem, posterior),
         task.scenario_yaml,
-        belief="" if found.beliefs is None else found.beliefs.sentence(),
         durations=durations,
     )
 
@@ -121,8 +120,6 @@ def _posterior_of(
     data: FitData, found: MethodResult
 ) -> tuple[Laplace | None, PosteriorDraws | None]:
     """The posterior of a fit and draws from it, None for methods without."""
-    if found.beliefs is not None:
-        return found.beliefs.approximations[0], found.beliefs.draws(data.rng)
     posterior = posterior_of(data.problem, data.decisions, found.fit)
     return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_share
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator
 from serd_core.bayes.laplace import Laplace
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.mdp.problem import Problem
@@ -45,15 +45,6 @@ class PosteriorDraws:
         return PosteriorDraws(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
-@dataclass(frozen=True, eq=False)
-class CredibleIntervals:
-    """Lowest and highest of each number, first axis: reward (2, F), outcome tables (2, M, K)."""
-
-    reward: FloatArray
-    outcome_probabilities: FloatArray
-    believed_outcome_probabilities: FloatArray
-
-
 def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
     """The draws at (n, d) coordinates."""
     at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
@@ -69,14 +60,6 @@ def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) ->
     require_count("n", n, 2, f"{N_DRAWS}")
     require_generator(rng)
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))
-
-
-def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleIntervals:
-    """Central intervals that hold this share of the draws."""
-    require_share("mass", mass, "0.9")
-    ends = [(1.0 - mass) / 2.0, (1.0 + mass) / 2.0]
-    numbers = [getattr(draws, each.name) for each in fields(CredibleIntervals)]
-    return CredibleIntervals(*(np.quantile(values, ends, axis=0) for values in numbers))
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:

@@ -31,7 +31,6 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.posterior.beliefs import BeliefAroundTruth
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
@@ -174,17 +173,12 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
 
 
 def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
-    """What the approximation lacks of the integrals over outcome models.
-
-    The prior of a belief around the truth is normal.
-    """
-    around = (Block.BELIEF,) if isinstance(space.belief, BeliefAroundTruth) else ()
+    """What the approximation lacks of the integrals over outcome models."""
     total = 0.0
     for block in _dirichlet_blocks(posterior, space, mode, root):
-        if block.group != around:
-            worth = _worth(block.table, block.spread)
-            by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
-            total += float(np.sum(by_model))
+        worth = _worth(block.table, block.spread)
+        by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
+        total += float(np.sum(by_model))
     return total
 
 
@@ -196,11 +190,10 @@ def _mirrored(n: int, half: FloatArray) -> FloatArray:
 class _DirichletBlock:
     """Outcome models whose posterior is taken as close to Dirichlet distributions.
 
-    group: their blocks; place: their rows of the free numbers; table: (M, K) at the mode; spread:
+    place: their rows of the free numbers; table: (M, K) at the mode; spread:
     (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
     """
 
-    group: tuple[Block, ...]
     place: slice
     table: FloatArray
     spread: FloatArray
@@ -221,7 +214,7 @@ def _dirichlet_blocks(
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
         table = model.local_probabilities(parameters.block(group[0]))
-        yield _DirichletBlock(group, place, table, spread, model.beta)
+        yield _DirichletBlock(place, table, spread, model.beta)
 
 
 def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
@@ -242,8 +235,6 @@ def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) 
     """
     given = prior.blocks
     with_laws = [term.block for term in terms_of(prior) if isinstance(term, DwellPrior)]
-    if isinstance(space.belief, BeliefAroundTruth):
-        with_laws.append(Block.BELIEF)
     for group in space.belief.groups:
         found = [block.value for block in given if block in group]
         names = " or ".join(block.value for block in group)

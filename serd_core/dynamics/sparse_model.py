@@ -1,13 +1,13 @@
-"""A general sparse P(s' | s, a) with a parameterisation of the user's own.
+"""A general sparse P(s' | s, a), entry by entry.
 
-The local probabilities are the entries themselves; learners are given the parameters. It takes a
-smooth map from parameters to entries and its vector-Jacobian product; `fixed_transitions` has no
-parameters, `learned_transitions` the log odds of a distribution of its own for each pair (s, a).
+Known transitions have no parameters. Those to be learned give each pair (s, a) a distribution of
+its own, whose parameters are the log odds of each entry against the first of its pair:
+
+    P(s' | s, a) = exp x(s') / sum of exp x over the row, x of the first entry of each row 0.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_index,
     float_array,
     int_array,
-    require_count,
     require_index,
 )
 from serd_core.dynamics.transition_model import TransitionModel
@@ -28,21 +26,18 @@ from serd_core.memory import BYTES_PER_PAIR, require_memory
 
 @dataclass(frozen=True, eq=False)
 class SparseModel(TransitionModel):
-    """Transitions given entry by entry, with a parameterisation of the user's own.
+    """Transitions given entry by entry, known or to be learned.
 
-    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order.
-    probabilities: parameters (n_parameters,) -> (E,) entries in that order.
-    vector_jacobian: (parameters, (E,) gradient) -> (n_parameters,) gradient.
-    Pairs without entries are not available.
+    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order where known, and
+    distinct and sorted where learned. known: (E,) their probabilities, None for those to be
+    learned. Pairs without entries are not available.
     """
 
     n_pairs: tuple[int, int]
     state: IntArray
     action: IntArray
     next_state: IntArray
-    parameter_count: int
-    probabilities: Callable[[FloatArray], FloatArray]
-    vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray]
+    known: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
@@ -58,16 +53,36 @@ class SparseModel(TransitionModel):
             BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
             "number states and actions from 0 without gaps",
         )
-        require_count("parameter_count", self.parameter_count, 0, "0 for known transitions")
         sizes = {"state": pairs[0], "action": pairs[1], "next_state": pairs[0]}
         for name, size in sizes.items():
             column = int_array(name, getattr(self, name), (n_entries,))
             require_index(name, column, size, f"a {name.replace('_', ' ')}")
             object.__setattr__(self, name, column)
 
+    @cached_property
+    def _row(self) -> IntArray:
+        """(E,) pair of each entry, in the order given."""
+        return np.asarray(self.state * self.n_pairs[1] + self.action)
+
+    @cached_property
+    def _free(self) -> BoolArray:
+        """(E,) entries that have a parameter: all but the first of their pair."""
+        if self.known is not None:
+            return np.zeros(len(self.state), dtype=np.bool_)
+        return np.asarray(np.diff(self._row, prepend=-1) == 0)
+
+    @cached_property
+    def _place(self) -> IntArray:
+        """(E,) number of each entry's pair among those that have entries, of sorted entries."""
+        return np.cumsum(~self._free) - 1
+
+    def _by_pair(self, sums: np.ufunc, numbers: FloatArray) -> FloatArray:
+        """(E,) sums, or the like, of (E,) numbers over the entries of the same pair."""
+        return np.asarray(sums.reduceat(numbers, np.flatnonzero(~self._free))[self._place])
+
     @property
     def n_parameters(self) -> int:
-        return self.parameter_count
+        return int(self._free.sum())
 
     @property
     def local_shape(self) -> tuple[int, ...]:
@@ -81,12 +96,12 @@ class SparseModel(TransitionModel):
     @cached_property
     def local_index(self) -> IntArray:
         """(E,) the user's number of each entry."""
-        return np.argsort(self.state * self.n_pairs[1] + self.action, kind="stable")
+        return np.argsort(self._row, kind="stable")
 
     @cached_property
     def row_length(self) -> IntArray:
-        row = self.state * self.n_pairs[1] + self.action
-        return np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1]).reshape(self.n_pairs)
+        n_pairs = self.n_pairs[0] * self.n_pairs[1]
+        return np.bincount(self._row, minlength=n_pairs).reshape(self.n_pairs)
 
     @cached_property
     def successor(self) -> IntArray:
@@ -94,37 +109,39 @@ class SparseModel(TransitionModel):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        return tuple(f"parameter {i}" for i in range(self.parameter_count))
+        return tuple(f"parameter {i}" for i in range(self.n_parameters))
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
-        """(E,) the user's probabilities, in the user's order."""
-        # Copies, so that functions that write into arguments or reuse an array change nothing here.
-        given = np.array(self.probabilities(np.array(parameters)), dtype=np.float64)
-        _require_shape("probabilities(parameters)", given, self.state.shape, "entry")
-        return given
+        """(E,) probabilities, in the order given."""
+        if self.known is not None:
+            return self.known
+        energies = np.zeros(len(self.state))
+        energies[self._free] = parameters
+        weights = np.exp(energies - self._by_pair(np.maximum, energies))
+        return np.asarray(weights / self._by_pair(np.add, weights))
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(n_parameters,) the user's vector-Jacobian product."""
-        product = self.vector_jacobian(np.array(parameters), np.array(local_gradient))
-        gradient = np.array(product, dtype=np.float64)
-        _require_shape("vector_jacobian", gradient, (self.parameter_count,), "parameter")
-        bad = first_index(~np.isfinite(gradient))
-        if bad is not None and np.isfinite(local_gradient).all():
-            raise SerdError(
-                f"vector_jacobian must return finite numbers, got {gradient[bad]} for parameter"
-                f" {bad[0]}; correct the function, or start from other parameters"
-            )
-        return gradient
+        if self.known is not None:
+            return np.zeros(0)
+        probability = self.local_probabilities(parameters)
+        mean = self._by_pair(np.add, probability * local_gradient)
+        return np.asarray((probability * (local_gradient - mean))[self._free])
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
-        """The given (n_parameters,) vector: the inverse of the map is not available."""
+        """The given (n_parameters,) log odds."""
         vector = np.asarray(initial, dtype=np.float64)
-        if vector.shape != (self.parameter_count,):
+        if vector.shape != (self.n_parameters,):
             raise SerdError(
-                f"dynamics of a SparseModel must be its ({self.parameter_count},) parameters, not"
+                f"dynamics of a SparseModel must be its ({self.n_parameters},) parameters, not"
                 f" its entries, got shape {vector.shape}"
             )
         return vector
+
+    def log_odds(self, entries: FloatArray) -> FloatArray:
+        """(n_parameters,) of positive (E,) entries."""
+        logs = np.log(entries)
+        first = logs[np.flatnonzero(~self._free)]
+        return np.asarray((logs - first[self._place])[self._free])
 
     def _require_table(self, table: FloatArray) -> None:
         if np.shape(table) != self.state.shape:
@@ -132,62 +149,6 @@ class SparseModel(TransitionModel):
                 f"probabilities must have shape {self.state.shape}, one per entry, got"
                 f" {np.shape(table)}; pass them in the order of state and action"
             )
-
-
-def _require_shape(name: str, given: FloatArray, shape: tuple[int, ...], what: str) -> None:
-    """SerdError where a function of the user returns another shape."""
-    if given.shape != shape:
-        raise SerdError(f"{name} must return {shape} numbers, one per {what}, got {given.shape}")
-
-
-def known_entries(entries: FloatArray, parameters: FloatArray) -> FloatArray:
-    """(E,) entries of a model without parameters."""
-    del parameters
-    return entries
-
-
-def no_gradient(parameters: FloatArray, gradient: FloatArray) -> FloatArray:
-    """(0,) the vector-Jacobian product of a model without parameters."""
-    del parameters, gradient
-    return np.zeros(0)
-
-
-@dataclass(frozen=True, eq=False)
-class LogOdds:
-    """The map of (E - R,) log odds to the (E,) entries of R rows, each a distribution of its own.
-
-    P(s' | s, a) = exp x(s') / sum of exp x over the row, x of the first entry of each row 0.
-    row: (E,) number of the row of each entry, from 0 on and never falling.
-    """
-
-    row: IntArray
-
-    @cached_property
-    def free(self) -> BoolArray:
-        """(E,) entries that are not the first of their row."""
-        return np.asarray(np.diff(self.row, prepend=-1) == 0)
-
-    @cached_property
-    def _starts(self) -> IntArray:
-        return np.flatnonzero(~self.free)
-
-    def __call__(self, parameters: FloatArray) -> FloatArray:
-        """(E,) the entries."""
-        energies = np.zeros(len(self.row))
-        energies[self.free] = parameters
-        weights = np.exp(energies - np.maximum.reduceat(energies, self._starts)[self.row])
-        return np.asarray(weights / np.add.reduceat(weights, self._starts)[self.row])
-
-    def pull_back(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
-        """(E - R,) gradient for an (E,) gradient by the entries."""
-        probability = self(parameters)
-        mean = np.add.reduceat(probability * gradient, self._starts)[self.row]
-        return np.asarray((probability * (gradient - mean))[self.free])
-
-    def parameters_of(self, entries: FloatArray) -> FloatArray:
-        """(E - R,) log odds of positive (E,) entries."""
-        logs = np.log(entries)
-        return np.asarray((logs - logs[self._starts][self.row])[self.free])
 
 
 def learned_transitions(
@@ -198,12 +159,9 @@ def learned_transitions(
     n_pairs: (S, A); state, action, next_state: (E,). The parameters are the log odds of each
     transition against the first of its pair.
     """
-    nothing = partial(known_entries, np.zeros(0))
-    groups = SparseModel(n_pairs, state, action, next_state, 0, nothing, no_gradient).groups
-    odds = LogOdds(np.unique(groups.row, return_inverse=True)[1].reshape(-1))
+    groups = SparseModel(n_pairs, state, action, next_state, np.zeros(0)).groups
     from_state, by_action = np.divmod(groups.row, n_pairs[1])
-    count, following = int(odds.free.sum()), groups.successor
-    return SparseModel(n_pairs, from_state, by_action, following, count, odds, odds.pull_back)
+    return SparseModel(n_pairs, from_state, by_action, groups.successor)
 
 
 def fixed_transitions(
@@ -218,7 +176,6 @@ def fixed_transitions(
     n_pairs: (S, A); state, action, next_state, probability: (E,).
     """
     known = float_array("probability", probability, (len(np.atleast_1d(state)),))
-    entries = partial(known_entries, known)
-    model = SparseModel(n_pairs, state, action, next_state, 0, entries, no_gradient)
+    model = SparseModel(n_pairs, state, action, next_state, known)
     model.require_transitions(known)
     return model

@@ -14,10 +14,14 @@ import numpy as np
 from scipy.special import gammaln
 
 from serd_core.arrays import FloatArray, floored, padded, require_kind, require_positive
-from serd_core.dynamics.estimation import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import (
+    TransitionModel,
+    dynamics_gradient,
+    log_transition_hessian,
+    transition_probabilities,
+)
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, terms_of
@@ -47,7 +51,10 @@ class DirichletPrior(Prior):
         """c sum log P and its gradient, of outcome models beta c (1 - K P)."""
         if isinstance(model, SparseModel):
             theta = parameters.block(self.block)
-            value, slope = self._of_transitions(model).evaluate(theta)
+            probability = transition_probabilities(model, theta)
+            counts = np.full(len(model.groups), self.pseudo_count)
+            slope = dynamics_gradient(model, theta, counts / probability)
+            value = float(counts @ np.log(probability))
             return LogPrior(value, parameters.zeros().with_block(self.block, slope))
         models = require_outcome_models(model, "DirichletPrior")
         table = models.local_probabilities(parameters.block(self.block))
@@ -63,7 +70,9 @@ class DirichletPrior(Prior):
         """In the part of the block, of outcome models -beta c K dP."""
         theta = parameters.block(self.block)
         if isinstance(model, SparseModel):
-            return parameters.placed(self.block, self._of_transitions(model).hessian(theta))
+            counts = np.full(len(model.groups), self.pseudo_count)
+            table = log_transition_hessian(model, theta, counts)
+            return parameters.placed(self.block, table)
         models = require_outcome_models(model, "DirichletPrior")
         scale = -models.beta * self.pseudo_count * models.n_outcomes
         table = padded(scale * models.local_jacobian(theta), (len(theta), len(theta)))
@@ -76,9 +85,6 @@ class DirichletPrior(Prior):
         count, size = self.pseudo_count, models.n_outcomes
         log_beta = size * gammaln(count) - gammaln(size * count)
         return models.n_models * (log_volume(models) - float(log_beta))
-
-    def _of_transitions(self, model: SparseModel) -> LogLikelihood:
-        return LogLikelihood(model, np.full(len(model.groups), self.pseudo_count))
 
 
 def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:

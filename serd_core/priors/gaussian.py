@@ -1,18 +1,11 @@
-"""Gaussian priors: on any block (section 4.6.2), and on what an expert believes, around the truth.
+"""Independent normal distributions of the numbers of a block (section 4.6.2).
 
-    log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z
-    log P(theta_TE | theta_T) = -beta^2 |theta_TE - theta_T|^2 / (2 sd^2) - Z
-
-The second is over energies without gauge, so outcome distributions are logistic-normal (Aitchison
-and Shen, Biometrika 67, 1980); log means and shapes of dwell times deviate alike. Its Z does not
-depend on the truth, which a Dirichlet distribution around the truth would draw to even
-probabilities.
+log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from serd_core.arrays import (
     FloatArray,
@@ -25,7 +18,6 @@ from serd_core.arrays import (
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.dirichlet import require_outcome_models
 from serd_core.priors.prior import LogPrior, Prior
 
 #: Largest mean, standard deviation and inverse of one, of which fourth powers are finite.
@@ -46,7 +38,7 @@ class GaussianPrior(Prior):
     mean: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_deviations("GaussianPrior", self.standard_deviation)
+        _require_deviations(self.standard_deviation)
         require_kind("block of GaussianPrior", self.block, (Block,), "Block.REWARD")
         if not (is_number(self.mean) and abs(self.mean) <= _LARGEST):
             raise SerdError(
@@ -93,63 +85,13 @@ class GaussianPrior(Prior):
         return np.broadcast_to(given, theta.shape)
 
 
-@dataclass(frozen=True)
-class GaussianAroundTruth(Prior):
-    """The expert's belief, whose log odds deviate from the truth's by that standard deviation."""
-
-    standard_deviation: float
-
-    def __post_init__(self) -> None:
-        _require_deviations("GaussianAroundTruth", self.standard_deviation)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The belief, given the truth."""
-        return (Block.BELIEF,)
-
-    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value, and gradient by both blocks."""
-        away = parameters.belief - parameters.truth
-        pull = self._precision(model) @ away
-        gradient = parameters.zeros().with_block(Block.TRUTH, pull)
-        return LogPrior(-0.5 * float(away @ pull), gradient.with_block(Block.BELIEF, -pull))
-
-    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Parts of each block and the mixed one."""
-        precision = self._precision(model)
-        at_truth, at_belief = parameters.place(Block.TRUTH), parameters.place(Block.BELIEF)
-        table = np.zeros((len(parameters.vector),) * 2)
-        table[at_truth, at_truth] = table[at_belief, at_belief] = -precision
-        table[at_truth, at_belief] = table[at_belief, at_truth] = precision
-        return table
-
-    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """Log density of normal distributions of all energies without gauge."""
-        del parameters
-        models = require_outcome_models(model, "GaussianAroundTruth")
-        width = self.standard_deviation / models.beta
-        size = models.n_models * (models.n_outcomes - 1)
-        of_laws = models.n_others * np.log(self.standard_deviation)
-        size_of_all = size + models.n_others
-        return -float(size * np.log(width) + of_laws + 0.5 * size_of_all * np.log(2.0 * np.pi))
-
-    def _precision(self, model: TransitionModel) -> FloatArray:
-        """(N, N) of energies, 0 along the gauge."""
-        models = require_outcome_models(model, "GaussianAroundTruth")
-        size = models.n_outcomes
-        centred = np.eye(size) - 1.0 / size
-        scale = (models.beta / self.standard_deviation) ** 2
-        of_energies = scale * np.kron(np.eye(models.n_models), centred)
-        of_laws = np.eye(models.n_others) / self.standard_deviation**2
-        return np.asarray(scipy.linalg.block_diag(of_energies, of_laws))
-
-
-def _require_deviations(name: str, given: float | tuple[float, ...]) -> None:
+def _require_deviations(given: float | tuple[float, ...]) -> None:
     """SerdError unless all are above 0, and neither too small nor too large for arithmetic."""
-    for value in number_array(f"standard_deviation of {name}", given).ravel():
-        require_positive(f"standard_deviation of {name}", value)
+    name = "standard_deviation of GaussianPrior"
+    for value in number_array(name, given).ravel():
+        require_positive(name, value)
         if not 1.0 / _LARGEST <= value <= _LARGEST:
             raise SerdError(
-                f"standard_deviation of {name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got"
+                f"{name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got"
                 f" {shown(value)}; use for example 1"
             )

@@ -1,9 +1,6 @@
 """How good an estimate is: the measures of sections 4.6 and 5.2.
 
-Log-likelihoods are per decision. The divergence is KLD(truth || estimate), averaged over the states
-and actions that the truth visits; transitions are compared, not outcomes, so outcomes that land in
-the same cell count together. An estimate that rules out what is true there diverges by inf, as its
-log-likelihood of that is -inf.
+Log-likelihoods are per decision.
 
 The weight lambda of a prior is selected on validation data (Fig. 5.8).
 """
@@ -12,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp, rel_entr
+from scipy.special import logsumexp
 
 from serd_core.arrays import (
     FloatArray,
@@ -20,7 +17,6 @@ from serd_core.arrays import (
     float_array,
     number_array,
     require_index,
-    weighted_counts,
 )
 from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
 from serd_core.demonstrations.observations import explaining_transitions, observe_in
@@ -104,30 +100,6 @@ def move_log_likelihood(
     with np.errstate(divide="ignore"):
         joint = np.log(chosen[decisions.state]) + np.log(moved)
         return np.asarray(logsumexp(joint, axis=1))
-
-
-def dynamics_divergence(
-    problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
-) -> float:
-    """Measure the error of estimated transitions: mean KLD from the true ones under visits.
-
-    truth, estimate: (M, K), or (E,) entries; visits: (S, A) counts or shares. Pairs that are never
-    visited do not count, were their divergence infinite.
-    """
-    require_problem(problem)
-    model = problem.mdp.transitions
-    tables = number_array("truth", truth), number_array("estimate", estimate)
-    true, other = (
-        model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
-        for table in tables
-    )
-    by_row = weighted_counts(model.groups.row, rel_entr(true, other), model.available.size)
-    divergence = by_row.reshape(model.available.shape)
-    checked = float_array("visits", visits, divergence.shape)
-    if np.any(checked < 0) or not checked.sum() > 0:
-        raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")
-    seen = checked > 0
-    return float(checked[seen] @ divergence[seen] / checked.sum())
 
 
 class WeightSelection(NamedTuple):

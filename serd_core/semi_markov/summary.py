@@ -12,10 +12,6 @@ all other numbers integrated out. Its own dwell times come first, choices after 
 
 Each is taken as normal: the first two by Laplace's approximation, the posterior by the mean and
 variance of its draws, as it has a long tail where nobody makes a move.
-
-A robot plans with the posterior mean of K = P E[gamma^tau], in which Bellman's equation is linear;
-the mode is biased where durations are uncertain. The largest of averaged Q-values is no plan: each
-Q assumes that its own draw is known from then on.
 """
 
 from dataclasses import dataclass
@@ -25,21 +21,14 @@ import numpy as np
 from serd_core.arrays import (
     FloatArray,
     floored,
-    require_count,
-    require_generator,
     weighted_counts,
 )
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.information import interval, learned_outcomes, named_source
 from serd_core.bayes.laplace import Laplace
-from serd_core.mdp.problem import Problem
-from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import terms_of
 from serd_core.semi_markov.dwell_prior import DwellPrior, counted_parameters
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
-
-#: Draws that the mean takes unless another number is asked for.
-N_DRAWS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,33 +131,3 @@ def _divergence(moved: float, variance: float, before: float) -> float:
     """KLD of Normal(moved, variance) from Normal(0, before)."""
     ratio = variance / before
     return max(0.0, 0.5 * float(ratio - 1.0 + moved**2 / before - np.log(ratio)))
-
-
-def dynamics_draws(
-    found: Laplace, rng: np.random.Generator, n: int = N_DRAWS, block: Block = Block.TRUTH
-) -> FloatArray:
-    """(n, N) posterior draws of dynamics parameters, by exact sweeps where moves take time.
-
-    block: of the world, or `Block.BELIEF` for what the expert expects.
-
-        found = sc.laplace(timed, decisions, fit)
-        draws = sc.dynamics_draws(found, np.random.default_rng(0))
-        laws = timed.mdp.transitions.laws(draws)    # (n, R, K) outcomes, means and shapes
-    """
-    require_count("n", n, 2, f"{N_DRAWS}")
-    require_generator(rng)
-    space = found.coordinates
-    return np.stack([space.parameters(u).block(block) for u in found.sample(n, rng)])
-
-
-def mean_discounted_outcomes(problem: Problem, draws: FloatArray) -> FloatArray:
-    """(R, K) mean of K / gamma over (n, N) posterior draws, with which a robot plans.
-
-    problem: that of the posterior, or one with the same models and laws elsewhere (another goal or
-    pace). SerdError where its moves take no time.
-
-        table = sc.mean_discounted_outcomes(timed, draws)
-        robot = sc.optimal_policy(timed, fit.reward_weights, table)
-    """
-    model = require_timed(problem.mdp.transitions)
-    return np.asarray(model.local_probabilities(draws).mean(axis=0))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_kind
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
@@ -58,9 +58,6 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
-    key: (G,) distinct observed transitions, as in `Observations`, or of TimedDecisions (N,) that of
-    each decision. scores: (G + T, n) of these and of the T distinct moves with a hidden action; of
-    TimedDecisions those of each decision with its action in place of the first.
     """
 
     names: tuple[str, ...]
@@ -73,8 +70,6 @@ class Information:
     gauge: FloatArray
     parameters: Parameters
     jacobian: FloatArray
-    key: IntArray
-    scores: FloatArray
 
 
 def fit_information(
@@ -121,10 +116,6 @@ def fit_information(
         gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
-        key=taken_transitions(problem.mdp, decisions)
-        if isinstance(decisions, TimedDecisions)
-        else observations.key,
-        scores=free_scores,
     )
 
 

@@ -31,7 +31,7 @@ WRONG = {
         initial_weights reward_weights dynamics policy sampling_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
         time_s state action next_state successors model_of available truth visits probability
-        errors clusters matrix meat experts period
+        errors matrix period
 """),
         NO_ARRAYS,
     ),
@@ -44,7 +44,7 @@ WRONG = {
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        words("n_episodes n_steps n_periods n_decisions n_types most_types n_models n n_folds"),
+        words("n_episodes n_steps n_periods n_decisions n_models n n_folds"),
         NO_COUNTS,
     ),
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
@@ -73,7 +73,7 @@ def valid(gridworld):
         **dict.fromkeys(words("visits policy sampling_policy"), uniform),
         **dict.fromkeys(words("fit restricted full"), fit),
         **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
-        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions n_types"), 2),
+        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions"), 2),
         "first": [0, 1],
         "second": [0, 1],
         "problem": problem,
@@ -103,13 +103,13 @@ CALLS = [
     getattr(sc, name)
     for name in words("""
     fit_mdce_serd fit_pm_serd fit_maxent_irl fit_mdce_irl_by_likelihood fit_mdce_irl_by_entropy
-    fit_policy_matching fit_relative_entropy_irl fit_expert_types choose_expert_types
-    clone_behaviour estimate_dynamics counted_transitions soft_policy optimal_policy
+    fit_policy_matching fit_relative_entropy_irl
+    clone_behaviour estimate_dynamics soft_policy optimal_policy
     boltzmann_policy sample_decisions finite_horizon policy_log_likelihood move_log_likelihood
-    bootstrap decisions_in_periods fit_information standard_errors clustered_outer_product
-    identifiability likelihood_ratio_test confidence_interval laplace outcome_information
-    expected_information_gain fitted_policy validation_log_likelihood dynamics_divergence
-    fixed_transitions from_transitions learned_transitions compare_beliefs
+    decisions_in_periods fit_information standard_errors
+    identifiability confidence_interval laplace outcome_information
+    expected_information_gain fitted_policy validation_log_likelihood
+    fixed_transitions from_transitions learned_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
     DirichletPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
     KinkedAscent
@@ -133,7 +133,7 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
     given = {each: valid[each] for each in required if each != name}
     if "initial_weights" in inspect.signature(call).parameters:
         given["initial_weights"] = valid["initial_weights"]
-    if call in (sc.confidence_interval, sc.dynamics_divergence):
+    if call is sc.confidence_interval:
         given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
     if call is sc.from_transitions:
         given |= {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 2))}

@@ -53,14 +53,6 @@ def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(shape):
         sc.fixed_transitions(shape, [0], [0], [0], [1.0])
 
 
-@pytest.mark.parametrize("estimate", [lambda _: "much", lambda some: np.zeros(len(some) % 7)])
-def test_bootstrap_estimates_that_are_no_equal_arrays_of_numbers_are_rejected(gridworld, estimate):
-    chosen = gridworld.decisions.select(np.arange(len(gridworld.decisions)) % 3 != 0)
-    uneven = chosen.select(np.arange(len(chosen)) > 2)
-    with pytest.raises(sc.SerdError, match="what estimate returns must be an array of numbers"):
-        sc.bootstrap(uneven, estimate, rng=np.random.default_rng(0))
-
-
 def test_one_goal_that_is_no_list_of_pairs_is_rejected(gridworld):
     with pytest.raises(sc.SerdError, match=r"goals must list pairs .* pass \[\(problem,"):
         sc.fit_several_goals((gridworld.problem, gridworld.decisions))

@@ -253,18 +253,6 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
 
 
-def test_the_evidence_decides_whether_the_expert_knows_the_dynamics(serd, demonstrations):
-    """The episodes are of an expert who does, and the model says so."""
-    words = ("--method", "mdce_serd_belief_evidence", "--json")
-    values = serd("learn", demonstrations(n_episodes=20), *words).values
-    assert "belief is equal to the truth" in values["belief"]
-    assert "Bayes factor" in values["belief"]
-    model = load_model(values["model"])
-    assert values["belief"] in model.prior
-    assert len(model.draws.reward_weights) == N_DRAWS
-    assert values["knowledge"] is not None
-
-
 def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):
     words = [word for weight in ("0.1", "1000") for word in ("--prior-weight", weight)]
     words += ["--method", "mdce_serd", "--json"]

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.estimation import most_likely_parameters, outcome_models_of
-from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.estimation import outcome_models_of
 from support.small_problems import sampled
 
 N_STATES, N_ACTIONS, K = 4, 2, 3
@@ -53,26 +51,6 @@ def test_the_estimate_is_the_mean_of_the_dirichlet_posterior(pseudo_count):
     wanted /= wanted.sum(axis=2, keepdims=True)
     estimate = sc.estimate_dynamics(listed, decisions, pseudo_count)
     np.testing.assert_allclose(dense_of(listed, estimate), wanted, rtol=1e-12)
-    known = sc.counted_transitions(listed, decisions, pseudo_count)
-    np.testing.assert_allclose(dense_of(known, np.zeros(0)), wanted, rtol=1e-12)
-
-
-def with_functions(listed, n_parameters, *functions):
-    model = listed.mdp.transitions
-    columns = model.n_pairs, model.state, model.action, model.next_state
-    return SparseModel(*columns, n_parameters, *functions)
-
-
-def test_newtons_method_finds_what_counting_finds():
-    listed, _, decisions, _ = ring_problems()
-    model, seen = listed.mdp.transitions, observe(listed.mdp, decisions)
-    functions = lambda at: model.probabilities(at), lambda *at: model.vector_jacobian(*at)
-    by_functions = with_functions(listed, model.n_parameters, *functions)
-    np.testing.assert_allclose(
-        most_likely_parameters(by_functions, seen, 0.7),
-        most_likely_parameters(model, seen, 0.7),
-        atol=1e-6,
-    )
 
 
 def test_outcome_models_of_single_pairs_have_the_same_estimates_and_fits():
@@ -108,14 +86,18 @@ def test_transitions_that_are_listed_twice_count_once():
 
 def test_wrong_arguments_are_rejected_by_name():
     listed, _, decisions, _ = ring_problems()
-    for estimate in (sc.estimate_dynamics, sc.counted_transitions):
-        with pytest.raises(sc.SerdError, match="pseudo_count must be finite and above 0, got 0"):
-            estimate(listed, decisions, 0)
-    nothing = np.zeros(len(listed.mdp.transitions.state))
-    improper = with_functions(listed, 1, lambda _: nothing, lambda *_: np.zeros(1))
-    with pytest.raises(sc.SerdError, match=r"state 0, action 0 must be .* sums to 0"):
-        most_likely_parameters(improper, observe(listed.mdp, decisions))
-    with pytest.raises(sc.SerdError, match="PriorByEvidence is a prior of OutcomeModels, got"):
-        sc.fit_mdce_serd(listed, decisions)
-    with pytest.raises(sc.SerdError, match="dynamics must be OutcomeModels here, got Sp"):
-        outcome_models_of(listed.mdp)
+    start = {"initial_weights": np.zeros(2), "belief": sc.FixedBelief(), "prior": sc.UniformPrior()}
+    for call, sentence in (
+        (lambda: sc.estimate_dynamics(listed, decisions, 0), "pseudo_count must be finite and ab"),
+        (
+            lambda: sc.fit_mdce_serd(listed, decisions),
+            "PriorByEvidence is a prior of OutcomeM",
+        ),
+        (lambda: outcome_models_of(listed.mdp), "dynamics must be OutcomeModels here, got Sp"),
+        (
+            lambda: sc.fit_mdce_serd(listed, decisions, dynamics=np.ones(24), **start),
+            r"must be its \(16,\) parameters, not its entries",
+        ),
+    ):
+        with pytest.raises(sc.SerdError, match=sentence):
+            call()

@@ -10,7 +10,6 @@ from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import (
-    BeliefAroundTruth,
     CoupledBelief,
     FixedBelief,
     FreeBelief,
@@ -34,7 +33,6 @@ BELIEFS = [
     TiedBelief(),
     FreeBelief(),
     CoupledBelief(weight=0.7),
-    BeliefAroundTruth(0.8),
     FixedBelief(),
 ]
 POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]

@@ -12,7 +12,7 @@ from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import CouplingPrior, KldPrior
-from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
+from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import LogPrior, Prior, UniformPrior
 
 BOTH = np.ones((2, 1), bool)
@@ -30,7 +30,6 @@ PRIORS = [
     KldPrior(0.7, REFERENCE, Block.BELIEF, state_action_weights=PAIRS),
     CouplingPrior(0.7),
     DirichletPrior(0.3, Block.BELIEF),
-    GaussianAroundTruth(0.8),
     GaussianPrior((0.5, 2.0), Block.REWARD),
     KldPrior(0.7, REFERENCE) + CouplingPrior(0.7) + DirichletPrior(0.7) + UniformPrior(),
 ]
@@ -144,7 +143,6 @@ def test_a_prior_that_gives_no_second_derivatives_has_them_by_differences():
             r"\[1, 0\] must not be neg",
         ),
         (DirichletPrior(1.0), None, "^DirichletPrior is a prior of OutcomeModels, got NoneType"),
-        (GaussianAroundTruth(1.0), LISTED, "^GaussianAroundTruth is a prior of Outc.* got Sparse"),
     ],
 )
 def test_priors_of_what_the_problem_does_not_have_are_refused(prior, model, sentence):
@@ -156,13 +154,11 @@ def test_priors_of_what_the_problem_does_not_have_are_refused(prior, model, sent
 @pytest.mark.parametrize("deviation", [1e-50, 1e50])
 @pytest.mark.parametrize("mean", [-1e50, 1.0])
 def test_the_strongest_and_the_widest_normal_prior_have_finite_derivatives(deviation, mean):
-    here = at(reward=(1.0, 2.0))
-    for prior in (GaussianPrior(deviation, Block.REWARD, mean), GaussianAroundTruth(deviation)):
-        found = prior.evaluate(MODEL, here)
-        assert np.isfinite(found.value)
-        assert np.isfinite(found.gradient.vector).all()
-        assert np.isfinite(prior.hessian(MODEL, here)).all()
-        assert np.isfinite(prior.log_constant(MODEL, here))
+    here, prior = at(reward=(1.0, 2.0)), GaussianPrior(deviation, Block.REWARD, mean)
+    found = prior.evaluate(MODEL, here)
+    assert np.isfinite([found.value, *found.gradient.vector]).all()
+    assert np.isfinite(prior.hessian(MODEL, here)).all()
+    assert np.isfinite(prior.log_constant(MODEL, here))
 
 
 PLANE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
@@ -173,14 +169,6 @@ def test_priors_of_dynamics_are_densities_of_energies_without_gauge(beta):
     model = sc.OutcomeModels(MODEL.successors, [[0], [1]], BOTH, 2, beta)
     belief, truth = np.array([[0.4, -1.1], [0.9, 0.2]]), np.array([[-0.3, 0.5], [1.2, -0.7]])
     place = Parameters(np.zeros(0), (belief @ PLANE).ravel(), (truth @ PLANE).ravel(), np.zeros(0))
-    around = GaussianAroundTruth(0.8)
-    found = around.evaluate(model, place).value + around.log_constant(model, place)
-    assert found == pytest.approx(scipy.stats.norm.logpdf(belief, truth, 0.8 / beta).sum())
-    # A common offset of the energies of a model is no deviation from the truth.
-    moved = place.with_block(Block.BELIEF, place.belief + np.repeat([3.0, -1.0], 3))
-    here, there = (around.evaluate(model, each) for each in (place, moved))
-    assert there.value == pytest.approx(here.value)
-    np.testing.assert_allclose(there.gradient.vector, here.gradient.vector, atol=1e-12)
     for block in (Block.BELIEF, Block.TRUTH):
         prior, expected = DirichletPrior(0.7, block), 0.0
         for row in model.local_probabilities(place.block(block)):
