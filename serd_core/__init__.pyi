@@ -1,29 +1,31 @@
 """Names of the flat interface; docs/library.md describes them."""
 
-from serd_core.arrival.scores import crps_s as crps_s
-from serd_core.arrival.scores import detectable_delay as detectable_delay
-from serd_core.arrival.scores import gap_probability as gap_probability
+from serd_core.arrival.law import crps_s as crps_s
+from serd_core.arrival.law import detectable_delay as detectable_delay
+from serd_core.arrival.law import gap_probability as gap_probability
+from serd_core.ascent.ascent import Lbfgs as Lbfgs
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
-from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
 from serd_core.ascent.trust_region import NewtonAscent as NewtonAscent
 from serd_core.ascent.trust_region import TrustRegion as TrustRegion
-from serd_core.bayes.draws import laplace_draws as laplace_draws
-from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import expected_information_gain as expected_information_gain
 from serd_core.bayes.information import outcome_information as outcome_information
 from serd_core.bayes.laplace import laplace as laplace
+from serd_core.bayes.laplace import laplace_draws as laplace_draws
+from serd_core.bayes.laplace import posterior_policy as posterior_policy
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence
+from serd_core.bellman.bellman_solver import Newton as Newton
 from serd_core.bellman.bellman_solver import ValueIteration as ValueIteration
-from serd_core.bellman.linear.automatic import Automatic as Automatic
-from serd_core.bellman.linear.krylov import Krylov as Krylov
-from serd_core.bellman.linear.lu import BandedLu as BandedLu
-from serd_core.bellman.linear.lu import SparseLu as SparseLu
-from serd_core.bellman.newton import Newton as Newton
+from serd_core.bellman.linear_solvers import Automatic as Automatic
+from serd_core.bellman.linear_solvers import BandedLu as BandedLu
+from serd_core.bellman.linear_solvers import Krylov as Krylov
+from serd_core.bellman.linear_solvers import SparseLu as SparseLu
 from serd_core.demonstrations.decisions import HIDDEN as HIDDEN
 from serd_core.demonstrations.decisions import Decisions as Decisions
+from serd_core.demonstrations.decisions import TimedDecisions as TimedDecisions
 from serd_core.demonstrations.decisions import decisions_from_columns as decisions_from_columns
 from serd_core.demonstrations.decisions import decisions_from_episodes as decisions_from_episodes
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
+from serd_core.demonstrations.simulation import sample_timed_decisions as sample_timed_decisions
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels as OutcomeModels
 from serd_core.dynamics.sparse_model import fixed_transitions as fixed_transitions
@@ -45,7 +47,7 @@ from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_pe
 from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
-from serd_core.mdp.tables import from_transitions as from_transitions
+from serd_core.mdp.problem import from_transitions as from_transitions
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy
@@ -56,7 +58,7 @@ from serd_core.posterior.beliefs import TiedBelief as TiedBelief
 from serd_core.posterior.parameters import Block as Block
 from serd_core.priors.dirichlet import DirichletPrior as DirichletPrior
 from serd_core.priors.divergence import KldPrior as KldPrior
-from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
+from serd_core.priors.prior import GaussianPrior as GaussianPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
@@ -67,12 +69,10 @@ from serd_core.semi_markov.dwell_prior import DwellPrior as DwellPrior
 from serd_core.semi_markov.models import semi_markov_problem as semi_markov_problem
 from serd_core.semi_markov.place import compare_places as compare_places
 from serd_core.semi_markov.place import fit_places as fit_places
-from serd_core.semi_markov.simulation import sample_timed_decisions as sample_timed_decisions
 from serd_core.semi_markov.summary import dwell_summary as dwell_summary
-from serd_core.semi_markov.timed_decisions import TimedDecisions as TimedDecisions
-from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information
 from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
+from serd_core.uncertainty.standard_errors import identifiability as identifiability
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
 
 __version__: str

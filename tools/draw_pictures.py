@@ -38,7 +38,7 @@ from serd_app.teleop.page.view import (
 )
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.report import read_recording
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import trap_states
 from serd_core.demonstrations.crossings import CellTracker
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action

@@ -24,7 +24,7 @@ from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution, adjoint
 from serd_core.bellman.equations import SoftBellman
-from serd_core.bellman.linear.lu import SparseLu
+from serd_core.bellman.linear_solvers import SparseLu
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.mdp import Mdp

@@ -33,8 +33,7 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import GaussianPrior, Prior
 from serd_core.selection.evaluation import select_weight, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)

@@ -9,10 +9,8 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
-from serd_core.arrival.absorption import probability_of_ever_arriving
-from serd_core.arrival.arriving_policy import least_time_policy
-from serd_core.arrival.chain import goal_mask, policy_chain
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import least_time_policy, trap_states
+from serd_core.arrival.chain import goal_mask, policy_chain, probability_of_ever_arriving
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem

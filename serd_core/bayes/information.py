@@ -24,10 +24,9 @@ import scipy.sparse
 from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
-from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import Laplace, require_laplace
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear_solvers import Automatic
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
@@ -40,7 +39,7 @@ from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import gauge_free_basis
-from serd_core.posterior.derivatives.posterior_hessian import sensitivities
+from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import pseudo_count_of

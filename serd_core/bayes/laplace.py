@@ -13,24 +13,33 @@ r = N P*, whose integral the approximation misses by Stirling's series,
 
 N counts the observations that the covariance C of the model's energies is worth:
 (K - 1) / N = beta^2 trace (diag P - P P^T) C. So the evidence of counted transitions is exact.
+
+What follows from draws of a posterior: credible intervals and the policy averaged over them.
+
+    P(a | s, D) = E[ pi_theta(a | s) | D ]
+
+This average predicts the expert's next decision better than the policy of one point, as it admits
+what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 4.2).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray, require_kind
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_kind
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
+from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
@@ -289,3 +298,64 @@ def inverse_root(
     log_det = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(bounded)))
     # The symmetric root is unique, eigenvectors are not: draws are the same on every machine.
     return wide @ (vectors / np.sqrt(bounded)) @ vectors.T, log_det
+
+
+#: Draws that a summary takes unless another number is asked for.
+N_DRAWS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorDraws:
+    """n draws of what is learned.
+
+    coordinates: (n, d); reward: (n, F) weights; truth: (n, N) parameters of the dynamics;
+    outcome_probabilities, believed_outcome_probabilities: (n, M, K), which are discounted where
+    moves take time (`SemiMarkovModels`).
+    """
+
+    coordinates: FloatArray
+    reward: FloatArray
+    truth: FloatArray
+    outcome_probabilities: FloatArray
+    believed_outcome_probabilities: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.reward)
+
+    def select(self, rows: IntArray | slice) -> "PosteriorDraws":
+        """The draws of the given rows."""
+        return PosteriorDraws(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+
+def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
+    """The draws at (n, d) coordinates."""
+    at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
+    truth, belief = (
+        np.stack([each.block(block) for each in at]) for block in (Block.TRUTH, Block.BELIEF)
+    )
+    tables = (model.local_probabilities(each) for each in (truth, belief))
+    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, *tables)
+
+
+def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
+    """n draws of the posterior that start at Laplace's approximation (`Laplace.sample`)."""
+    require_count("n", n, 2, f"{N_DRAWS}")
+    require_generator(rng)
+    return draws_at(found.problem, found.coordinates, found.sample(n, rng))
+
+
+def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
+    """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    return averaged_policy(problem, draws.reward, draws.believed_outcome_probabilities)
+
+
+def averaged_policy(
+    problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
+) -> FloatArray:
+    """(S, A) mean of the soft policies of (n, F) reward weights and (n, M, K) dynamics."""
+    total, value = np.zeros(problem.mdp.available.shape), None
+    for weights, table in zip(reward_weights, outcome_probabilities, strict=True):
+        transitions = transitions_of(problem.mdp.transitions, table)
+        solution = solution_at(problem, weights, transitions, initial_value=value)
+        total, value = total + solution.policy, solution.value
+    return np.asarray(total / len(reward_weights))

@@ -17,8 +17,7 @@ from serd_core.posterior.beliefs import Belief, CoupledBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, terms_of
+from serd_core.priors.prior import GaussianPrior, Prior, terms_of
 from serd_core.semi_markov.dwell_prior import DwellPrior
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over

@@ -15,15 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bellman.bellman_solver import BellmanProblem
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.newton import Newton
+from serd_core.bellman.bellman_solver import BellmanProblem, Newton
+from serd_core.bellman.linear_solvers import Automatic
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
-from serd_core.posterior.derivatives.posterior_hessian import sensitivities
+from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models

@@ -35,9 +35,8 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.posterior.coordinates import Coordinates
-from serd_core.posterior.hidden_actions import drawn_actions
 from serd_core.posterior.parameters import Block
-from serd_core.posterior.posterior import Posterior
+from serd_core.posterior.posterior import Posterior, drawn_actions
 
 #: Sweeps before the first draws.
 N_SWEEPS = 6

@@ -12,16 +12,17 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import (
+    BYTES_PER_PAIR,
     BoolArray,
     FloatArray,
     IntArray,
     float_array,
     int_array,
     require_index,
+    require_memory,
 )
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.memory import BYTES_PER_PAIR, require_memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ from serd_core.arrays import (
     number_array,
     weighted_counts,
 )
-from serd_core.bellman.linear.policy_pattern import (
+from serd_core.bellman.policy_pattern import (
     PolicyPattern,
     index_type,
     policy_pattern,

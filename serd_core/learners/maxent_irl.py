@@ -14,8 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, weighted_counts
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.trajectories import (
     absorption_features,

@@ -15,12 +15,11 @@ counts are *discounted*, as in the constraint; matching them undiscounted gives 
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import policy_system
-from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear_solvers import Automatic
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
@@ -32,8 +31,7 @@ from serd_core.mdp.problem import Problem, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, require_weight
+from serd_core.priors.prior import GaussianPrior, Prior, require_weight
 
 
 def fit_mdce_irl_by_likelihood(

@@ -16,11 +16,10 @@ solve.
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_positive
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.bellman.bellman_solver import adjoint
 from serd_core.bellman.equations import boltzmann
-from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear_solvers import Automatic
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult

@@ -33,9 +33,9 @@ from serd_core.ascent.ascent import (
     FunctionObjective,
     Point,
     StepCallback,
+    minimise,
     vanishing,
 )
-from serd_core.ascent.lbfgs import minimise
 from serd_core.ascent.open_directions import described
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind, require_positive
-from serd_core.ascent.ascent import Ascent, StepCallback
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
-from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions

@@ -16,6 +16,7 @@ from serd_core.arrays import (
     float_array,
     int_array,
     require_count,
+    require_memory,
 )
 from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -24,7 +25,6 @@ from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem, require_problem
-from serd_core.memory import require_memory
 
 
 def finite_horizon(

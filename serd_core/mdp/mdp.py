@@ -10,6 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import (
+    BYTES_PER_ENTRY,
+    LISTED_BYTES_PER_ENTRY,
     BoolArray,
     FloatArray,
     Shape,
@@ -18,12 +20,12 @@ from serd_core.arrays import (
     is_number,
     require_each,
     require_kind,
+    require_memory,
     shown,
 )
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.memory import BYTES_PER_ENTRY, LISTED_BYTES_PER_ENTRY, require_memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, require_kind, require_positive
-from serd_core.bellman.bellman_solver import BellmanProblem, BellmanSolution, BellmanSolver
+from serd_core.bellman.bellman_solver import BellmanProblem, BellmanSolution, BellmanSolver, Newton
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
-from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem, rewards
 

@@ -20,7 +20,7 @@ from serd_core.ascent.ascent import Objective
 from serd_core.ascent.open_directions import described
 from serd_core.mdp.problem import Problem, usable_features
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
+from serd_core.posterior.hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 

@@ -31,12 +31,16 @@ from serd_core.arrays import (
     IntArray,
     float_array,
     require_count,
+    require_memory,
     require_positive,
 )
-from serd_core.arrival.absorption import probability_of_ever_arriving
-from serd_core.arrival.chain import ArrivalByState, GoalProblem, goal_mask
+from serd_core.arrival.chain import (
+    ArrivalByState,
+    GoalProblem,
+    goal_mask,
+    probability_of_ever_arriving,
+)
 from serd_core.mdp.mdp import checked_policy
-from serd_core.memory import require_memory
 from serd_core.semi_markov.models import SemiMarkovModels
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.

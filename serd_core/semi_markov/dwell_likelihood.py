@@ -21,12 +21,11 @@ import numpy as np
 from scipy.special import ndtri
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.semi_markov.gamma_law import ByMeanAndShape, log_density, log_survival
 from serd_core.semi_markov.models import SemiMarkovModels
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 #: To what share of itself a dwell time is known at best.
 RESOLUTION = 1e-3

@@ -23,9 +23,8 @@ from serd_core.arrays import (
     floored,
     weighted_counts,
 )
-from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.information import interval, learned_outcomes, named_source
-from serd_core.bayes.laplace import Laplace
+from serd_core.bayes.laplace import Laplace, PosteriorDraws
 from serd_core.priors.prior import terms_of
 from serd_core.semi_markov.dwell_prior import DwellPrior, counted_parameters
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed

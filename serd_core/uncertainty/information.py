@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
-from serd_core.posterior.derivatives.posterior_hessian import (
+from serd_core.posterior.hessian import (
     Sensitivities,
     choice_scores,
     outcome_scores,
@@ -30,10 +30,8 @@ from serd_core.posterior.derivatives.posterior_hessian import (
     transition_scores,
     vector_hessian,
 )
-from serd_core.posterior.hidden_actions import move_scores
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.posterior.posterior import Posterior, PosteriorValue, move_scores
 
 
 def score_sizes(

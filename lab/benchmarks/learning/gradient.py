@@ -27,11 +27,9 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_lu,
 )
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.ascent import Ascent, Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.bayes.draws import laplace_draws, posterior_policy
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.bellman.bellman_solver import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions

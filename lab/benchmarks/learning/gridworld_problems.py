@@ -5,9 +5,8 @@ import numpy as np
 from lab.experiments.gridworld.landscape import generated_landscape
 from lab.experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.linear_solver import LinearSolver
-from serd_core.bellman.newton import Newton
+from serd_core.bellman.bellman_solver import Newton
+from serd_core.bellman.linear_solvers import Automatic, LinearSolver
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions

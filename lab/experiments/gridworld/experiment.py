@@ -30,7 +30,7 @@ from lab.experiments.running.divergence import dynamics_divergence
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import posterior_policy
+from serd_core.bayes.laplace import posterior_policy
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem

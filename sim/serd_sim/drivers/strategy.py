@@ -18,11 +18,10 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
+from serd_core.arrival.arriving_policy import ArrivingPolicy, Traps, arriving_policy
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw, steps_within
-from serd_core.arrival.trap_states import Traps
-from serd_core.bayes.draws import averaged_policy
+from serd_core.bayes.laplace import averaged_policy
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, features_of_flow, with_dwell_times

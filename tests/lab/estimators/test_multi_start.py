@@ -9,7 +9,7 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import GaussianPrior
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.learning.methods import METHODS
 from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
-from serd_core.demonstrations.decisions import HIDDEN
+from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
@@ -21,8 +22,6 @@ from serd_core.grid.navigation import (
 )
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
-from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
 from serd_sim.drivers.strategy import dynamics_of_draws, learned_dynamics

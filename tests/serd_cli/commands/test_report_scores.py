@@ -12,7 +12,7 @@ from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.demonstrations.decisions import TimedDecisions
 from support.commands import printed_in
 
 

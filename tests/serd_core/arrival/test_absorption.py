@@ -6,7 +6,7 @@ import scipy.sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.arrival.absorption import probability_of_ever_arriving
+from serd_core.arrival.chain import probability_of_ever_arriving
 
 
 def ever_arriving(chain, goals):

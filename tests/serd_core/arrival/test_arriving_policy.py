@@ -12,9 +12,9 @@ from serd_core.arrival.arriving_policy import (
     TRAP_PROBABILITY,
     arriving_policy,
     least_time_policy,
+    trap_states,
 )
 from serd_core.arrival.chain import policy_chain
-from serd_core.arrival.trap_states import trap_states
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 from serd_core.policies.solved_policy import optimal_policy, soft_policy

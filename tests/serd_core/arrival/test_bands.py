@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf, sampling_band
+from serd_core.arrival.law import clopper_pearson, empirical_arrival_cdf, sampling_band
 from serd_core.errors import SerdError
 
 

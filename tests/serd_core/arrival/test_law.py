@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ks_2samp
 
-from serd_core.arrival.law import ArrivalLaw, steps_within
-from serd_core.arrival.scores import largest_gap
+from serd_core.arrival.law import ArrivalLaw, largest_gap, steps_within
 
 
 def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, expon, gamma
 
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s, detectable_delay, gap_probability, largest_gap
+from serd_core.arrival.law import ArrivalLaw, crps_s, detectable_delay, gap_probability, largest_gap
 from serd_core.errors import SerdError
 
 STEP_S = 0.1

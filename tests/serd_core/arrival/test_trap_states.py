@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.arrival.trap_states import find_traps, trap_states
+from serd_core.arrival.arriving_policy import find_traps, trap_states
 
 CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
 LEFT, STAY, RIGHT = 0, 1, 2

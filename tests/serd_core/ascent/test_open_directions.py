@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_core.ascent.ascent import FunctionObjective
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.ascent import FunctionObjective, Lbfgs
 from serd_core.ascent.open_directions import judged_weights, open_directions
 
 NAMES = ("first", "second", "third")

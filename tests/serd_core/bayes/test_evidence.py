@@ -7,8 +7,7 @@ import scipy.special
 import scipy.stats
 
 import serd_core as sc
-from serd_core.bayes.draws import draws_at
-from serd_core.bayes.laplace import laplace_at, log_posterior_of
+from serd_core.bayes.laplace import draws_at, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy

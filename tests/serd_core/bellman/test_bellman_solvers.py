@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration
+from serd_core.bellman.bellman_solver import BellmanProblem, Newton, ValueIteration
 from serd_core.bellman.equations import HardBellman, SoftBellman
-from serd_core.bellman.newton import Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.ascent import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from serd_core.mdp.tables import from_transitions
+from serd_core.mdp.problem import from_transitions
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 

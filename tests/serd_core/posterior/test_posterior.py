@@ -15,12 +15,16 @@ from serd_core.posterior.beliefs import (
     FreeBelief,
     TiedBelief,
 )
-from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
 from serd_core.posterior.parameters import Block
-from serd_core.posterior.posterior import Posterior, require_possible
+from serd_core.posterior.posterior import (
+    Posterior,
+    drawn_actions,
+    expected_counts,
+    require_possible,
+)
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import GaussianPrior
 from support.random_posteriors import (
     assert_gradient_is_of_the_objective,
     assert_hessian_is_of_the_gradient,

@@ -12,8 +12,7 @@ from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.divergence import CouplingPrior, KldPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import LogPrior, Prior, UniformPrior
+from serd_core.priors.prior import GaussianPrior, LogPrior, Prior, UniformPrior
 
 BOTH = np.ones((2, 1), bool)
 #: Two states, one action, three outcomes; in state 1 two of them land in the same cell.

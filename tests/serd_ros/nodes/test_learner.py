@@ -14,7 +14,7 @@ from serd_app.drives.episode_spans import EpisodeMark
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import CheckpointFolder, LearnerMemory
 from serd_bag.errors import FileError
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from serd_ros.errors import NodeError
 from serd_ros.process.serd_node import SerdNode

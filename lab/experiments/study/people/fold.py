@@ -11,9 +11,8 @@ from lab.experiments.study.people.learners import LEARNERS, Prediction, Task
 from lab.experiments.study.people.people import Asked, People, evenly
 from lab.experiments.study.people.walkers import CONSTANT_VELOCITY, straight_laws
 from serd_core.arrays import BoolArray
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.arrival.law import ArrivalLaw, crps_s
+from serd_core.demonstrations.decisions import TimedDecisions
 
 #: Probability that no move is less likely than.
 FLOOR = 1e-4

@@ -15,7 +15,7 @@ from lab.experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
 from lab.experiments.study.recordings.reference import reference_table
 from serd_app.report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import trap_states
 
 #: Scores of a method, (R,) each; the worlds of a repetition are the same for all methods.
 _SCORES: dict[str, Callable[[ArrivalTables], FloatArray]] = {

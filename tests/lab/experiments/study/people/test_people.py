@@ -20,8 +20,7 @@ from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline
 from lab.experiments.study.people.walkers import CONSTANT_VELOCITY, scaled_law
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s
+from serd_core.arrival.law import ArrivalLaw, crps_s
 from serd_core.grid.grid import Action
 from serd_sim.episodes.execution import Execution
 

@@ -4,11 +4,11 @@ from hypothesis import strategies as st
 
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.derivatives import posterior_hessian as module
+from serd_core.posterior import hessian as module
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import GaussianPrior
 from support.random_posteriors import random_parameters, uniform_decisions
 
 

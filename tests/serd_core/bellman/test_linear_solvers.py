@@ -3,13 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.bellman.bellman_solver import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanProblem, Newton
 from serd_core.bellman.equations import SoftBellman
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.krylov import Krylov
-from serd_core.bellman.linear.linear_solver import WithFallback
-from serd_core.bellman.linear.lu import BandedLu, SparseLu
-from serd_core.bellman.newton import Newton
+from serd_core.bellman.linear_solvers import Automatic, BandedLu, Krylov, SparseLu, WithFallback
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from support import graphs

@@ -14,7 +14,7 @@ policy's log-likelihood has by rewards, believed dynamics and temperature
     T_Qtheta   = gamma dP dV,                        T_thetatheta = gamma d2P V
 
 where y = gamma P^T lambda is the state part of the adjoint. Moves whose action is hidden count as
-expected, and add the covariance of their scores (`serd_core.posterior.hidden_actions`).
+expected, and add the covariance of their scores (`serd_core.posterior.posterior`).
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, require_memory
 from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
-from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.bellman.linear_solvers import LinearSolver
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     Transitions,
@@ -36,11 +36,9 @@ from serd_core.dynamics.transition_model import (
     transitions_at,
 )
 from serd_core.mdp.mdp import Mdp
-from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue
+from serd_core.posterior.posterior import Posterior, PosteriorValue, covariance_of_scores
 
 #: Tables of the size of a derivative that exist at a time.
 COPIES = 4
