@@ -33,6 +33,9 @@ _LEFT = {
         ),
         "the authors' lab has it",
     ),
+    **dict.fromkeys(
+        ("Automatic", "BandedLu", "Krylov", "SparseLu"), "the size of a problem chooses its solver"
+    ),
     "BeliefAroundTruth": "use CoupledBelief, or FreeBelief with a prior on each block",
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
     "SparseModel": "use fixed_transitions or learned_transitions",

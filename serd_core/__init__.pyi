@@ -15,10 +15,6 @@ from serd_core.bayes.laplace import posterior_policy as posterior_policy
 from serd_core.bayes.strengths import PriorByEvidence as PriorByEvidence
 from serd_core.bellman.bellman_solver import Newton as Newton
 from serd_core.bellman.bellman_solver import ValueIteration as ValueIteration
-from serd_core.bellman.linear_solvers import Automatic as Automatic
-from serd_core.bellman.linear_solvers import BandedLu as BandedLu
-from serd_core.bellman.linear_solvers import Krylov as Krylov
-from serd_core.bellman.linear_solvers import SparseLu as SparseLu
 from serd_core.demonstrations.decisions import HIDDEN as HIDDEN
 from serd_core.demonstrations.decisions import Decisions as Decisions
 from serd_core.demonstrations.decisions import TimedDecisions as TimedDecisions

@@ -26,7 +26,6 @@ from scipy.special import gammaln, psi
 from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
 from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.linear_solvers import Automatic
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
@@ -273,7 +272,6 @@ def _of_choices(
         believed,
         solution,
         mdp.transitions.local_jacobian(at.belief),
-        Automatic(),
     ).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)

@@ -16,7 +16,6 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.bellman.bellman_solver import BellmanProblem, Newton
-from serd_core.bellman.linear_solvers import Automatic
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
@@ -195,7 +194,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
-    derivatives = sensitivities(mdp, without.features, believed, solution, by_local, Automatic())
+    derivatives = sensitivities(mdp, without.features, believed, solution, by_local)
     seen = posterior.observations
     pairs = np.union1d(seen.key // mdp.n_states, np.flatnonzero(seen.state_action))
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)

@@ -30,14 +30,14 @@ shrink the residual well, the policy hardly changes, and the next step keeps the
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, require_each, require_kind, shown
+from serd_core.arrays import FloatArray, float_array, is_number, require_each, shown
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.bellman.linear_solvers import Automatic, LinearSolver, LinearSystem
+from serd_core.bellman.linear_solvers import LinearSystem, prepare
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -236,11 +236,10 @@ def adjoint(
     transitions: Transitions,
     solution: BellmanSolution,
     q_gradient: FloatArray,
-    linear_solver: LinearSolver,
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
     policy = solution.policy
-    system = policy_system(transitions, policy, mdp.discount, linear_solver)
+    system = policy_system(transitions, policy, mdp.discount)
     flow = mdp.discount * transitions.flow(q_gradient)
     state_gradient = system.solve(flow, transposed=True)
     del system  # frees the memory of its factor
@@ -251,11 +250,12 @@ def adjoint(
 
 
 def policy_system(
-    transitions: Transitions, policy: FloatArray, discount: float, solver: LinearSolver
+    transitions: Transitions, policy: FloatArray, discount: float, right_sides: int = 1
 ) -> LinearSystem:
-    """I - discount * P_pi for an (S, A) policy, prepared by a solver."""
+    """I - discount * P_pi for an (S, A) policy, for so many right-hand sides."""
     pattern = transitions.model.policy_pattern
-    return solver.prepare(pattern, pattern.system_data(policy, transitions.entries, discount))
+    data = pattern.system_data(policy, transitions.entries, discount)
+    return prepare(pattern, data, right_sides)
 
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
@@ -271,19 +271,16 @@ KEEP = 0.03
 class Newton(BellmanSolver):
     """Solves the Bellman equation by Newton's method, safeguarded by sweeps: the default.
 
-    linear_solver: of the system of each step.
     accuracy: wanted error of V relative to max(1, max |V|).
     max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
     """
 
-    linear_solver: LinearSolver = field(default_factory=Automatic)
     accuracy: float = 1e-12
     max_steps: int = 1_000
     cold_sweeps: int = 2
 
     def __post_init__(self) -> None:
         require_limits(self.accuracy, self.max_steps)
-        require_kind("linear_solver", self.linear_solver, (LinearSolver,), "Automatic()")
 
     def solve(
         self, problem: BellmanProblem, initial_value: FloatArray | None = None
@@ -293,16 +290,16 @@ class Newton(BellmanSolver):
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
         system: LinearSystem | None = None
-        solver = self.linear_solver
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            system = system or _prepared(solver, problem, latest)
+            if system is None:
+                policy = problem.equation.policy_at(latest.q, latest.target)
+                system = policy_system(problem.transitions, policy, problem.discount)
             step = system.solve(latest.gap, relative_residual=FORCING)
-            solver = system.solver_of_next(solver)
             proposed = backup(problem, latest.value + step)
             system = system if proposed.residual <= KEEP * latest.residual else None
             if _acceptable(proposed, latest):
@@ -312,11 +309,6 @@ class Newton(BellmanSolver):
         return solution_from(
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )
-
-
-def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
-    policy = problem.equation.policy_at(latest.q, latest.target)
-    return policy_system(problem.transitions, policy, problem.discount, solver)
 
 
 def _acceptable(proposed: Backup, latest: Backup) -> bool:

@@ -1,48 +1,42 @@
 """Linear systems (I - gamma P_pi) x = b, and with the transposed matrix.
 
-LU factorisations of the S x S system I - gamma P_pi.
-
-Sparse: the matrix is strictly diagonally dominant by rows, so that elimination needs no pivoting
-and may follow the order of least fill.
-
-As a band matrix (LAPACK's gbtrf): states reordered by reverse Cuthill-McKee lie near their
-successors: in a hallway of w cells across the band is about w wide, in a square of n states
-sqrt(n). The work n * width^2 grows faster than that of a sparse factor with little fill, but it is
-plain arithmetic, and small and narrow problems would spend their time on bookkeeping. The transpose
-is factorised: it is diagonally dominant by columns, so that no rows are exchanged.
-
-Iterative solution of the linear systems where an LU factor would take long or not fit.
-
-BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
-by rounding.
-
-Choice of the linear solver by the size of a problem and the width of its band.
-
-A band is factorised where it is narrow, as in hallways of any length, and a sparse matrix of few
-states too. Elsewhere BiCGSTAB takes less time than a factor, unless one factor serves many
-right-hand sides; of graphs whose band is wide, which have no small separators, factors fill up.
+A band is factorised where it is narrow, as in hallways of any length (LAPACK's gbtrf): states
+reordered by reverse Cuthill-McKee lie near their successors. The transpose is factorised: it is
+diagonally dominant by columns, so that no rows are exchanged. A sparse matrix of few states is
+factorised too; it is strictly diagonally dominant by rows, so that elimination needs no pivoting
+and may follow the order of least fill. Elsewhere BiCGSTAB takes less time than a factor, unless one
+factor serves many right-hand sides; of graphs whose band is wide, which have no small separators,
+factors fill up.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
 from inspect import signature
-from typing import Any
 
 import numpy as np
 import scipy.linalg.lapack
 import scipy.sparse.linalg
 
-from serd_core.arrays import FloatArray, IntArray
-from serd_core.bellman.policy_pattern import Band, PolicyPattern
+from serd_core.arrays import FloatArray
+from serd_core.bellman.policy_pattern import PolicyPattern
 from serd_core.errors import SerdError
+
+#: Off-diagonals on either side up to which a band is factorised, and states up to which a sparse
+#: matrix is: for few right-hand sides, and for more than MANY_SIDES.
+WIDEST_BAND, LARGEST_LU, LARGEST_SHARED_LU, MANY_SIDES = 65, 5_000, 300_000, 10
+#: Share of the states that a band covers where factors fill up, and states from which that counts.
+WIDE, SMALL_STATES = 0.25, 500
+#: |b - A x| / |b| that BiCGSTAB reaches unless more is allowed; of its runs, what each is asked to
+#: gain before it is restarted from the true residual, from which the recurrences drift by rounding.
+RESIDUAL, GAIN_PER_RUN, MAX_RUNS, MAX_ITERATIONS = 1e-11, 1e-6, 10, 10_000
+#: Name of the bound on the relative residual, another one before SciPy 1.12.
+_BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters else "tol"
 
 
 class LinearSystem(ABC):
-    """One matrix I - gamma P_pi, prepared for several right-hand sides."""
+    """One matrix I - gamma P_pi, of a pattern with its (nnz,) numbers, for several b."""
+
+    @abstractmethod
+    def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None: ...
 
     @abstractmethod
     def solve(
@@ -53,87 +47,45 @@ class LinearSystem(ABC):
         An iterative solver may stop at |b - A x| <= relative_residual |b|; 0 asks for its best.
         """
 
-    def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
-        """The solver for another matrix of the same kind, where `solver` prepared this one."""
-        return solver
+
+def prepare(pattern: PolicyPattern, data: FloatArray, right_sides: int = 1) -> LinearSystem:
+    """The system of the numbers (`PolicyPattern.system_data`), for so many right-hand sides."""
+    return kind_of(pattern, right_sides)(pattern, data)
 
 
-class LinearSolver(ABC):
-    """A way to solve such systems."""
-
-    @abstractmethod
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
-
-    def for_systems(self, *, right_sides: int) -> LinearSolver:
-        """The solver for systems of so many right-hand sides."""
-        del right_sides
-        return self
+def kind_of(pattern: PolicyPattern, right_sides: int = 1) -> type[LinearSystem]:
+    """The system that takes least time for a pattern."""
+    if pattern.band.width <= WIDEST_BAND:
+        return BandedFactor
+    fills_up = pattern.n_states > SMALL_STATES and pattern.band.width > WIDE * pattern.n_states
+    largest = LARGEST_LU if right_sides <= MANY_SIDES else LARGEST_SHARED_LU
+    return LuFactor if pattern.n_states <= largest and not fills_up else KrylovSystem
 
 
-@dataclass(frozen=True, eq=False)
-class WithFallback(LinearSystem):
-    """A system that may fail, and the solver that is used from its first failure on."""
+class LuFactor(LinearSystem):
+    """A factor of SuperLU, of the symmetrically reordered matrix."""
 
-    first: LinearSystem
-    fallback: LinearSolver
-    pattern: PolicyPattern
-    data: FloatArray
-
-    @cached_property
-    def _other(self) -> LinearSystem:
-        return self.fallback.prepare(self.pattern, self.data)
-
-    def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
-        return self.fallback if "_other" in vars(self) else solver
-
-    def solve(
-        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
-    ) -> FloatArray:
-        """Solve by the first system, and by the other where that does not converge."""
-        if "_other" not in vars(self):
-            with suppress(SerdError):
-                return self.first.solve(
-                    right_side, transposed=transposed, relative_residual=relative_residual
-                )
-        return self._other.solve(right_side, transposed=transposed)
-
-
-@dataclass(frozen=True)
-class SparseLu(LinearSolver):
-    """Solves linear systems of sparse graphs by SuperLU, on the symmetrically reordered matrix."""
-
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        factor = scipy.sparse.linalg.splu(
+    def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None:
+        self._factor = scipy.sparse.linalg.splu(
             pattern.matrix(data).tocsc(),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
-        return LuFactor(factor)
-
-
-@dataclass(frozen=True, eq=False)
-class LuFactor(LinearSystem):
-    """A factor of SuperLU."""
-
-    factor: Any
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
         del relative_residual
-        return np.asarray(self.factor.solve(right_side, trans="T" if transposed else "N"))
+        return np.asarray(self._factor.solve(right_side, trans="T" if transposed else "N"))
 
 
-@dataclass(frozen=True)
-class BandedLu(LinearSolver):
-    """Solves linear systems of narrow graphs, such as hallways, by LAPACK on the reordered band."""
+class BandedFactor(LinearSystem):
+    """Factor of the reordered, transposed band, as LAPACK keeps it."""
 
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Factorise the matrix with the given numbers; SerdError where it is singular."""
-        band = pattern.band
-        factor, pivots, failed = scipy.linalg.lapack.dgbtrf(
+    def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None:
+        self._band = band = pattern.band
+        self._factor, self._pivots, failed = scipy.linalg.lapack.dgbtrf(
             band.filled(data), band.below, band.above, overwrite_ab=1
         )
         if failed:
@@ -141,135 +93,62 @@ class BandedLu(LinearSolver):
                 f"I - gamma P_pi must be invertible, but pivot {failed} of its band is 0; check"
                 " that the transition probabilities are finite"
             )
-        return BandedFactor(factor=factor, pivots=pivots, band=band)
-
-
-@dataclass(frozen=True, eq=False)
-class BandedFactor(LinearSystem):
-    """Factor of the reordered, transposed band, as LAPACK keeps it."""
-
-    factor: FloatArray
-    pivots: IntArray
-    band: Band
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
         del relative_residual
-        band, given = self.band, right_side[self.band.order]
+        band, given = self._band, right_side[self._band.order]
         reordered, _ = scipy.linalg.lapack.dgbtrs(
-            self.factor, band.below, band.above, given, self.pivots, int(not transposed)
+            self._factor, band.below, band.above, given, self._pivots, int(not transposed)
         )
         return np.asarray(reordered[band.rank])
 
 
-#: What one run of BiCGSTAB is asked to gain before it is restarted.
-GAIN_PER_RUN = 1e-6
-#: Name of the bound on the relative residual, another one before SciPy 1.12.
-_BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters else "tol"
-
-
-@dataclass(frozen=True)
-class Krylov(LinearSolver):
-    """Solves linear systems of many states by restarted BiCGSTAB, without a whole factor.
-
-    relative_residual: |b - A x| / |b| to reach, unless `solve` allows more.
-    max_iterations: of each run; max_runs: bound of the restarts.
-    """
-
-    relative_residual: float = 1e-11
-    max_iterations: int = 10_000
-    max_runs: int = 10
-
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        return KrylovSystem(self, pattern.matrix(data))
-
-
-@dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix by rows."""
+    """Restarted BiCGSTAB, and a sparse factor from the first time on that it fails."""
 
-    settings: Krylov
-    matrix: Any
+    def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None:
+        self._given, self._factor = (pattern, data), None
+        self._matrix = pattern.matrix(data)
+        self._transposed = None
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        """Solve column by column; SerdError where the residual cannot be reached."""
-        target = max(relative_residual, self.settings.relative_residual)
-        if right_side.ndim == 1:
-            return self._solve_one(right_side, transposed, target)
-        columns = [self._solve_one(column, transposed, target) for column in right_side.T]
-        return np.stack(columns, axis=1)
-
-    def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
-        matrix = self._transposed if transposed else self.matrix
-        size = float(np.linalg.norm(right_side))
-        solution, left = np.zeros_like(right_side), right_side
-        for _ in range(self.settings.max_runs):
-            length = float(np.linalg.norm(left))
-            if length <= target * size:
-                return solution
-            improved, _ = scipy.sparse.linalg.bicgstab(
-                matrix,
-                left,
-                atol=0.0,
-                maxiter=self.settings.max_iterations,
-                **{_BOUND: max(0.5 * target * size / length, GAIN_PER_RUN)},
-            )
-            improved += solution
-            remaining = right_side - matrix @ improved
-            if not np.linalg.norm(remaining) < length:
+        target, columns = max(relative_residual, RESIDUAL), np.atleast_2d(right_side.T)
+        if transposed and self._transposed is None:
+            self._transposed = self._matrix.T.tocsr()
+        matrix = self._transposed if transposed else self._matrix
+        solved = []
+        for column in columns if self._factor is None else ():
+            solution = _iterated(matrix, column, target)
+            if solution is None:
+                self._factor = LuFactor(*self._given)
                 break
-            solution, left = improved, remaining
-        share = float(np.linalg.norm(left)) / size
-        if share <= target:
+            solved.append(solution)
+        if self._factor is not None:
+            return self._factor.solve(right_side, transposed=transposed)
+        return np.stack(solved, axis=-1).reshape(right_side.shape)
+
+
+def _iterated(
+    matrix: scipy.sparse.csr_array, right_side: FloatArray, target: float
+) -> FloatArray | None:
+    """Solution with the residual wanted, None where that is not reached."""
+    size = float(np.linalg.norm(right_side))
+    solution, left = np.zeros_like(right_side), right_side
+    for _ in range(MAX_RUNS):
+        length = float(np.linalg.norm(left))
+        if length <= target * size:
             return solution
-        raise SerdError(
-            f"Krylov must reach a relative residual of {target}, got {share}; raise"
-            " max_iterations, or use SparseLu"
+        bound = max(0.5 * target * size / length, GAIN_PER_RUN)
+        improved, _ = scipy.sparse.linalg.bicgstab(
+            matrix, left, atol=0.0, maxiter=MAX_ITERATIONS, **{_BOUND: bound}
         )
-
-    @cached_property
-    def _transposed(self) -> Any:
-        return self.matrix.T.tocsr()
-
-
-#: Share of the states that a band covers where factors fill up, and states from which that counts.
-WIDE, SMALL_STATES = 0.25, 500
-#: Right-hand sides from which a factor pays, and states up to which it then does.
-MANY_SIDES, LARGEST_SHARED_LU = 10, 300_000
-
-
-@dataclass(frozen=True)
-class Automatic(LinearSolver):
-    """Banded LU, sparse LU or BiCGSTAB, whichever fits; sparse LU is the fallback of BiCGSTAB.
-
-    widest_band: off-diagonals on either side up to which a band is factorised.
-    largest_lu_states: sparse LU up to this number of states, BiCGSTAB beyond.
-    """
-
-    widest_band: int = 65
-    largest_lu_states: int = 5_000
-
-    def for_systems(self, *, right_sides: int) -> LinearSolver:
-        if right_sides <= MANY_SIDES or self.largest_lu_states != Automatic.largest_lu_states:
-            return self
-        return replace(self, largest_lu_states=LARGEST_SHARED_LU)
-
-    def choose(self, pattern: PolicyPattern) -> LinearSolver:
-        """The solver for the systems of a pattern."""
-        n_states = pattern.n_states
-        if pattern.band.width <= self.widest_band:
-            return BandedLu()
-        fills_up = n_states > SMALL_STATES and pattern.band.width > WIDE * n_states
-        if n_states <= self.largest_lu_states and not fills_up:
-            return SparseLu()
-        return Krylov()
-
-    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        solver = self.choose(pattern)
-        system = solver.prepare(pattern, data)
-        if isinstance(solver, Krylov):
-            return WithFallback(system, SparseLu(), pattern, data)
-        return system
+        improved += solution
+        remaining = right_side - matrix @ improved
+        if not np.linalg.norm(remaining) < length:
+            return None
+        solution, left = improved, remaining
+    return solution if np.linalg.norm(left) <= target * size else None

@@ -19,7 +19,6 @@ from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import policy_system
-from serd_core.bellman.linear_solvers import Automatic
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
@@ -133,7 +132,7 @@ def state_action_occupancy(
     """(S, A) expected discounted visits of an (S, A) policy, linear in its (S,) starts."""
     choice = checked_policy("policy", policy, mdp)
     begin = float_array("starts", starts, (mdp.n_states,))
-    system = policy_system(transitions, choice, mdp.discount, Automatic())
+    system = policy_system(transitions, choice, mdp.discount)
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)
 
 

@@ -19,7 +19,6 @@ from serd_core.arrays import FloatArray, require_positive
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.bellman.bellman_solver import adjoint
 from serd_core.bellman.equations import boltzmann
-from serd_core.bellman.linear_solvers import Automatic
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult
@@ -89,7 +88,7 @@ def fit_policy_matching(
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
         value, by_scaled_q = squared_loss(policy, search.observations.state_action)
         by_q = inverse_temperature * by_scaled_q
-        found = adjoint(problem.mdp, search.transitions, solution, by_q, Automatic())
+        found = adjoint(problem.mdp, search.transitions, solution, by_q)
         return value, weights_gradient(problem.features, found.reward_gradient)
 
     return search.maximise(matching, ascent, on_step)

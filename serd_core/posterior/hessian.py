@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, require_memory
+from serd_core.arrays import FloatArray, IntArray, require_memory
 from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
-from serd_core.bellman.linear_solvers import LinearSolver
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     Transitions,
@@ -44,8 +43,6 @@ from serd_core.posterior.posterior import Posterior, PosteriorValue, covariance_
 COPIES = 4
 #: Numbers of dQ/dtheta that exist at a time in the sum over states; they stay in the cache.
 CHUNK = 250_000
-#: Share of the sizes of all terms that the states left out of that sum have together.
-EPSILON = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,6 @@ def sensitivities(
     transitions: Transitions,
     solution: BellmanSolution,
     local_jacobian: FloatArray,
-    solver: LinearSolver,
 ) -> Sensitivities:
     """Derivatives by reward weights, then dynamics parameters."""
     model, discount = transitions.model, mdp.discount
@@ -110,7 +106,7 @@ def sensitivities(
         features if model.available.all() else np.where(model.available[..., None], features, 0.0)
     )
     by_reward = np.einsum("sa,saf->sf", policy, usable)
-    system = policy_system(transitions, policy, discount, solver)
+    system = policy_system(transitions, policy, discount, n_derivatives)
     by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))
     return Sensitivities(by_value, usable, by_local, local_jacobian, transitions, discount)
 
@@ -131,18 +127,12 @@ def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) ->
     return np.asarray((centred * share).T @ centred)
 
 
-def dynamics_terms(
-    found: Sensitivities, adjoint: Adjoint, theta: FloatArray, kept: BoolArray
-) -> FloatArray:
-    """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta.
-
-    kept: (S,) states that count.
-    """
+def dynamics_terms(found: Sensitivities, adjoint: Adjoint, theta: FloatArray) -> FloatArray:
+    """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta."""
     model, n_features = found.transitions.model, found.features.shape[2]
-    entries = np.flatnonzero(np.repeat(kept, np.diff(model.row_start[:: model.n_actions])))
-    weights = found.discount * adjoint.reward_gradient.ravel()[model.row[entries]]
+    weights = found.discount * adjoint.reward_gradient.ravel()[model.row]
     carrier = scipy.sparse.csr_array(
-        (weights, (model.local_index[entries], model.successor[entries])),
+        (weights, (model.local_index, model.successor)),
         shape=(len(found.local_jacobian), model.n_states),
     )
     cross = found.local_jacobian.T @ (carrier @ found.by_value)
@@ -152,15 +142,6 @@ def dynamics_terms(
     if found.local_jacobian.shape[1]:
         table[n_features:, n_features:] += model.local_curvature(theta, adjoint.local_gradient)
     return table
-
-
-def with_weight(sizes: FloatArray) -> BoolArray:
-    """(S,) the states without those of least size, which rounding of the sum of sizes hides."""
-    order = np.argsort(sizes)
-    hidden = np.cumsum(sizes[order]) <= EPSILON * sizes.sum()
-    kept = np.ones(len(sizes), dtype=np.bool_)
-    kept[order[hidden]] = False
-    return kept
 
 
 def posterior_hessian(
@@ -224,9 +205,7 @@ def sensitivities_at(
         local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
     else:
         local_jacobian = np.zeros((believed.local_probabilities.size, 0))
-    n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
-    solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
-    return sensitivities(mdp, posterior.features, believed, at.solution, local_jacobian, solver)
+    return sensitivities(mdp, posterior.features, believed, at.solution, local_jacobian)
 
 
 def _add_policy_part(
@@ -243,10 +222,9 @@ def _add_policy_part(
     if model.equation.curved:
         # Experts of a soft equation choose by the policy of its solution.
         weights += at.adjoint.state_gradient
-    kept = with_weight(np.abs(weights) + np.abs(at.adjoint.reward_gradient).sum(axis=1))
-    inner = dynamics_terms(found, at.adjoint, parameters.belief, kept)
+    inner = dynamics_terms(found, at.adjoint, parameters.belief)
     size = len(inner)
-    states = np.flatnonzero(kept)
+    states = np.arange(len(policy))
     for chunk in np.array_split(states, 1 + len(states) * policy.shape[1] * size // CHUNK):
         inner += covariance_sum(policy[chunk], found.by_q_of(chunk), weights[chunk])
     # Reward and belief are the first two blocks of the row.

@@ -38,7 +38,6 @@ from serd_core.bellman.bellman_solver import (
     Newton,
     adjoint,
 )
-from serd_core.bellman.linear_solvers import Automatic, LinearSolver
 from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.errors import SerdError
@@ -196,7 +195,6 @@ class Posterior:
     policy_model: PolicyModel
     prior: Prior
     solver: BellmanSolver = field(default_factory=Newton)
-    linear_solver: LinearSolver = field(default_factory=Automatic)
 
     @cached_property
     def features(self) -> FloatArray:
@@ -223,7 +221,7 @@ class Posterior:
         by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
         del log_policy, policy  # (S, A) tables that the linear system has no room beside
         mdp = self.problem.mdp
-        gradients = adjoint(mdp, believed, solution, by_q, self.linear_solver)
+        gradients = adjoint(mdp, believed, solution, by_q)
         dynamics_value, by_truth = dynamics_log_likelihood(seen, true)
         if seen.hidden:
             _, by_truth = dynamics_log_likelihood(expected.observations, true)

@@ -51,7 +51,6 @@ WRONG = {
     "feature_names": ["x", [1, 2], ["goal", "goal"]],
     "belief": [*KINDS, sc.FreeBelief],
     "solver": [*KINDS, sc.Newton, None],
-    "linear_solver": [*KINDS, sc.SparseLu],
     "short": NO_NUMBERS,
 }
 #: Words in which sentences name tables that several arguments give.

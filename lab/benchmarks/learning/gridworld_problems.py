@@ -5,8 +5,6 @@ import numpy as np
 from lab.experiments.gridworld.landscape import generated_landscape
 from lab.experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
-from serd_core.bellman.bellman_solver import Newton
-from serd_core.bellman.linear_solvers import Automatic, LinearSolver
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
@@ -43,10 +41,6 @@ def demonstrations(
     )
 
 
-def objective_of(
-    problem: Problem, decisions: Decisions, linear_solver: LinearSolver | None = None
-) -> Posterior:
-    """The log posterior of MDCE SERD without a prior, solved as in a fit or by a given solver."""
-    linear = linear_solver or Automatic()
-    seen, solver = observe(problem.mdp, decisions), Newton(linear_solver=linear)
-    return Posterior(problem, seen, MdcePolicy(), UniformPrior(), solver, linear)
+def objective_of(problem: Problem, decisions: Decisions) -> Posterior:
+    """The log posterior of MDCE SERD without a prior, solved as in a fit."""
+    return Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())

@@ -11,7 +11,6 @@ from lab.estimators.forward_gradients import (
 )
 from serd_core.bellman.bellman_solver import BellmanProblem, Newton, adjoint
 from serd_core.bellman.equations import HardBellman, SoftBellman
-from serd_core.bellman.linear_solvers import SparseLu
 from serd_core.dynamics.transition_model import transitions_at
 
 EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)
@@ -46,7 +45,7 @@ def test_the_adjoint_is_the_transpose_of_the_forward_gradient(equation, random_p
     direct = forward(problem, weights, theta, equation, q_gradient_by_lu)
     expected = np.tensordot(by_q, direct.values, axes=2)
     transitions, solution = solved(problem, weights, theta, equation)
-    found = adjoint(mdp, transitions, solution, by_q, SparseLu())
+    found = adjoint(mdp, transitions, solution, by_q)
     by_reward = np.tensordot(found.reward_gradient * mdp.available, problem.features, axes=2)
     by_theta = mdp.transitions.pull_back(theta, found.local_gradient)
     np.testing.assert_allclose(np.concatenate([by_reward, by_theta]), expected, atol=1e-7)

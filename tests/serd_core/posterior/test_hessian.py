@@ -28,9 +28,3 @@ def test_chunks_of_states_and_blocks_that_are_left_out_change_nothing(random_pro
     np.testing.assert_allclose(in_chunks, whole, rtol=1e-12, atol=1e-12)
 
 
-@given(sizes=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=50))
-def test_states_that_are_left_out_are_lost_in_rounding_together(sizes):
-    given = np.array(sizes) ** 20
-    kept = module.with_weight(given)
-    assert given[~kept].sum() <= module.EPSILON * given.sum()
-    assert given[kept].min(initial=np.inf) >= given[~kept].max(initial=0.0)
