@@ -85,10 +85,7 @@ def number_array(name: str, values: Any) -> NDArray[Any]:
 
 
 def chosen_indices(name: str, values: Any, size: int, what: str) -> IntArray:
-    """(k,) indices into `size` things, given as such or as a mask (size,), in the order given.
-
-    SerdError where one is no `what`.
-    """
+    """(k,) indices into `size` things, given as such or as a mask (size,), in the order given."""
     if number_array(name, values).dtype == np.bool_:
         return np.flatnonzero(bool_array(name, values, (size,)))
     chosen = int_array(name, values, (None,))
@@ -107,10 +104,7 @@ def require_each(
 def require_index(
     name: str, array: IntArray, size: int, what: str, where: BoolArray | None = None
 ) -> None:
-    """SerdError naming the first entry of `array` that is no index into `size` things.
-
-    where: mask of the entries that count, of a shape that broadcasts; None for all.
-    """
+    """SerdError naming the first entry of `array` that is no index into `size` things."""
     holds = (array >= 0) & (array < size) | (False if where is None else ~where)
     rule, fix = f"be {what} from 0 to {size - 1}", "drop it or use the problem it was made for"
     require_each(name, array, holds, rule, fix)
@@ -185,10 +179,7 @@ def padded(table: FloatArray | NDArray[np.floating[Any]], shape: tuple[int, ...]
 
 
 def largest_per_row(table: FloatArray) -> FloatArray:
-    """(S,) maximum over the actions of an (S, A) table.
-
-    numpy reduces short rows one by one, and long columns many at a time: the copy pays.
-    """
+    """(S,) maximum over the actions of an (S, A) table."""
     return np.asarray(np.maximum.reduce(np.ascontiguousarray(table.T), axis=0))
 
 

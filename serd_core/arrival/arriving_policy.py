@@ -1,27 +1,15 @@
 """The policy that is driven: the learned one where it arrives, the way of least time elsewhere.
 
-Learned rewards may make it best to wait or to walk in circles in some states (`trap_states`). There
-the policy of the least expected time is taken instead, which solves the stochastic shortest path
-problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
+Trap states (Fig. 5.11 of the thesis) are *looping*, where the chain of intended cells runs into a
+cycle instead of a goal, or *unlikely*, where the policy arrives within the horizon with less than a
+threshold probability. Chance may free a robot from a cycle, which is why outcomes are left out of
+the first. There the policy of the least expected time is taken, which solves the stochastic
+shortest path problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
 
     V(s) = min_a E[tau | s, a] + sum_s' P(s'|s,a) V(s'),    V(goal) = 0
 
-over the actions that are meant to lead to another cell: waiting is no way, even where the learned
-dynamics expect that a robot which waits is carried along. Each decision ends the drive with the
-probability 1 / `NEVER`, so the equation is that of a discounted problem and V is finite: a drive
-that never arrives counts as `NEVER` decisions. Hence the probability of arriving comes first, and
-then the time.
-
-Trap states: where a policy does not lead to the goal (Fig. 5.11 of the thesis).
-
-There are two kinds of trap states:
-
-- *looping*: each action is followed as if it always had its intended outcome; the chain of cells of
-  greedy actions either reaches a goal or runs into a cycle, and actions that are drawn reach a goal
-  by some chain or by none. Outcomes of low probability may free a robot from such a cycle by
-  chance, which is why the transition probabilities are left out here.
-- *unlikely*: under the learned dynamics, chance included, the policy arrives within the horizon
-  with less than a threshold probability.
+over the actions that are meant to lead to another cell. Each decision ends the drive with the
+probability 1 / `NEVER`, so V is finite, and arriving comes first, and then the time.
 """
 
 from collections.abc import Callable
@@ -53,22 +41,6 @@ class Traps:
 
     def __contains__(self, state: int) -> bool:
         return bool(self.looping[state] or self.unlikely[state])
-
-
-def find_traps(
-    neighbours: IntArray,
-    policy: IntArray | FloatArray,
-    goal_states: IntArray,
-    arrival_probability: FloatArray,
-    threshold: float,
-) -> Traps:
-    """Both kinds of trap states. policy: see `trap_states`; arrival_probability: (S,) within the
-    horizon that matters."""
-    return Traps(
-        looping=trap_states(neighbours, policy, goal_states),
-        unlikely=np.asarray(arrival_probability < threshold),
-        threshold=threshold,
-    )
 
 
 def trap_states(
@@ -131,7 +103,8 @@ def arriving_policy(
         arrival = arrival_of(policy)
         cells, likely = problem.grid.neighbours, arrival.within(n_steps)
         goals = problem.goal_states
-        return arrival, find_traps(cells, policy.probabilities, goals, likely, TRAP_PROBABILITY)
+        looping = trap_states(cells, policy.probabilities, goals)
+        return arrival, Traps(looping, likely < TRAP_PROBABILITY, TRAP_PROBABILITY)
 
     driven, (arrival, traps) = learned, arrives(learned)
     learned_traps, by_time = traps, np.zeros(len(learned.greedy), dtype=np.bool_)

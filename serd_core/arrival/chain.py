@@ -1,20 +1,11 @@
 """The absorbing chain of a policy, and the arrival from each of its states (Fig. 5.10).
 
 The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves one decision at a time; what has reached a
-goal state has arrived. Goals absorb under every policy. Since the chain has no memory, the arrival
-from a state is the law of the remaining time given all that has happened so far.
-
-The probability that a Markov chain ever reaches a set of states (least solution of h = P h).
-
-    h(s) = 1 at a goal, 0 where no goal can be reached, 1 where every way leads to one
-    h(s) = sum_(s' != s) p(s'|s) h(s') / sum_(s' != s) p(s'|s)  elsewhere
-
-Solved by elimination without subtractions (Grassmann, Taksar and Heyman, Operations Research 33,
+goal state has arrived. The probability of ever arriving is the least solution of h = P h, h = 1 at
+a goal, by elimination without subtractions (Grassmann, Taksar and Heyman, Operations Research 33,
 1985): a state's exit rate is the sum of its ways out, never 1 - p(s|s), which cancels to nothing
 once leaving is rarer than machine precision. It works on logarithms, as the chance of several rare
 steps soon passes the smallest number. What is certain is found by search, not computed.
-
-Index order: [s, s'] with s the state before.
 """
 
 from collections.abc import Iterable
@@ -46,10 +37,7 @@ class GoalProblem(Protocol):
 
 
 def goal_mask(problem: GoalProblem) -> BoolArray:
-    """(S,) which states count as arrived: those of `goal_states`, numbers or an (S,) mask.
-
-    SerdError where a goal is no state of the problem.
-    """
+    """(S,) which states count as arrived: those of `goal_states`, numbers or an (S,) mask."""
     require_problem(problem, "goal_states", "NavigationProblem")
     n_states = problem.mdp.n_states
     mask = np.zeros(n_states, dtype=np.bool_)
@@ -104,10 +92,7 @@ class ArrivalByState:
 
 
 def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray) -> FloatArray:
-    """(S,) probability of ever being in a goal state, for a start in each state.
-
-    chain: (S, S) transition probabilities; goal: (S,) states that count, which absorb.
-    """
+    """(S,) probability of ever being in a goal state, for a start in each state."""
     steps = scipy.sparse.coo_array(chain)
     steps.sum_duplicates()
     kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
@@ -155,10 +140,7 @@ def _arriving_of_open_states(
 def _eliminated(
     inner: scipy.sparse.csr_array, to_goal: FloatArray, to_lost: FloatArray
 ) -> FloatArray:
-    """(n,) share that arrives, from the rates (n, n) within and (n,) out of n states.
-
-    Eliminating state k redirects every transition into k to the successors of k.
-    """
+    """(n,) share that arrives, from the rates (n, n) within and (n,) out of n states."""
     n_states = len(to_goal)
     band, width = _log_band(inner)
     with np.errstate(divide="ignore"):

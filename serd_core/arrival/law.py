@@ -1,18 +1,9 @@
-"""Time of arrival as a step function of seconds.
+"""A law of arrival as a step function of seconds, and how well it agrees with measured times.
 
-Measured times of arrival as an empirical CDF, and 95 % bands for it and for predictions.
-
-All episodes are cut off at the same horizon, so the share of episodes that arrived by time t
-estimates F(t) without bias for every t up to the horizon.
-
-Both bands are *pointwise*: each time by itself is covered with the stated probability, the whole
-curve with less.
-
-How well a law of arrival agrees with measured times: a proper score, and a test with its power.
-
+All episodes are cut off at the same horizon, so the share that arrived by time t estimates F(t)
+without bias. Bands are *pointwise*: the whole curve is covered with less than their probability.
 Two curves measured in one world differ by chance: those of 20 and of 40 drives by .2 in the median.
-So a gap between a prediction and a series of drives says something only beside the gap that chance
-makes, and a test that finds none only beside the error that it would find.
+So a gap is stated with its probability by chance, and a test with the error that it would find.
 """
 
 from dataclasses import dataclass, replace
@@ -121,11 +112,7 @@ def clopper_pearson(
 
 
 def binomial_tail(successes: int, n_trials: int, probability: float) -> float:
-    """P(K >= successes) of a binomial K.
-
-    >>> round(binomial_tail(2, 3, 0.1), 3)
-    0.028
-    """
+    """P(K >= successes) of a binomial K."""
     if successes <= 0:
         return 1.0
     return float(scipy.special.bdtrc(successes - 1, n_trials, probability))
@@ -134,12 +121,7 @@ def binomial_tail(successes: int, n_trials: int, probability: float) -> float:
 def sampling_band(
     cdf: FloatArray, n_episodes: int, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the share of `n_episodes` falls if a predicted CDF is right: binomial quantiles.
-
-    cdf: (T,) or a number, or (n, T) by n draws of a posterior: quantiles of the mixture of their
-    binomials. Returns lower and upper of shape (T,), or numbers.
-    Pointwise; discreteness makes the true coverage at least the stated one.
-    """
+    """Where the share of `n_episodes` falls if a predicted CDF is right: binomial quantiles."""
     given = np.asarray(cdf)
     probability = np.clip(np.atleast_2d(given), 0.0, 1.0)  # sums may pass 1 by rounding
     tail = (1.0 - coverage) / 2.0
@@ -181,11 +163,7 @@ def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
 
 
 def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
-    """Largest difference of a law and the measured shares, inf where it did not arrive.
-
-    At the steps of the law, to whose nearest one each time is rounded: the Kolmogorov-Smirnov
-    distance of the rounded times. SerdError without a time.
-    """
+    """Largest difference of a law and the measured shares, inf where it did not arrive."""
     return float(_gaps_of(law, _measured(arrival_times_s)[None, :])[0])
 
 

@@ -1,8 +1,6 @@
-"""The loop of the ascents: what each takes and returns, and the record that it keeps on the way.
+"""The loop of the ascents, and L-BFGS of SciPy, stopped by the gradient and nothing weaker.
 
 An ascent gives the steps (`Ascent.tries`); when it ends, and what it reports, is decided here.
-
-Limited-memory BFGS of scipy.optimize, stopped by the gradient and nothing weaker.
 """
 
 from abc import ABC, abstractmethod
@@ -43,7 +41,6 @@ class FunctionObjective(Objective):
     function: Callable[[FloatArray], tuple[float, FloatArray]]
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n,) gradient."""
         return self.function(vector)
 
 
@@ -96,10 +93,7 @@ class Ascent(ABC):
 
     @abstractmethod
     def tries(self, climb: "Climb") -> Iterator[None]:
-        """Judge where the climb is, then try one step after another; yields after each.
-
-        The iterator ends where no step gains anything, for the reason `climb.stalled`.
-        """
+        """Judge where the climb is, then try one step after another; yields after each."""
 
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
@@ -118,12 +112,10 @@ class Scaled(Objective):
     scale: FloatArray
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n,) gradient."""
         value, gradient = self.objective.evaluate(vector * self.scale)
         return value, gradient * self.scale
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """(n, n) second derivatives."""
         table = self.objective.hessian(vector * self.scale)
         return np.asarray(table * np.outer(self.scale, self.scale))
 
@@ -176,10 +168,7 @@ class Climb:
         self.norm = self.here.gradient_norm
 
     def evaluate(self, vector: FloatArray) -> Point:
-        """The objective at a vector, kept where that was the last one.
-
-        SerdError where an entry of the vector is not finite.
-        """
+        """The objective at a vector, kept where that was the last one."""
         if self._last is not None and np.array_equal(vector, self._last.vector):
             return self._last
         if (bad := first_index(~np.isfinite(vector))) is not None:

@@ -41,10 +41,7 @@ class OpenDirections:
     def judge(
         self, ascended: AscentResult, describe: Callable[[FloatArray], str], fix: str
     ) -> AscentResult:
-        """The ascent, which has not converged where a direction is open.
-
-        describe: a direction (n,) in words; fix: what bounds or determines it.
-        """
+        """The ascent, which has not converged where a direction is open."""
         if len(self.growing):
             way = describe(self.growing[0])
             reason = f"the objective grows on and on along {way} (separable decisions)"
@@ -62,11 +59,7 @@ def judged_weights(
     names: Sequence[str],
     fix: str,
 ) -> tuple[AscentResult, tuple[str, ...]]:
-    """The end of an ascent over weights, and directions that nothing determines, in words.
-
-    objective: over (n,) weights / scale; names: (n,); fix: what to do where it has no maximum. An
-    ascent that was stopped, or ended far from where the gradient vanishes, stays as it is.
-    """
+    """The end of an ascent over weights, and directions that nothing determines, in words."""
     near = ended.converged or ended.by_rounding or ended.gradient_norm <= VANISHING
     if ended.message == STOPPED or not near:
         return ended, ()
@@ -86,10 +79,7 @@ def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> s
 def open_directions(
     objective: Objective, at: FloatArray, *, kinked: bool = False
 ) -> OpenDirections:
-    """Find the open directions from a point (n,) where an ascent has ended.
-
-    kinked: whether at a kink, where the gradient does not vanish.
-    """
+    """Find the open directions from a point (n,) where an ascent has ended."""
     curvatures, vectors = np.linalg.eigh(-objective.hessian(at))
     value, gradient = objective.evaluate(at)
     sizes, left = np.abs(curvatures), 0.0 if kinked else float(np.linalg.norm(gradient))
@@ -116,10 +106,7 @@ def _with(directions: FloatArray, unit: FloatArray) -> FloatArray:
 
 
 def _ways(direction: FloatArray) -> Iterator[FloatArray]:
-    """Unit vectors both ways, first along its large parts only.
-
-    What is left of numbers that are determined would lead away from a ridge.
-    """
+    """Unit vectors both ways, first along its large parts only."""
     parts = np.abs(direction)
     for kept in (np.where(parts > SMALL * parts.max(), direction, 0.0), direction):
         length = float(np.linalg.norm(kept))
@@ -129,10 +116,7 @@ def _ways(direction: FloatArray) -> Iterator[FloatArray]:
 
 
 def _gain(objective: Objective, at: FloatArray, direction: FloatArray, value: float) -> float:
-    """Least gain of the objective over the value at the point, relative to its size.
-
-    -inf where that is a loss, or the objective falls far away.
-    """
+    """Least gain of the objective over the value at the point, relative to its size."""
     size, unit = max(1.0, abs(value)), max(1.0, float(np.linalg.norm(at)) / DISTANT)
     least = np.inf
     try:

@@ -85,10 +85,7 @@ class EvidenceSearch:
         return LogPosterior(posterior, self.space, self.record.value)
 
     def maximise(self, objective: LogPosterior, short: float = SHORT) -> AscentResult:
-        """Its maximum, from the last one; no step where a callback has stopped the fit.
-
-        short: longest Newton step of a maximum, in standard errors.
-        """
+        """Its maximum, from the last one; no step where a callback has stopped the fit."""
         ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
         near = self.information
         if near is not None:
@@ -258,11 +255,7 @@ def evidence_start(
     initial_weights: FloatArray | None,
     dynamics: FloatArray | None,
 ) -> Parameters:
-    """Given weights and dynamics, otherwise 0 and the M-estimate; they must explain the decisions.
-
-    posterior: with any prior, of these decisions. SerdError where they are not explained, or the
-    dynamics are learned and have no outcome models.
-    """
+    """Given weights and dynamics, otherwise 0 and the M-estimate, which explain the decisions."""
     problem = posterior.problem
     if belief.learns_dynamics:
         require_outcome_models(problem.mdp.transitions, "PriorByEvidence")

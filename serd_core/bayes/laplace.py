@@ -13,13 +13,8 @@ r = N P*, whose integral the approximation misses by Stirling's series,
 
 N counts the observations that the covariance C of the model's energies is worth:
 (K - 1) / N = beta^2 trace (diag P - P P^T) C. So the evidence of counted transitions is exact.
-
-What follows from draws of a posterior: credible intervals and the policy averaged over them.
-
-    P(a | s, D) = E[ pi_theta(a | s) | D ]
-
-This average predicts the expert's next decision better than the policy of one point, as it admits
-what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 4.2).
+The policy averaged over draws predicts the expert's next decision better than that of one point
+(MacKay, Neural Computation 4, 1992, section 4.2).
 """
 
 from collections.abc import Callable, Iterator
@@ -129,10 +124,7 @@ class Laplace:
 def laplace_at(
     objective: LogPosterior, mode: FloatArray, *, require_maximum: bool = True
 ) -> Laplace:
-    """The approximation at a maximum; SerdError naming the direction in which it is none.
-
-    require_maximum: whether the gradient must be 0, too.
-    """
+    """The approximation at a maximum; SerdError naming the direction in which it is none."""
     posterior, space = objective.posterior, objective.coordinates
     value, gradient = objective.evaluate(mode)
     root, log_det = inverse_root(
@@ -238,10 +230,7 @@ def _stirling(x: FloatArray) -> FloatArray:
 
 
 def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) -> None:
-    """SerdError unless the prior is one density over each block that is free.
-
-    timed: whether blocks of dynamics have laws of dwell times, too.
-    """
+    """SerdError unless the prior is one density over each block that is free."""
     given = prior.blocks
     with_laws = [term.block for term in terms_of(prior) if isinstance(term, DwellPrior)]
     for group in space.belief.groups:
@@ -279,11 +268,7 @@ def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) 
 def inverse_root(
     information: FloatArray, of_prior: FloatArray, describe: Callable[[FloatArray], str]
 ) -> tuple[FloatArray, float]:
-    """Root of the inverse, and log det; SerdError naming a direction that is not positive.
-
-    In no direction the posterior is taken as wider than the prior. Where a maximum is about to
-    vanish its information fades, while the integral around it stays finite.
-    """
+    """Root of the inverse, and log det; SerdError naming a direction that is not positive."""
     size = 1.0 / np.sqrt(np.diag(of_prior))
     factor = np.linalg.cholesky(of_prior * size[:, None] * size) / size[:, None]
     wide = scipy.linalg.solve_triangular(factor, np.eye(len(size)), lower=True).T

@@ -185,10 +185,7 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
 
 
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
-    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
-
-    n: points that are evaluated at a time.
-    """
+    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
     mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
     others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)

@@ -53,11 +53,7 @@ ENOUGH = 50
 
 
 def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
-    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide.
-
-    So it is where some outcomes of a pair (s, a), but not all, lead to one state, and where actions
-    are hidden; and where moves that nobody makes take time.
-    """
+    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide."""
     model = posterior.problem.mdp.transitions.moves
     if not isinstance(model, OutcomeModels):
         return False
@@ -80,11 +76,7 @@ def swept(
     n: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation.
-
-    mode, root: (d,) and (d, d) of that. Each draw starts a chain; draws beyond c are later states
-    of the same chains. SerdError where no sweep is accepted.
-    """
+    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation."""
     chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
     found: list[FloatArray] = []
     n_kept = -(-n // len(start))

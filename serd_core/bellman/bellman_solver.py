@@ -5,28 +5,20 @@ the computed T V, which is the returned value, satisfies
 
     max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma)
 
-for every solver. V* solves the equation as given: with these rewards and transitions, whose rows
-sum to 1. Where moves take time, gamma times the largest sum of a row stands for gamma
-(`BellmanProblem.contraction`). (Soft) value iteration is V <- T V until that suffices.
-
-The gradient by every reward and every transition probability takes one transposed solve. For an
-objective J with g(s, a) = dJ/dQ(s, a) at the converged Q and the policy pi along which the
-equation propagates gradients (Boltzmann for soft, greedy for hard):
-
-    (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
-    dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
-
-This is the transpose of the Q-gradient (4.21), (4.66) of the thesis: its cost does not grow with
-the number of parameters.
-
-Newton's method for the Bellman equation, which is (soft) policy iteration.
+Where moves take time, gamma times the largest sum of a row stands for gamma. (Soft) value iteration
+is V <- T V until that suffices; Newton's method, which is (soft) policy iteration, is
 
     V <- V + (I - gamma P_pi)^-1 (T V - V),   pi = policy of the present Q
 
 T is convex and monotone, so from the second step on V grows towards V* at least as fast as under
-value iteration, and close to V* quadratically. A few value-iteration sweeps before the first step
-make a cold start cheaper, and a sweep replaces every step that went wrong numerically. While steps
-shrink the residual well, the policy hardly changes, and the next step keeps the last one's matrix.
+value iteration, and close to V* quadratically. A sweep replaces every step that went wrong
+numerically, and steps that shrink the residual well keep the last one's matrix.
+
+The gradient by every reward and transition probability takes one transposed solve, the transpose of
+the Q-gradient (4.21), (4.66) of the thesis. With g(s, a) = dJ/dQ(s, a) at the converged Q:
+
+    (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
+    dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
 """
 
 from abc import ABC, abstractmethod
@@ -149,11 +141,7 @@ class BellmanSolver(ABC):
 
 
 def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
-    """Whether a solver may stop, for an error of accuracy * max(1, max |V|).
-
-    The residual wanted is never less than rounding lets residuals fall to, which near a discount of
-    1 is more than the accuracy asks for; the error bound of the solution counts both.
-    """
+    """Whether a solver may stop, for an error of accuracy * max(1, max |V|)."""
     share = max(accuracy * (1.0 - problem.contraction), SMALLEST_SHARE)
     return last.residual <= last.scale * share
 

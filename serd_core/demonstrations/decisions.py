@@ -1,12 +1,8 @@
 """Expert demonstrations D as one table of decisions (s, a, s') (Eqs. 3.1 and 3.2).
 
-Rows of one episode share an episode number; `time_s` orders them.
-
-Demonstrations of decisions that take time.
-
-A decision lasts until its outcome is reached, or until another command ends it first. Then neither
-outcome nor dwell time is known, only that the dwell time is longer than what was seen of it
-(right-censored), and that the action was chosen.
+Rows of one episode share an episode number; `time_s` orders them. A decision that takes time lasts
+until its outcome is reached, or until another command ends it first. Then neither outcome nor dwell
+time is known, only that the dwell time is longer than what was seen of it (right-censored).
 """
 
 from collections.abc import Iterable, Sequence
@@ -151,12 +147,7 @@ def start_distribution(decisions: Decisions, n_states: int) -> FloatArray:
 
 
 def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
-    """(N,) rows by episode and time, and (N,) whether a trajectory begins with each of these.
-
-    Decisions at equal times stay in the order of their rows. A trajectory begins with every
-    episode, and where decisions in between are missing: the next one is taken in another state than
-    the last one reached.
-    """
+    """(N,) rows by episode and time, and (N,) whether a trajectory begins with each of these."""
     rows = np.lexsort((decisions.time_s, decisions.episode))
     begins = np.ones(len(rows), dtype=np.bool_)
     before, after = rows[:-1], rows[1:]

@@ -55,10 +55,7 @@ def trajectories_of(decisions: Decisions) -> Trajectories:
 
 
 def absorption_features(problem: Problem) -> FloatArray:
-    """(S, F) what a final state (`Mdp.final`) collects forever: f / (1 - gamma).
-
-    Zero for other states: nothing is known about what would follow there.
-    """
+    """(S, F) what a final state (`Mdp.final`) collects forever: f / (1 - gamma)."""
     mdp = problem.mdp
     only_action = mdp.available.argmax(axis=1)
     forever = problem.features[np.arange(mdp.n_states), only_action] / (1.0 - mdp.discount)

@@ -5,21 +5,17 @@ estimate of outcome models maximises
 
     sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  c sum_{m,k} log P_m(k)
 
-At walls several outcomes lead to the same s'. Expectation maximisation shares each observation
-among them by their present probabilities, and sets P_m(k) to its share of the model's total. A few
-such steps come first; where walls hide nearly everything they would be millions, so Newton's method
-does the rest. With the relative moves x(k) = dP(k) / P(k) of one model, q_g the shares of the
-outcomes that explain an observation g, and r = c + sum_g n_g q_g, its step solves
+At walls several outcomes lead to the same s'. A few steps of expectation maximisation share each
+observation among them; Newton's method does the rest. With the relative moves x(k) = dP(k) / P(k)
+of one model, q_g the shares of the outcomes that explain an observation g, and r = c + sum_g n_g
+q_g, its step solves
 
     A x = r - t P,   A = c I + sum_g n_g q_g q_g^T,   t such that sum_k P(k) x(k) = 0
 
 A sum of logarithms that weigh at least m = min(1, c) is m times a self-concordant one. So where
 the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share d / (1 - d) of its
-most likely value (Nesterov and Nemirovskii, 1994).
-
-Of a SparseModel the prior adds c pseudo-observations to every s' that can follow a pair (s, a), and
-the estimate is (n(s, a, s') + c) / sum, the mean of the Dirichlet posterior, and its mode over log
-odds (MacKay, Machine Learning 33, 1998).
+most likely value (Nesterov and Nemirovskii, 1994). Of a SparseModel the estimate is (n + c) / sum,
+the mean of the Dirichlet posterior, and its mode over log odds (MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass

@@ -44,11 +44,7 @@ def certificate(
     ascended: AscentResult,
     on_step: StepCallback | None = None,
 ) -> Certificate:
-    """The end of the ascent, or the maximum nearby, to which `on_step` is called once.
-
-    Numbers on which nothing in the problem depends may be anything. An ascent that did not converge
-    stays as it is. One that rounding ended, as with features of 1e6, is judged by Newton's method.
-    """
+    """The end of the ascent, or the maximum nearby, to which `on_step` is called once."""
     if not (ascended.converged or ascended.by_rounding):
         return parameters, ascended, ()
     space = coordinates(posterior.problem, belief, parameters)

@@ -137,10 +137,7 @@ def fit_result(
     tables: tuple[FloatArray, FloatArray, FloatArray],
     undetermined: tuple[str, ...] = (),
 ) -> FitResult:
-    """The record of an ascent that ended at `parameters`, where the posterior is `final`.
-
-    tables: outcome probabilities that were learned, believed and started from.
-    """
+    """The record of an ascent that ended at `parameters`, where the posterior is `final`."""
     truth, belief, initial = tables
     return FitResult(
         feature_names=posterior.problem.feature_names,

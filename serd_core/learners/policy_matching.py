@@ -1,16 +1,13 @@
 """Learners that match the policy: behavioural cloning, and policy matching under given dynamics.
 
-Cloning is the smoothed empirical policy (section 3.1, Fig. 3.3a), uniform in states never visited:
+Cloning is the smoothed empirical policy (section 3.1, Fig. 3.3a):
 
     pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
 
-In policy-matching IRL (Neu and Szepesvari; Eqs. 3.8 to 3.14) the policy is Boltzmann over optimal
-Q-values with inverse temperature beta (3.11). It minimises the loss
+Policy-matching IRL (Neu and Szepesvari; Eqs. 3.8 to 3.14) has a Boltzmann policy over optimal
+Q-values with inverse temperature beta (3.11), and minimises, by one adjoint solve,
 
     L = 1/2 sum_{s,a} mu_E(s) (pi_theta(a|s) - pi_E(a|s))^2                               (3.8)
-
-with mu_E and pi_E the empirical frequencies; the gradient runs through dQ*/dtheta, by one adjoint
-solve.
 """
 
 import numpy as np
@@ -45,10 +42,7 @@ def clone_behaviour(
 
 
 def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
-    """Minus the loss (3.8) of a policy for (S, A) counts, and its (S, A) gradient by beta Q.
-
-    Chain rule (3.10) with the Boltzmann derivative (3.13).
-    """
+    """Minus the loss (3.8) of a policy for (S, A) counts, and its (S, A) gradient by beta Q."""
     visits = counts.sum(axis=1, keepdims=True)
     frequency = visits / visits.sum()
     difference = policy - counts / np.maximum(visits, 1.0)

@@ -265,10 +265,7 @@ def hoeffding_thresholds(
     horizon: float = np.inf,
     shortest: float | None = None,
 ) -> FloatArray:
-    """(F,) half-widths within which the mean discounted features lie with that confidence.
-
-    horizon, shortest: most and fewest decisions of an episode; None where all have the most.
-    """
+    """(F,) half-widths within which the mean discounted features lie with that confidence."""
     require_share("confidence", confidence)
     if not n_episodes >= 1:
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}; record an episode")

@@ -52,10 +52,7 @@ def fit_serd(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Learn reward weights and dynamics by Algorithm 1 for any policy model.
-
-    Other arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model.
-    """
+    """Learn reward weights and dynamics by Algorithm 1 for any policy model."""
     for name, part, kinds, example in (
         ("belief", belief, (Belief,), "FreeBelief()"),
         ("prior", prior, (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),

@@ -44,12 +44,7 @@ INTENDED_SHARE = 0.9
 def dynamics_or_estimate(
     problem: Problem, decisions: Decisions, dynamics: FloatArray | None, *, learned: bool = False
 ) -> FloatArray:
-    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
-
-    In the terms of the model: an (M, K) table, or the parameters of a SparseModel. A model without
-    parameters needs neither. Where actions are hidden, the estimate of dynamics that are `learned`
-    is `dynamics_of_hidden_actions`; others must be given.
-    """
+    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1)."""
     model = problem.mdp.transitions
     if dynamics is None and model.n_parameters and decisions.hidden.any():
         if not learned:
@@ -64,11 +59,7 @@ def dynamics_or_estimate(
 
 
 def dynamics_of_hidden_actions(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely.
-
-    Models of pairs (s, a) that decisions show get the M-estimate of these. Without `intended` all
-    models get it; SerdError where no decision shows its action.
-    """
+    """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely."""
     model, shown = outcome_models_of(problem.mdp), decisions.select(~decisions.hidden)
     if model.intended is None and not len(shown):
         raise SerdError(
@@ -169,20 +160,13 @@ class RewardSearch:
         on_step: StepCallback | None,
         fix: str = WITH_PRIOR,
     ) -> FitResult:
-        """The fit at the maximum of a function of the (F,) weights with its gradient.
-
-        fix: what to do where it has none.
-        """
+        """The fit at the maximum of a function of the (F,) weights with its gradient."""
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
         scaled = Scaled(FunctionObjective(objective), self.scale)
         return self.result(scaled.maximum(ascent, self.start.reward, on_step), scaled, fix)
 
     def result(self, ascended: AscentResult, scaled: Objective, fix: str) -> FitResult:
-        """The fit of an ascent over the weights, with the likelihood of its policy.
-
-        scaled: what it maximised, over weights / scale. The fit has not converged where that has no
-        maximum.
-        """
+        """The fit of an ascent over the weights, with the likelihood of its policy."""
         ascended, undetermined = judged_weights(
             scaled, ascended, self.scale, reward_names(self.problem), fix
         )

@@ -97,10 +97,7 @@ ROUNDING = 1e-9
 def checked_policy(
     name: str, values: FloatArray, mdp: Mdp | None = None, shape: Shape = (None, None)
 ) -> FloatArray:
-    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution.
-
-    mdp: the one it is for; None for a policy of any problem, then of the given shape.
-    """
+    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
     policy = float_array(name, values, shape if mdp is None else mdp.available.shape)
     available = np.ones_like(policy, dtype=np.bool_) if mdp is None else mdp.available
     allowed = (policy >= -ROUNDING) & (available | (policy == 0.0))

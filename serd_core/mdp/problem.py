@@ -1,12 +1,7 @@
 """What a learner is given besides demonstrations: an MDP without reward, and reward features.
 
-R(s, a) = theta_R . f(s, a)
-
-Learning problems from tables of transitions.
-
-A terminal state gets one action, which stays. Its features count once, on arrival: staying for ever
-pays (1 - gamma) f each time, which is f in all. Transitions given from it are not used, nor are
-their features. A pair (s, a) without transitions is not available.
+R(s, a) = theta_R . f(s, a). A terminal state of a table of transitions has one action, which stays;
+its features count once, on arrival: staying for ever pays (1 - gamma) f each time, f in all.
 """
 
 from collections.abc import Iterable, Sequence

@@ -177,10 +177,7 @@ def free_names(problem: Problem, parameters: Parameters, jacobian: FloatArray) -
 
 
 def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> BoolArray:
-    """(m,) which free numbers something in the problem depends on.
-
-    The probabilities of an outcome model that no pair (s, a) has are in no transition.
-    """
+    """(m,) which free numbers something in the problem depends on."""
     transitions = problem.mdp.transitions
     in_use = np.ones(len(jacobian), dtype=bool)
     for block, values in ((Block.BELIEF, parameters.belief), (Block.TRUTH, parameters.truth)):
@@ -190,10 +187,7 @@ def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) 
 
 
 def free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) -> FloatArray | None:
-    """(n,) direction in which all weights grow with the temperature, where nothing determines it.
-
-    Policies over optimal Q-values depend on the ratio alone; the prior may hold either.
-    """
+    """(n,) direction in which weights grow with the temperature, where nothing determines it."""
     if not len(at.policy):
         return None
     both = at.zeros().with_block(Block.REWARD, at.reward).with_block(Block.POLICY, at.policy)

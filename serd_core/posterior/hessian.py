@@ -178,10 +178,7 @@ def posterior_hessian(
 def vector_hessian(
     belief: Belief, blocks: FloatArray, gradient: Parameters, parameters: Parameters
 ) -> FloatArray:
-    """(m, m) the same by the numbers that the belief leaves free.
-
-    The temperature moves by its logarithm, which bends: d2 T / d(log T)^2 = T.
-    """
+    """(m, m) the same by the numbers that the belief leaves free."""
     jacobian = belief.jacobian(parameters)
     table = jacobian.T @ blocks @ jacobian
     n_policy = len(parameters.policy)
@@ -242,10 +239,7 @@ def _add_policy_part(
 def transition_scores(
     posterior: Posterior, parameters: Parameters, at: PosteriorValue, found: Sensitivities
 ) -> FloatArray:
-    """(G, blocks) scores of the observed transitions, in the order of `Observations.key`.
-
-    The score is the gradient of log pi(a | s) + log P(s' | s, a) by all parameters.
-    """
+    """(G, blocks) scores of the observed transitions, in the order of `Observations.key`."""
     model, key = posterior.problem.mdp.transitions, at.expected.observations.key
     state, action = np.divmod(key // model.n_states, model.n_actions)
     scores = choice_scores(posterior, parameters, at, found, state, action)

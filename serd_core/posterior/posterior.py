@@ -2,25 +2,13 @@
 
     J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
 
-A decision whose action is hidden has log sum_a pi_theta(a | s) P_T(s' | s, a) in place of the first
-two (`serd_core.posterior.posterior`).
+Where moves take time, P_T(s', t | s, a) stands for P_T(s' | s, a). Probabilities of several
+outcomes that land in s' add up. Moves m(s, s') whose action is hidden add
 
-Where moves take time, P_T(s' | s, a) stands for P_T(s', t | s, a) with the dwell time t
-(`serd_core.semi_markov.dwell_likelihood`).
+    sum m log Z,   Z(s, s') = sum_a pi(a | s) P(s' | s, a),   q(a | s, s') = pi P / Z
+    dL = sum m E_q[d log pi + d log P],   d2L = sum m E_q[d2 log pi + d2 log P] + sum m Cov_q[...]
 
-Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
-
-Likelihood of moves whose action is hidden, by the expected counts of their actions.
-
-    L = sum m(s, s') log Z(s, s'),    Z(s, s') = sum_a pi(a | s) P(s' | s, a)
-
-With q(a | s, s') = pi(a | s) P(s' | s, a) / Z, the probability of each action given the move,
-
-    dL  = sum m E_q[d log pi + d log P]
-    d2L = sum m E_q[d2 log pi + d2 log P] + sum m Cov_q[d log pi + d log P]
-
-(Fisher, Louis 1982). So gradient and Hessian are those of decisions with their action at the
-expected counts m q, and the Hessian has one more term.
+(Fisher, Louis 1982), those of decisions with their action at the expected counts m q.
 """
 
 from dataclasses import dataclass, field, replace
@@ -198,10 +186,7 @@ class Posterior:
 
     @cached_property
     def features(self) -> FloatArray:
-        """(S, A, F) of the problem, less a large constant, which changes no policy.
-
-        Where moves take time it does, as values of constant rewards depend on how long moves take.
-        """
+        """(S, A, F) of the problem, less a large constant, which changes no policy."""
         if self._model.moves is not self._model:
             return self.problem.features
         features, given = self.problem.features, usable_features(self.problem)

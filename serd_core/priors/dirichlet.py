@@ -94,12 +94,7 @@ def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:
 
 
 def log_volume(models: OutcomeModels) -> float:
-    """log |d(log-ratios of one model's probabilities) / d(coordinates of its energies)|.
-
-    Energies move in an orthonormal basis of what is orthogonal to 1; for the log-ratios to one of K
-    outcomes, over which a Dirichlet density has the exponents c, the determinant is
-    beta^(K-1) sqrt(K).
-    """
+    """log |d(log-ratios of one model's probabilities) / d(coordinates of its energies)|."""
     size = models.n_outcomes
     return float((size - 1) * np.log(models.beta) + 0.5 * np.log(size))
 

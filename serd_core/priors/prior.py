@@ -1,8 +1,6 @@
-"""What every prior offers: log P(theta) up to a constant, and its gradient.
+"""What every prior offers: log P(theta) up to a constant, and its gradient; and the normal one.
 
-Independent normal distributions of the numbers of a block (section 4.6.2).
-
-log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z
+log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z      (section 4.6.2)
 """
 
 from abc import ABC, abstractmethod
@@ -61,10 +59,7 @@ class Prior(ABC):
         raise SerdError(self._improper)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """What makes value + constant a log density, over weights and coordinates of energies.
-
-        SerdError where the prior is improper, or where its constant has no formula.
-        """
+        """What makes value + constant a log density, over weights and coordinates of energies."""
         del model, parameters
         raise SerdError(self._improper)
 

@@ -196,10 +196,7 @@ def _covariance(of_decision: IntArray, share: FloatArray, scores: FloatArray) ->
 def dwell_times(
     mdp: Mdp, decisions: Decisions, name: str = "decisions"
 ) -> DwellObservations | None:
-    """The dwell times that inform laws of an MDP; None where moves take no time.
-
-    Those of decisions whose action is hidden are not used. SerdError where there are none.
-    """
+    """The dwell times that inform laws of an MDP; None where moves take no time."""
     model = mdp.transitions
     if not isinstance(model, SemiMarkovModels) or not model.n_laws:
         return None

@@ -115,10 +115,7 @@ def counted_parameters(
     dwells: DwellObservations | None,
     prior: DwellPrior = PRIOR,
 ) -> FloatArray:
-    """(N,) parameters with given (M, K) probabilities and the most likely laws of dwell times.
-
-    SerdError where the search for these does not converge.
-    """
+    """(N,) parameters with given (M, K) probabilities and the most likely laws of dwell times."""
     start = model.outcomes.parameters_of(outcome_probabilities)
     energies = start[: model.means.start]
     start = np.concatenate([energies, prior.mean(model)[len(energies) :]])

@@ -1,11 +1,8 @@
-"""What a fit found about dwell times, and the dynamics a robot plans with.
+"""What a fit found about dwell times.
 
 Of a move that nobody makes the choices reveal little more than mu / P, its mean dwell time over the
-probability of its outcome: slow and unlikely outcomes are avoided alike. So log(mu / P) is given
-with an interval of its own, which can be far narrower than that of log mu.
-
-What is known of a law is the divergence of its log mean from what was known before, in nats, with
-all other numbers integrated out. Its own dwell times come first, choices after them:
+probability of its outcome, so log(mu / P) is given with an interval of its own. What is known of a
+law is the divergence of its log mean from what was known before, in nats:
 
     from dwell times   KLD( p(log mu_d | all dwell times) || p(log mu_d | those of other laws) )
     from choices       KLD( p(log mu_d | dwell times and choices) || p(log mu_d | all dwell times) )

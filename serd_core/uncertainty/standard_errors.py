@@ -1,15 +1,11 @@
-"""Standard errors, intervals and tests of rewards and dynamics, jointly.
+"""Standard errors of rewards and dynamics, jointly, and what the data at hand determine.
 
 The covariance is the inverse of an information matrix with the gauge taken out; outcome
-probabilities get theirs by the delta method. A parameter that a null direction moves has an
-infinite standard error. All this holds where J is smooth and its gradient 0.
-
-What the data at hand determine: the spectrum of an information matrix and its null directions.
-
+probabilities get theirs by the delta method. All this holds where J is smooth and its gradient 0.
 The matrix M is brought into correlation form, D M D with D = diag(M)^(-1/2), which changing units
 leaves as it is. A diagonal entry that is nothing but the rounding of larger numbers is no scale;
 the size of what cancelled is taken instead. Along a null direction all free numbers can move
-together without changing the likelihood; gauge directions are taken out.
+together without changing the likelihood; a parameter that one moves has an infinite standard error.
 """
 
 from dataclasses import dataclass

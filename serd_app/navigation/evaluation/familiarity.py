@@ -32,7 +32,7 @@ from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from serd_core.selection.evaluation import EpisodeScores, episode_scores, tail_probabilities
 from serd_core.semi_markov.models import require_timed
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid

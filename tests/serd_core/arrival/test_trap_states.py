@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.arrival.arriving_policy import find_traps, trap_states
+from serd_core.arrival.arriving_policy import trap_states
 
 CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
 LEFT, STAY, RIGHT = 0, 1, 2
@@ -35,11 +35,3 @@ def test_it_agrees_with_walking_along_the_arrows(seed: int, n_states: int) -> No
             if state != goal:
                 state = int(successor[state])
         assert trapped[first] == (state != goal)
-
-
-def test_a_state_is_unlikely_below_the_threshold_and_not_at_it() -> None:
-    likely = np.array([0.0, 0.2, 0.5, 0.7, 1.0, 1.0])
-    for threshold, n_unlikely in ((0.0, 0), (0.5, 2), (1.0, 4)):
-        traps = find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), likely, threshold)
-        assert traps.threshold == threshold
-        assert np.flatnonzero(traps.unlikely).tolist() == list(range(n_unlikely))

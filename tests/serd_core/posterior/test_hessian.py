@@ -1,6 +1,4 @@
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy
@@ -26,5 +24,3 @@ def test_chunks_of_states_and_blocks_that_are_left_out_change_nothing(random_pro
     monkeypatch.setattr(module, "CHUNK", 1)
     in_chunks = module.posterior_hessian(posterior, parameters, found)
     np.testing.assert_allclose(in_chunks, whole, rtol=1e-12, atol=1e-12)
-
-

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import kstest
 
 import serd_core as sc
-from serd_core.selection.surprise import episode_scores, tail_probabilities
+from serd_core.selection.evaluation import episode_scores, tail_probabilities
 from support.small_problems import apart, sampled
 
 #: Action a fails always, b succeeds in 3 of 4 cases, both are chosen alike.
