@@ -47,6 +47,9 @@ _LEFT = {
     "credible_intervals": "use numpy.quantile of the draws",
     "dynamics_draws": "use laplace_draws(found, rng, n).truth",
     "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
+    **dict.fromkeys(
+        ("finite_horizon", "decisions_in_periods"), "number the states of each period apart"
+    ),
     "from_gymnasium": "use from_transitions (docs/library.md)",
     "load": "unpickle what you pickled",
     "mean_discounted_outcomes": "use transitions.local_probabilities(draws).mean(axis=0)",

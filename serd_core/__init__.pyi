@@ -39,8 +39,6 @@ from serd_core.learners.relative_entropy_irl import (
 from serd_core.learners.serd import fit_mdce_serd as fit_mdce_serd
 from serd_core.learners.serd import fit_pm_serd as fit_pm_serd
 from serd_core.learners.several_goals import fit_several_goals as fit_several_goals
-from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_periods
-from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
 from serd_core.mdp.problem import from_transitions as from_transitions

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from serd_core import arrays
 
 
 def words(text):
@@ -44,7 +45,7 @@ WRONG = {
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        words("n_episodes n_steps n_periods n_decisions n_models n n_folds"),
+        words("n_episodes n_steps n_decisions n_models n n_folds"),
         NO_COUNTS,
     ),
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
@@ -72,7 +73,7 @@ def valid(gridworld):
         **dict.fromkeys(words("visits policy sampling_policy"), uniform),
         **dict.fromkeys(words("fit restricted full"), fit),
         **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
-        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions"), 2),
+        **dict.fromkeys(words("n_episodes n_steps n_decisions"), 2),
         "first": [0, 1],
         "second": [0, 1],
         "problem": problem,
@@ -104,8 +105,8 @@ CALLS = [
     fit_mdce_serd fit_pm_serd fit_maxent_irl fit_mdce_irl_by_likelihood fit_mdce_irl_by_entropy
     fit_policy_matching fit_relative_entropy_irl
     clone_behaviour estimate_dynamics soft_policy optimal_policy
-    boltzmann_policy sample_decisions finite_horizon policy_log_likelihood move_log_likelihood
-    decisions_in_periods fit_information standard_errors
+    boltzmann_policy sample_decisions policy_log_likelihood move_log_likelihood
+    fit_information standard_errors
     identifiability confidence_interval laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood
     fixed_transitions from_transitions learned_transitions
@@ -149,3 +150,42 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
         assert name in sentence or NAMED.get(name, name) in sentence
         assert " must " in sentence
         assert "; " in sentence
+
+
+@pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
+def test_weights_whose_values_overflow_are_rejected(gridworld, solve):
+    problem, table = gridworld.problem, gridworld.probabilities
+    for size in (1e308, 1e300):
+        for weights in ([0.0, size], [size, -size]):
+            with pytest.raises(
+                sc.SerdError, match=r"rewards\[\d+, \d\] must be finite and at most"
+            ):
+                solve(problem, weights, table)
+    with pytest.raises(sc.SerdError, match="problem must have an mdp and feature_names, got a Mdp"):
+        solve(problem.mdp, [0.0, 1.0], table)
+    assert np.all(np.isfinite(solve(problem, [0.0, 1e298], table).probabilities))
+
+
+LISTED = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
+
+
+def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
+    problem = gridworld.problem
+    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    with pytest.raises(
+        sc.SerdError,
+        match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
+        r" 5.62e\+04 bytes of 3e\+04; use fewer states",
+    ):
+        sc.Mdp(problem.mdp.transitions, 0.9)
+    with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 25 states"):
+        sc.fit_mdce_serd(problem, gridworld.decisions)
+    monkeypatch.setattr(arrays, "memory_limit", lambda: 799)  # entry by entry is more
+    with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
+        sc.Mdp(sc.fixed_transitions((2, 2), *LISTED, np.ones(4)), 0.9)
+
+
+@pytest.mark.parametrize("shape", [(10**12 + 1, 1), (1, 10**12 + 1)], ids=["states", "actions"])
+def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(shape):
+    with pytest.raises(sc.SerdError, match=r"fit into memory.* number states and actions from"):
+        sc.fixed_transitions(shape, [0], [0], [0], [1.0])

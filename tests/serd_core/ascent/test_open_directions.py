@@ -34,18 +34,6 @@ def test_a_maximum_has_no_open_direction_and_a_prior_bounds_separable_data(label
     assert len(found.growing) == len(found.flat) == 0
 
 
-def test_separable_data_grow_along_a_direction_that_separates_them():
-    objective, end = logistic(ROWS, SEPARABLE)
-    assert end.converged
-    (way,) = open_directions(objective, end.vector).growing[:1]
-    assert np.all((ROWS @ way > 0) == SEPARABLE)
-    judged, undetermined = judged_weights(objective, end, np.ones(2), NAMES[:2], "stop")
-    assert not judged.converged
-    assert judged.message.startswith("not converged: the objective grows on and on along ")
-    assert judged.message.endswith("first (separable decisions); stop")
-    assert undetermined == ()
-
-
 @pytest.mark.parametrize("weights", [(0.0, 0.0), (2.0, -1.0)])
 def test_what_nothing_depends_on_is_flat(weights):
     """A number that is in no row, and two that are in all rows as their sum."""

@@ -74,13 +74,6 @@ def test_a_tracker_takes_positions_one_by_one_and_begins_anew_after_a_reset():
     assert list(tracker.see(4.0, 5.5, 2.5)) == [(4.0, state(5, 2))]
 
 
-def test_a_place_exactly_at_the_end_of_the_hysteresis_is_not_beyond_it():
-    tracker = CellTracker(GRID, 0.1)
-    tracker.see(0.0, 0.5, 0.5)
-    assert list(tracker.see(1.0, 1.1, 1.04)) == []
-    assert [each.state for each in tracker.see(2.0, 1.2, 1.15)] == [state(1, 0), state(1, 1)]
-
-
 @settings(deadline=None, max_examples=60)
 @given(
     steps=st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=12),

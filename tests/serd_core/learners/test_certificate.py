@@ -24,18 +24,6 @@ def test_a_small_feature_does_not_pass_for_a_small_gradient(gridworld):
     np.testing.assert_allclose(same.reward_weights * factors, fit.reward_weights, rtol=1e-3)
 
 
-@pytest.mark.parametrize("value", [7e-9, 7.0])
-def test_a_feature_that_no_decision_depends_on_is_named(gridworld, value):
-    """A feature that is constant adds a constant to all values and changes no choice."""
-    features = gridworld.problem.features.copy()
-    features[:, :, 1] = value
-    constant = replace(gridworld, problem=replace(gridworld.problem, features=features))
-    fit = fit_of(constant, [0.0, 0.0], fit=LIKELY)
-    assert not fit.converged
-    assert re.search("nothing determines .*reward goal", fit.message)
-    assert len(fit.undetermined) == 1
-
-
 def test_an_outcome_model_that_no_pair_has_may_be_anything(gridworld):
     problem = gridworld.problem
     models = replace(problem.mdp.transitions, n_models=10)

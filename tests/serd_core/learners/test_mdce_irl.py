@@ -3,7 +3,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.decisions import start_distribution
-from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts, trajectories_of
+from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.mdce_irl import feature_expectation
 from support.small_problems import apart, fit_of, sampled
@@ -47,14 +47,6 @@ def test_the_features_of_episodes_that_end_match_near_a_discount_of_1_too(discou
         policy = sc.soft_policy(problem, fit.reward_weights).probabilities
         reached = feature_expectation(problem, transitions, policy, np.array([1.0, 0, 0]))
         np.testing.assert_allclose(reached, wanted, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("fit", "error"), [(sc.fit_mdce_irl_by_entropy, 0.3), (sc.fit_mdce_irl_by_likelihood, 0.15)]
-)
-def test_many_demonstrations_under_true_dynamics_recover_the_weights(long_case, fit, error):
-    found = fit_of(long_case, [0.0, 0.0], fit=fit, dynamics=long_case.probabilities)
-    np.testing.assert_allclose(found.reward_weights, long_case.weights, atol=error)
 
 
 def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
@@ -120,18 +112,3 @@ def by_entropy(problem, decisions):
 @pytest.mark.parametrize(("n_steps", "seed"), [(1, 1), (60, 2)])
 def test_the_weights_do_not_depend_on_where_episodes_were_cut_off(n_steps, seed):
     np.testing.assert_allclose(by_entropy(*cut_off(n_steps, 20_000, seed)), TRUE, atol=0.35)
-
-
-def test_the_gradient_is_that_of_the_objective_with_the_values_at_the_ends():
-    problem, decisions = cut_off(5, 2000)
-    wanted = feature_counts(problem, decisions).mean(axis=0)
-    starts = np.bincount(decisions.state[::5], minlength=12) / len(decisions.episodes)
-    ends = cut_off_ends(problem, decisions)
-    assert ends.sum() == pytest.approx(0.95**5)
-
-    def objective(weights):
-        return weights @ wanted + (ends - starts) @ sc.soft_policy(problem, weights).value
-
-    found = by_entropy(problem, decisions)
-    slopes = [objective(found + s) - objective(found - s) for s in 1e-4 * np.eye(2)]
-    np.testing.assert_allclose(np.array(slopes) / 2e-4, 0.0, atol=1e-4)

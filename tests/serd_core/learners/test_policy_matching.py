@@ -40,14 +40,6 @@ def test_the_loss_weighs_visited_states_and_has_the_gradient_of_differences():
         assert np.sum(at(q)[1] * unit) == pytest.approx(numeric, abs=1e-8)
 
 
-def test_the_weights_of_a_boltzmann_expert_are_recovered(make_gridworld):
-    case = make_gridworld(side=5, n_episodes=1)
-    decisions = boltzmann_decisions(case, 1 / 0.7, 2000, 40)
-    known = {"inverse_temperature": 0.7, "dynamics": case.probabilities}
-    fit = sc.fit_policy_matching(case.problem, decisions, initial_weights=np.ones(2), **known)
-    np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.05)
-
-
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
     def started(weights):
         return fit_of(

@@ -97,12 +97,6 @@ def test_moves_of_gamma_times_add_up_to_a_gamma_distribution():
     np.testing.assert_allclose(found, gamma(5 * shape, scale=scale_s).cdf(edges[:301]), atol=2e-4)
 
 
-def test_each_class_of_moves_has_its_own_time():
-    mass = np.array([[0, 1, 0, 0], [0, 0, 0, 1.0]])
-    found = renewal_arrival(line(3, [0, 1, 1]), mass, 10).cdf
-    assert [np.flatnonzero(found[:, state] > 0.5)[0] for state in range(3)] == [7, 6, 3]
-
-
 def timed_room(log_pace=None):
     problem = with_dwell_times(room(6, 3, 17), patience_s=4.0, wait_s=1.0, log_pace=log_pace)
     table = np.random.default_rng(5).dirichlet([1.0, 12.0, 1.0, 1.0, 1.0], 4)
@@ -126,15 +120,6 @@ def test_drawn_drives_arrive_as_predicted_with_stays_waits_and_places():
     assert np.abs(measured - predicted).max() < np.sqrt(np.log(2e6) / 3000)
     stays = drives.state == drives.next_state
     assert set(np.unique(drives.dwell_s[stays])) == {1.0, 4.0}  # waits, and patience
-
-
-def test_slower_places_arrive_later():
-    problem, truth, policy = timed_room()
-    slow = sc.semi_markov_problem(problem, log_pace=np.full(18, np.log(2.0)))
-    here, there = (
-        timed_arrival(each, policy, truth, 0.1, 900).mean_steps[0] * 0.1 for each in (problem, slow)
-    )
-    assert here < there < 2.0 * here + 1e-6
 
 
 def test_steps_keep_the_mean_of_a_time_also_where_it_varies_less_than_a_step():

@@ -15,7 +15,6 @@ from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
 from tests.serd_core.semi_markov.test_models import differences
 from tests.support.semi_markov import (
-    AGAINST,
     CASES,
     OUTCOMES,
     PLACES,
@@ -143,46 +142,9 @@ def learned():
     return timed, truth, decisions, sc.fit_mdce_serd(timed, decisions)
 
 
-def test_durations_of_avoided_moves_are_learned_from_choices(learned):
-    timed, truth, decisions, fit = learned
-    model = timed.mdp.transitions
-    counted = sc.estimate_dynamics(timed, decisions)
-    assert fit.converged
-    place = model.means.start + AGAINST
-    found = sc.laplace(timed, decisions, fit)
-    laws = sc.dwell_summary(found, sc.laplace_draws(found, np.random.default_rng(1), 200), 0.99)
-    assert laws.n_chosen[AGAINST] < 0.3 * laws.n_chosen[0]
-    low, _, high = np.log(laws.mean_interval_s)
-    assert np.all((low < truth[model.means]) & (truth[model.means] < high))
-    assert np.abs(counted[place] - truth[place]) < 2.0
-    seen = observe(timed.mdp, decisions)
-    of_moves = np.sum(
-        seen.group_count
-        * np.log(seen.probabilities(model.moves.local_probabilities(fit.parameters.truth)))
-    )
-    of_dwells = seen.dwells.evaluate(fit.parameters.truth)[0]
-    assert fit.dynamics_log_likelihood == pytest.approx(of_moves + of_dwells, rel=1e-12)
-    parts = fit.policy_log_likelihood + fit.dynamics_log_likelihood + fit.log_prior
-    assert fit.objective == pytest.approx(parts, rel=1e-12)
-
-
 def test_a_posterior_needs_a_density_of_dwell_times(learned):
     timed, _, decisions, fit = learned
     prior = sc.GaussianPrior(6.0, sc.Block.REWARD) + sc.DirichletPrior(1.0)
     without = replace(fit, assumptions=replace(fit.assumptions, prior=prior))
     with pytest.raises(sc.SerdError, match="dwell times of the block belief or truth too, got no"):
         sc.laplace(timed, decisions, without)
-    with pytest.raises(sc.SerdError, match="to get a finite horizon, got SemiMarkovModels"):
-        sc.finite_horizon(timed, 5)
-
-
-def test_hidden_actions_are_validated_by_outcome_probabilities(learned):
-    timed, _, decisions, fit = learned
-    hidden = decisions.select(~decisions.censored).with_hidden_actions()
-    policy = sc.fitted_policy(timed, fit)
-    discounted = timed.mdp.transitions.local_probabilities(fit.parameters.belief)
-    expert = sc.soft_policy(timed, fit.reward_weights, discounted)
-    np.testing.assert_array_equal(policy, expert.probabilities)
-    table = timed.mdp.transitions.laws(fit.parameters.truth).probability
-    each = sc.move_log_likelihood(timed, hidden, policy, table)
-    assert sc.validation_log_likelihood(timed, hidden, fit) == pytest.approx(each.mean())
