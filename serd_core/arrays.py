@@ -1,11 +1,7 @@
 """Array types and the checks at the border of the package.
 
 Arrays kept in records are private read-only copies, so a record cannot change after its checks.
-
-Refuse what would not fit into memory before it is built.
-
-The numbers of bytes are what a gradient and its linear systems were measured to need at their
-peak, rounded down, so that nothing that fits is refused.
+What would not fit into memory is refused before it is built.
 """
 
 import os
@@ -224,12 +220,9 @@ def _frozen(name: str, array: NDArray[Any], shape: Shape | None) -> NDArray[Any]
     return array
 
 
-#: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
-BYTES_PER_ENTRY = 90
-#: The same where a model is given entry by entry.
-LISTED_BYTES_PER_ENTRY = 200
-#: Bytes per pair (s, a): mask and places of its entries.
-BYTES_PER_PAIR = 25
+#: Bytes at the peak of a gradient, rounded down: per entry of P, of models that are given entry by
+#: entry, and per pair (s, a).
+BYTES_PER_ENTRY, LISTED_BYTES_PER_ENTRY, BYTES_PER_PAIR = 90, 200, 25
 
 
 def memory_limit() -> int:

@@ -188,8 +188,7 @@ class Climb:
 
     def accept(self, point: Point, norm: float, maximum: str) -> None:
         """Step to a point with its `norm` and `maximum`, and call back."""
-        self.here = point
-        self.judge(norm, maximum)
+        self.here, self.norm, self.maximum = point, norm, maximum
         self.trace.append(point.value)
         if self.on_step is not None:
             step = Step(len(self.trace), point.value, norm, self.n_evaluations, point.vector)
@@ -254,11 +253,16 @@ class Lbfgs(Ascent):
         """Run SciPy's, once more where its line search stalls by rounding."""
         climb.judge(*vanishing(climb.here, self.gradient_tolerance))
         yield
+
+        def accept(vector: FloatArray) -> None:
+            point = climb.evaluate(vector)
+            climb.accept(point, *vanishing(point, self.gradient_tolerance))
+
         for _ in range(2):
             reason = minimise(
                 climb,
                 climb.here.vector,
-                self._accept,
+                accept,
                 maxiter=self.max_steps - len(climb.trace),
                 maxfun=20 * self.max_steps,
                 maxcor=self.memory,
@@ -270,10 +274,6 @@ class Lbfgs(Ascent):
             climb.stalled, climb.by_rounding = f"not converged: {reason}", True
             yield
 
-    def _accept(self, climb: Climb, vector: FloatArray) -> None:
-        point = climb.evaluate(vector)
-        climb.accept(point, *vanishing(point, self.gradient_tolerance))
-
 
 LBFGS = Lbfgs()
 
@@ -281,7 +281,7 @@ LBFGS = Lbfgs()
 def minimise(
     climb: Climb,
     start: FloatArray,
-    accept: Callable[[Climb, FloatArray], None],
+    accept: Callable[[FloatArray], None],
     bounds: list[tuple[float, float]] | None = None,
     **options: Any,
 ) -> str:
@@ -292,7 +292,7 @@ def minimise(
         return -point.value, -point.gradient
 
     def after_step(intermediate_result: scipy.optimize.OptimizeResult) -> None:
-        accept(climb, np.asarray(intermediate_result.x))
+        accept(np.asarray(intermediate_result.x))
         if climb.stopped:
             raise StopIteration
 

@@ -284,9 +284,7 @@ def _of_transitions(
 ) -> FloatArray:
     """(S, d, d) expected squares of the derivatives of log P(s' | s, a)."""
     model, groups = true.model, true.model.groups
-    every = np.ones(len(groups), dtype=np.bool_)
-    slopes = transition_jacobian(model, at.truth, every)
-    by_u = slopes @ table[at.place(Block.TRUTH)]
+    by_u = transition_jacobian(model, at.truth) @ table[at.place(Block.TRUTH)]
     weights = policy.ravel()[groups.row] / floored(groups.probabilities(true.entries))
     root = np.sqrt(weights)[:, None] * by_u
     state = groups.row // model.n_actions

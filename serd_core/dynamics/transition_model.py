@@ -336,19 +336,21 @@ def transition_hessian(
     model: TransitionModel, theta: FloatArray, first: FloatArray, second: FloatArray
 ) -> FloatArray:
     """(N, N) of sum h_g(P_g) for (G,) first and second derivatives of h."""
-    moves, bent = model.moves, second != 0
+    moves, bent = model.moves, np.flatnonzero(second)
     by_local = moves.gather(first[moves.groups.group_of_entry])
     slopes = transition_jacobian(model, theta, bent)
     bend = (slopes * second[bent][:, None]).T @ slopes
     return np.asarray(moves.local_curvature(theta, by_local) + bend)
 
 
-def transition_jacobian(model: TransitionModel, theta: FloatArray, wanted: BoolArray) -> FloatArray:
-    """(n_wanted, N) derivative of the wanted transitions (mask over G) by the parameters."""
+def transition_jacobian(
+    model: TransitionModel, theta: FloatArray, wanted: IntArray | slice = slice(None)
+) -> FloatArray:
+    """(n, N) derivative of the (n,) wanted of the G transitions by the parameters."""
     moves = model.moves
     local_jacobian = moves.local_jacobian(theta)
     choose = scipy.sparse.csr_array(
         (np.ones(len(moves.local_index)), (moves.groups.group_of_entry, moves.local_index)),
         shape=(len(moves.groups), len(local_jacobian)),
     )
-    return np.asarray(choose[np.flatnonzero(wanted)] @ local_jacobian)
+    return np.asarray(choose[wanted] @ local_jacobian)

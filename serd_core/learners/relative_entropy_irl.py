@@ -7,11 +7,9 @@ thresholds is P(tau) proportional to Q(tau) exp(theta . phi(tau)) (3.43). Its du
 
 is estimated from trajectories sampled by a known policy pi_a, weighted by U_Q / U_a (3.45, 3.46),
 U_pi(tau) = prod_t pi(a_t | s_t). A demonstration that was cut off after T decisions is compared
-with the first T of each sample. The dual is concave but has kinks at 0, so theta is split into
-positive and negative parts, which makes the subgradient (3.44) an ordinary gradient under bounds.
-
-Thresholds are Hoeffding's: epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)) with R_i from
-the least discounted count of feature i to the greatest, over the lengths of the n episodes.
+with the first T of each sample. theta is split into positive and negative parts, which makes the
+subgradient (3.44) an ordinary gradient under bounds. Thresholds are Hoeffding's, epsilon_i =
+R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i from the least to the greatest count of feature i.
 """
 
 from collections.abc import Iterator
@@ -222,7 +220,7 @@ class _BoundedAscent(Ascent):
         climb.judge(*vanishing(climb.here, self.gradient_tolerance))
         yield
 
-        def accept(climb: Climb, vector: FloatArray) -> None:
+        def accept(vector: FloatArray) -> None:
             nonlocal halves
             halves, point = vector.copy(), self.dual.at(vector)
             climb.accept(point, *vanishing(point, self.gradient_tolerance))

@@ -269,8 +269,6 @@ def choice_scores(
 
 def outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
     """(n, N) gradients of log P(s' | s, a) of (n,) transitions, by the dynamics."""
-    group, place = np.unique(model.groups.places(key), return_inverse=True)
-    wanted = np.zeros(len(model.groups), dtype=np.bool_)
-    wanted[group] = True
-    slopes = transition_jacobian(model, truth, wanted)
-    return np.asarray(slopes / transition_probabilities(model, truth)[group, None])[place]
+    group = model.groups.places(key)
+    slopes = transition_jacobian(model, truth, group)
+    return np.asarray(slopes / transition_probabilities(model, truth)[group, None])

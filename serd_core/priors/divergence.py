@@ -119,11 +119,8 @@ class CouplingPrior(Prior):
         table[at_belief, at_belief] = transition_hessian(
             model, parameters.belief, ratio, -ratio / belief
         )
-        everywhere = np.ones(len(truth), dtype=np.bool_)
-        by_truth, by_belief = (
-            transition_jacobian(model, theta, everywhere)
-            for theta in (parameters.truth, parameters.belief)
-        )
+        by_truth = transition_jacobian(model, parameters.truth)
+        by_belief = transition_jacobian(model, parameters.belief)
         mixed = (by_truth * (self.weight / belief)[:, None]).T @ by_belief
         table[at_truth, at_belief], table[at_belief, at_truth] = mixed, mixed.T
         return table
