@@ -34,8 +34,10 @@ _LEFT = {
         "the authors' lab has it",
     ),
     **dict.fromkeys(
-        ("Automatic", "BandedLu", "Krylov", "SparseLu"), "the size of a problem chooses its solver"
+        ("Automatic", "BandedLu", "Krylov", "Newton", "SparseLu", "ValueIteration"),
+        "policies and fits choose their solver",
     ),
+    "decisions_from_columns": "use Decisions(*(table[name] for name in columns))",
     "BeliefAroundTruth": "use CoupledBelief, or FreeBelief with a prior on each block",
     "CovariateModels": "use OutcomeModels with a local model per class of pairs",
     "SparseModel": "use fixed_transitions or learned_transitions",

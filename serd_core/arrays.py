@@ -241,3 +241,11 @@ def require_memory(what: str, n_bytes: float, fix: str) -> None:
         raise SerdError(
             f"{what} must fit into memory, but needs {n_bytes:.3g} bytes of {limit:.3g}; {fix}"
         )
+
+
+def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> str:
+    """What moves along a direction (n,), as shares of the largest, largest first."""
+    parts = parts / np.max(np.abs(parts))
+    order = np.argsort(-np.abs(parts), kind="stable")
+    order = order[np.abs(parts[order]) >= share]
+    return ", ".join(f"{parts[i]:+.2f} {names[i]}" for i in order[:6])

@@ -28,7 +28,7 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, expected_counts, expected_log_policy

@@ -23,7 +23,7 @@ from lab.experiments.running.experiment import Count, Findings, SeededConfig, Se
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.observations import observe
-from serd_core.semi_markov.dwell_prior import PRIOR
+from serd_core.semi_markov.dwell_likelihood import PRIOR
 from serd_core.semi_markov.models import require_timed
 from serd_core.semi_markov.place import MEDIAN, SPREAD, PlacePaces
 from serd_files.settings import setting

@@ -22,8 +22,7 @@ from pydantic import Field
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray
-from serd_core.bellman.bellman_solver import BellmanSolution, adjoint
-from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.bellman_solver import BellmanSolution, SoftBellman, adjoint
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.mdp import Mdp

@@ -19,11 +19,12 @@ from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
-from serd_core.semi_markov.summary import dwell_summary
-from serd_core.uncertainty.information import Information, fit_information
+from serd_core.semi_markov.place import dwell_summary
 from serd_core.uncertainty.standard_errors import (
     Identifiability,
+    Information,
     StandardErrors,
+    fit_information,
     identifiability,
     standard_errors,
 )

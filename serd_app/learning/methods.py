@@ -21,8 +21,7 @@ from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.demonstrations.simulation import sample_decisions, trajectories_of
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl

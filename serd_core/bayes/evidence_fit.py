@@ -22,7 +22,7 @@ from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
-from serd_core.priors.dirichlet import require_outcome_models
+from serd_core.priors.divergence import require_outcome_models
 from serd_core.priors.prior import Prior
 from serd_core.semi_markov.models import has_laws
 

@@ -41,7 +41,7 @@ from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import pseudo_count_of
+from serd_core.priors.divergence import pseudo_count_of
 from serd_core.semi_markov.gamma_law import fisher_information
 from serd_core.semi_markov.models import SemiMarkovModels
 

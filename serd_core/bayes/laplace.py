@@ -39,7 +39,7 @@ from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinat
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior, terms_of
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.models import has_laws
 
 #: Longest Newton step, in standard errors, of a point around which the approximation holds.

@@ -16,9 +16,9 @@ from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief, CoupledBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.divergence import DirichletPrior
 from serd_core.priors.prior import GaussianPrior, Prior, terms_of
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
 #: the range of a feature, c in observations, that of log mean dwell times in nats.

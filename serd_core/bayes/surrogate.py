@@ -24,7 +24,7 @@ from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models
+from serd_core.priors.divergence import DirichletPrior, pseudo_count_of, require_outcome_models
 from serd_core.priors.prior import SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.

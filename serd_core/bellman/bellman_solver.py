@@ -19,20 +19,103 @@ the Q-gradient (4.21), (4.66) of the thesis. With g(s, a) = dJ/dQ(s, a) at the c
 
     (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
     dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
+
+Soft and hard Bellman equations, and the part in which they differ.
+
+    Q(s, a) = R(s, a) + gamma sum_s' P(s' | s, a) V(s')
+    V(s)    = some maximum over the available actions of Q(s, a)
+
+Both maxima M are convex, monotone and shift with constants, so T V = M(R + gamma P V) is a
+gamma-contraction, and its derivative by V is gamma P_pi with pi(a | s) = dM/dQ(s, a).
+
+Soft (maximum discounted causal entropy, Eqs. 3.28 to 3.30; the temperature is 1):
+V(s) = log sum_a exp Q(s, a) and pi(a | s) = exp(Q(s, a) - V(s)).
+Hard (optimal control, Eqs. 2.24 to 2.26): V(s) = max_a Q(s, a) and pi greedy.
 """
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, require_each, shown
-from serd_core.bellman.equations import BellmanEquation
+from serd_core.arrays import (
+    FloatArray,
+    largest_per_row,
+    require_each,
+    sum_per_row,
+)
 from serd_core.bellman.linear_solvers import LinearSystem, prepare
 from serd_core.dynamics.transition_model import Transitions
-from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+
+
+class BellmanEquation(ABC):
+    """A maximum over actions and its derivative; Q is -inf where an action is unavailable.
+
+    curved: whether the maximum has second derivatives; they are then those of log-sum-exp.
+    """
+
+    curved: ClassVar[bool]
+
+    @abstractmethod
+    def maximum(self, q: FloatArray) -> FloatArray:
+        """(S,) maximum over the actions of (S, A) values."""
+
+    @abstractmethod
+    def policy(self, q: FloatArray) -> FloatArray:
+        """(S, A) derivative of the maximum: the policy along which gradients propagate."""
+
+    def policy_at(self, q: FloatArray, maximum: FloatArray) -> FloatArray:
+        """The same for a known maximum, whose rounding error each probability then has."""
+        del maximum
+        return self.policy(q)
+
+
+@dataclass(frozen=True)
+class SoftBellman(BellmanEquation):
+    """Log-sum-exp over actions; its derivative is the Boltzmann policy."""
+
+    curved = True
+
+    def maximum(self, q: FloatArray) -> FloatArray:
+        """(S,) log sum_a exp Q(s, a) (3.29)."""
+        highest = largest_per_row(q)
+        shifted = np.exp(q - highest[:, None])
+        return np.asarray(highest + np.log(sum_per_row(shifted)))
+
+    def policy(self, q: FloatArray) -> FloatArray:
+        """(S, A) Boltzmann distribution over Q (3.30)."""
+        return boltzmann(q, 1.0)
+
+    def policy_at(self, q: FloatArray, maximum: FloatArray) -> FloatArray:
+        policy = q - maximum[:, None]
+        return np.exp(policy, out=policy)
+
+
+def boltzmann(q: FloatArray, temperature: float) -> FloatArray:
+    """(S, A) probabilities proportional to exp(Q(s, a) / temperature) (4.62)."""
+    shifted = np.exp((q - largest_per_row(q)[:, None]) / temperature)
+    return np.asarray(shifted / sum_per_row(shifted)[:, None])
+
+
+@dataclass(frozen=True)
+class HardBellman(BellmanEquation):
+    """Maximum over actions; a derivative is the greedy policy (a sub-derivative at ties)."""
+
+    curved = False
+
+    def maximum(self, q: FloatArray) -> FloatArray:
+        """(S,) max_a Q(s, a) (2.25)."""
+        return largest_per_row(q)
+
+    def policy(self, q: FloatArray) -> FloatArray:
+        """(S, A) greedy policy (2.26), the first of equal actions."""
+        greedy = np.zeros_like(q)
+        greedy[np.arange(len(q)), q.argmax(axis=1)] = 1.0
+        return greedy
+
 
 #: Values beyond overflow in sums and differences.
 LARGEST_VALUE = 1e300
@@ -130,35 +213,10 @@ class BellmanSolution:
         return policy
 
 
-class BellmanSolver(ABC):
-    """A bounded iteration for V = T V."""
-
-    @abstractmethod
-    def solve(
-        self, problem: BellmanProblem, initial_value: FloatArray | None = None
-    ) -> BellmanSolution:
-        """Solve from `initial_value` (S,), or from zero."""
-
-
 def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
     """Whether a solver may stop, for an error of accuracy * max(1, max |V|)."""
     share = max(accuracy * (1.0 - problem.contraction), SMALLEST_SHARE)
     return last.residual <= last.scale * share
-
-
-def require_limits(accuracy: float, max_steps: int) -> None:
-    """SerdError unless a solver with these limits can do a step and end."""
-    if not (is_number(accuracy) and accuracy >= 0):
-        raise SerdError(f"accuracy must not be negative or NaN, got {shown(accuracy)}; use 1e-10")
-    if not (is_number(max_steps) and max_steps >= 1):
-        raise SerdError(f"the bound of steps must be at least 1, got {shown(max_steps)}; use 1000")
-
-
-def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:
-    """(S,) the given start, checked, or zero."""
-    if initial_value is None:
-        return np.zeros(mdp.n_states)
-    return float_array("initial_value", initial_value, (mdp.n_states,))
 
 
 def solution_from(
@@ -184,30 +242,6 @@ def solution_from(
         error_bound=certified / (1.0 - problem.contraction),
         converged=converged,
     )
-
-
-@dataclass(frozen=True)
-class ValueIteration(BellmanSolver):
-    """Solves the Bellman equation by plain sweeps, each of which shrinks the error by the discount.
-
-    accuracy: wanted error of V relative to max(1, max |V|); max_sweeps bounds the loop.
-    """
-
-    accuracy: float = 1e-10
-    max_sweeps: int = 1_000_000
-
-    def __post_init__(self) -> None:
-        require_limits(self.accuracy, self.max_sweeps)
-
-    def solve(
-        self, problem: BellmanProblem, initial_value: FloatArray | None = None
-    ) -> BellmanSolution:
-        latest, sweeps = backup(problem, starting_value(problem.mdp, initial_value)), 1
-        while (
-            not (done := is_accurate(problem, self.accuracy, latest)) and sweeps < self.max_sweeps
-        ):
-            latest, sweeps = backup(problem, latest.target), sweeps + 1
-        return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,8 +290,8 @@ KEEP = 0.03
 
 
 @dataclass(frozen=True)
-class Newton(BellmanSolver):
-    """Solves the Bellman equation by Newton's method, safeguarded by sweeps: the default.
+class Newton:
+    """Solves the Bellman equation by Newton's method, safeguarded by sweeps.
 
     accuracy: wanted error of V relative to max(1, max |V|).
     max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
@@ -267,14 +301,12 @@ class Newton(BellmanSolver):
     max_steps: int = 1_000
     cold_sweeps: int = 2
 
-    def __post_init__(self) -> None:
-        require_limits(self.accuracy, self.max_steps)
-
     def solve(
         self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
         """Solve from `initial_value`, or from zero after `cold_sweeps` sweeps."""
-        latest = backup(problem, starting_value(problem.mdp, initial_value))
+        start = np.zeros(problem.mdp.n_states) if initial_value is None else initial_value
+        latest = backup(problem, start)
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
         system: LinearSystem | None = None

@@ -70,7 +70,7 @@ class Decisions:
         return len(self.state)
 
     def columns(self) -> dict[str, FloatArray | IntArray]:
-        """The columns by name, as `pandas.DataFrame` and `decisions_from_columns` take them."""
+        """The columns by name, as `pandas.DataFrame` takes them."""
         return {name: getattr(self, name) for name in COLUMNS}
 
     @property
@@ -127,7 +127,7 @@ def require_shown(decisions: Decisions, purpose: str) -> None:
 
 def require_decisions(decisions: object, name: str = "decisions") -> None:
     """SerdError unless an argument is a `Decisions` object."""
-    require_kind(name, decisions, (Decisions,), "decisions_from_columns(table)")
+    require_kind(name, decisions, (Decisions,), "decisions_from_episodes(episodes)")
 
 
 def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
@@ -159,23 +159,6 @@ def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
 def _require_below(name: str, column: IntArray, size: int) -> None:
     fix = "the decisions were made in another problem"
     require_each(name, column, column < size, f"be below {size}", fix)
-
-
-def decisions_from_columns(table: Any, source: str = "") -> Decisions:
-    """Take decisions from a mapping, data frame or structured array with columns named as here.
-
-    Columns: episode, time_s, state, action, next_state (`Decisions`).
-
-        decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
-    """
-    try:
-        columns = {name: np.asarray(table[name]) for name in COLUMNS}
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise SerdError(
-            f"table must have the columns {', '.join(COLUMNS)}, got an error for one: {error};"
-            " rename it"
-        ) from error
-    return Decisions(**columns, source=source)
 
 
 def decisions_from_episodes(

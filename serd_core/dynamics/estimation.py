@@ -25,12 +25,11 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
-from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
-from serd_core.semi_markov.dwell_prior import counted_parameters
+from serd_core.semi_markov.dwell_likelihood import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
 EPSILON = float(np.finfo(np.float64).eps)

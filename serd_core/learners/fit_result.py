@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import AscentResult
 from serd_core.errors import SerdError
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue

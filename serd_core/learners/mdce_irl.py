@@ -20,14 +20,14 @@ from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import policy_system
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
+from serd_core.demonstrations.simulation import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.learners.start import reward_search
 from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import Problem, weights_gradient
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import GaussianPrior, Prior, require_weight

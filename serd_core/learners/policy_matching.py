@@ -14,14 +14,13 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, require_positive
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
-from serd_core.bellman.bellman_solver import adjoint
-from serd_core.bellman.equations import boltzmann
+from serd_core.bellman.bellman_solver import adjoint, boltzmann
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem, weights_gradient
-from serd_core.policies.policy_model import PolicyMatchingPolicy
+from serd_core.policies.solved_policy import PolicyMatchingPolicy
 
 
 def clone_behaviour(

@@ -29,7 +29,7 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy, PolicyModel
+from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy, PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, free_numbers
 from serd_core.posterior.posterior import Posterior, require_possible

@@ -19,17 +19,16 @@ from serd_core.ascent.ascent import (
     Scaled,
     StepCallback,
 )
-from serd_core.ascent.open_directions import judged_weights
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
+from serd_core.learners.certificate import judged_weights
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
-from serd_core.policies.solved_policy import solution_at
+from serd_core.policies.solved_policy import PolicyModel, solution_at
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block, Parameters

@@ -23,7 +23,7 @@ from serd_core.arrays import (
     require_memory,
     shown,
 )
-from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.outcome_models import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 

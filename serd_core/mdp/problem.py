@@ -18,7 +18,7 @@ from serd_core.arrays import (
     require_kind,
     shown,
 )
-from serd_core.dynamics.sparse_model import fixed_transitions, learned_transitions
+from serd_core.dynamics.outcome_models import fixed_transitions, learned_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 

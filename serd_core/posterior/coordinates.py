@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray, FloatArray, described
 from serd_core.ascent.ascent import Objective
-from serd_core.ascent.open_directions import described
 from serd_core.mdp.problem import Problem, usable_features
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.hessian import posterior_hessian, vector_hessian

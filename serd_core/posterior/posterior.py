@@ -22,7 +22,6 @@ from serd_core.bellman.bellman_solver import (
     Adjoint,
     BellmanProblem,
     BellmanSolution,
-    BellmanSolver,
     Newton,
     adjoint,
 )
@@ -31,7 +30,7 @@ from serd_core.dynamics.transition_model import TransitionModel, Transitions, tr
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, rewards_of, usable_features, weights_gradient
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior
 
@@ -182,7 +181,7 @@ class Posterior:
     observations: Observations
     policy_model: PolicyModel
     prior: Prior
-    solver: BellmanSolver = field(default_factory=Newton)
+    solver: Newton = field(default_factory=Newton)
 
     @cached_property
     def features(self) -> FloatArray:

@@ -41,7 +41,7 @@ WRONG = {
         NOT_POSITIVE,
     ),
     **dict.fromkeys(
-        words("confidence slack discount coverage weight p smoothing accuracy gradient_tolerance"),
+        words("confidence slack discount coverage weight gradient_tolerance"),
         NO_NUMBERS,
     ),
     **dict.fromkeys(
@@ -51,7 +51,6 @@ WRONG = {
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
     "feature_names": ["x", [1, 2], ["goal", "goal"]],
     "belief": [*KINDS, sc.FreeBelief],
-    "solver": [*KINDS, sc.Newton, None],
     "short": NO_NUMBERS,
 }
 #: Words in which sentences name tables that several arguments give.
@@ -84,6 +83,7 @@ def valid(gridworld):
         "estimate": lambda some: some.action.mean(),
         "start_distribution": np.full(25, 1 / 25),
         "rng": np.random.default_rng(0),
+        "thresholds": np.zeros(2),
         "features": problem.features,
         "feature_names": problem.feature_names,
         **{name: getattr(models, name) for name in words("successors model_of available n_models")},
@@ -111,7 +111,7 @@ CALLS = [
     expected_information_gain fitted_policy validation_log_likelihood
     fixed_transitions from_transitions learned_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
-    DirichletPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
+    DirichletPrior CoupledBelief Lbfgs TrustRegion NewtonAscent
     KinkedAscent
 """)
 ]

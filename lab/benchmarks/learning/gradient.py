@@ -26,11 +26,11 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
+from lab.estimators.value_iteration import ValueIteration
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
-from serd_core.bellman.bellman_solver import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics

@@ -9,8 +9,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.policies.solved_policy import MdcePolicy, soft_policy
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
 

@@ -8,8 +8,8 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_iteration,
 )
 from lab.estimators.gradient_ascent import GradientAscent
-from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration
-from serd_core.bellman.equations import SoftBellman
+from lab.estimators.value_iteration import ValueIteration
+from serd_core.bellman.bellman_solver import BellmanProblem, SoftBellman
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.serd import fit_mdce_serd

@@ -10,7 +10,7 @@ from lab.estimators.gradient_ascent import GradientAscent
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import TiedBelief
 from serd_core.priors.prior import UniformPrior
 from serd_core.selection.evaluation import split_episodes, validation_log_likelihood

@@ -7,8 +7,7 @@ from lab.estimators.multi_start import multi_start
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
+from serd_core.priors.divergence import DirichletPrior, KldPrior
 from serd_core.priors.prior import GaussianPrior
 
 

@@ -9,8 +9,13 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
-from serd_core.bellman.bellman_solver import BellmanProblem, Newton, adjoint
-from serd_core.bellman.equations import HardBellman, SoftBellman
+from serd_core.bellman.bellman_solver import (
+    BellmanProblem,
+    HardBellman,
+    Newton,
+    SoftBellman,
+    adjoint,
+)
 from serd_core.dynamics.transition_model import transitions_at
 
 EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.ascent import FunctionObjective, Lbfgs
-from serd_core.ascent.open_directions import judged_weights, open_directions
+from serd_core.learners.certificate import judged_weights, open_directions
 
 NAMES = ("first", "second", "third")
 ROWS = np.random.default_rng(0).normal(size=(40, 2))

@@ -10,7 +10,7 @@ import serd_core as sc
 from serd_core.bayes.laplace import draws_at, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
 from support.small_problems import PROPER, apart, fit_of

@@ -1,5 +1,4 @@
 import numpy as np
-import pandas as pd
 import pytest
 
 import serd_core as sc
@@ -36,15 +35,6 @@ def test_counts_of_states_and_actions_add_up_to_the_decisions():
 def test_columns_cannot_be_changed_afterwards():
     with pytest.raises(ValueError, match="read-only"):
         five_decisions().state[0] = 1
-
-
-def test_a_data_frame_and_back(gridworld):
-    frame = pd.DataFrame(gridworld.decisions.columns())
-    again = sc.decisions_from_columns(frame)
-    for name, column in gridworld.decisions.columns().items():
-        np.testing.assert_array_equal(again.columns()[name], column)
-    with pytest.raises(sc.SerdError, match=r"got an error for one: .*time_s"):
-        sc.decisions_from_columns(frame.drop(columns="time_s"))
 
 
 def test_the_first_decision_of_each_episode_is_that_of_the_earliest_time_whatever_the_rows():

@@ -4,7 +4,7 @@ import pytest
 import serd_core as sc
 from serd_core.demonstrations.decisions import Decisions, start_distribution, state_action_counts
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.trajectories import (
+from serd_core.demonstrations.simulation import (
     feature_counts,
     trajectories_of,
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
+from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel
 from support.small_problems import sampled

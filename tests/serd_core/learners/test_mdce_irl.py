@@ -3,7 +3,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.decisions import start_distribution
-from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
+from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.mdce_irl import feature_expectation
 from support.small_problems import apart, fit_of, sampled

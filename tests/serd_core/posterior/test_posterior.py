@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
-from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
+from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior import hessian as module
 from serd_core.posterior.beliefs import (
     CoupledBelief,
@@ -23,8 +23,7 @@ from serd_core.posterior.posterior import (
     expected_counts,
     require_possible,
 )
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
+from serd_core.priors.divergence import DirichletPrior, KldPrior
 from serd_core.priors.prior import GaussianPrior
 from support.random_posteriors import (
     assert_gradient_is_of_the_objective,

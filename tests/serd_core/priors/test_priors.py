@@ -8,8 +8,7 @@ import serd_core as sc
 from serd_core.arrays import gradient_differences
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import CouplingPrior, KldPrior
+from serd_core.priors.divergence import CouplingPrior, DirichletPrior, KldPrior
 from serd_core.priors.prior import GaussianPrior, LogPrior, Prior, UniformPrior
 
 BOTH = np.ones((2, 1), bool)

@@ -10,9 +10,9 @@ from scipy.stats import gamma, nbinom
 
 import serd_core as sc
 from serd_core import arrays
+from serd_core.arrival.chain import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
-from serd_core.semi_markov.arrival import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
 from support.arrival_twin import arrival_by_state
 from support.small_problems import always, room
 

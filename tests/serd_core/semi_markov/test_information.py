@@ -10,10 +10,10 @@ import scipy.stats
 
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.gamma_law import fisher_information, log_density
 from tests.support.semi_markov import (
     AGAINST,

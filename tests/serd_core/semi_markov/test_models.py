@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from serd_core.bellman.bellman_solver import BellmanProblem, Newton, SoftBellman
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.policies.solved_policy import solution_at
 from tests.support.semi_markov import (
@@ -89,8 +90,10 @@ def test_short_moves_keep_the_certificate_of_the_solution():
     table = timed.mdp.transitions.local_probabilities(truth)
     assert table.sum(axis=1).max() > 1.0
     found = sc.soft_policy(timed, WEIGHTS, table)
-    again = sc.soft_policy(timed, WEIGHTS, table, solver=sc.Newton(accuracy=1e-6))
     assert found.converged
+    transitions = Transitions(timed.mdp.transitions, table)
+    posed = BellmanProblem(SoftBellman(), timed.features @ WEIGHTS, transitions, timed.mdp)
+    again = Newton(accuracy=1e-6).solve(posed)
     assert np.abs(again.value - found.value).max() <= again.error_bound + found.error_bound
 
 

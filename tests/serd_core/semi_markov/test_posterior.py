@@ -10,7 +10,7 @@ import serd_core as sc
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.observations import observe
 from serd_core.learners.start import starting_parameters
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
 from tests.serd_core.semi_markov.test_models import differences

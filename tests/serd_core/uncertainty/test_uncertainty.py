@@ -5,7 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
+from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.hessian import sensitivities_at, transition_scores
 from serd_core.posterior.posterior import Posterior
 from support.small_problems import apart, fit_of, sampled
