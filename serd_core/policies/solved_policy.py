@@ -11,9 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import float_array, (
+from serd_core.arrays import (
     FloatArray,
     IntArray,
+    float_array,
     largest_per_row,
     require_positive,
     sum_per_row,
