@@ -44,6 +44,7 @@ _LEFT = {
     "adjusted_rand_index": "use sklearn.metrics.adjusted_rand_score",
     "bootstrap": "fit anew to decisions.select_episodes of drawn episodes",
     "compare_beliefs": "compare laplace(...).log_evidence of fits under either belief",
+    "confidence_interval": "use StandardErrors.reward_interval",
     "counted_transitions": "use from_transitions of the counts",
     "counterfactual_policy": "use soft_policy(problem, weights, belief)",
     "credible_intervals": "use numpy.quantile of the draws",

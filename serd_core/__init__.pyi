@@ -62,7 +62,6 @@ from serd_core.semi_markov.models import semi_markov_problem as semi_markov_prob
 from serd_core.semi_markov.place import compare_places as compare_places
 from serd_core.semi_markov.place import dwell_summary as dwell_summary
 from serd_core.semi_markov.place import fit_places as fit_places
-from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
 from serd_core.uncertainty.standard_errors import fit_information as fit_information
 from serd_core.uncertainty.standard_errors import identifiability as identifiability
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors

@@ -1,28 +1,19 @@
 """The absorbing chain of a policy, and the arrival from each of its states (Fig. 5.10).
 
-The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves one decision at a time; what has reached a
-goal state has arrived. The probability of ever arriving is the least solution of h = P h, h = 1 at
-a goal, by elimination without subtractions (Grassmann, Taksar and Heyman, Operations Research 33,
-1985): a state's exit rate is the sum of its ways out, never 1 - p(s|s), which cancels to nothing
-once leaving is rarer than machine precision. It works on logarithms, as the chance of several rare
-steps soon passes the smallest number. What is certain is found by search, not computed.
+The probability of ever arriving is the least solution of h = P h, h = 1 at a goal, by elimination
+without subtractions (Grassmann, Taksar and Heyman, Operations Research 33, 1985): a state's exit
+rate is the sum of its ways out, never 1 - p(s|s), which cancels to nothing once leaving is rarer
+than machine precision. It works on logarithms; what is certain is found by search.
 
-When a goal is reached: the chain of a policy, whose moves take random times.
-
-A move e from s to s' has the probability p_e and takes a time of its class, independent of all
-others. With time in steps and f_e(j) the probability that the move takes j steps, the arrival from
-s has the generating function
+A move e from s to s' has the probability p_e and takes j steps of time with the probability f_e(j).
+So the arrival from s has the generating function
 
     G_s(z) = sum_e p_e f_e^(z) G_s'(z),    G_goal(z) = 1,    f^(z) = sum_j f(j) z^j
 
 a linear system for each z, and its distribution follows from N values of z on a circle by the fast
 Fourier transform (Howard, Dynamic Probabilistic Systems II, 1971; Abate and Whitt, Queueing Systems
-10, 1992). On a circle of radius r < 1, arrivals after N steps or more add at most r^N to each
-number.
-
-A decision of (s, a) with the outcome k takes a time of the law of its local model at the pace of
-the state, or a known time where it stays. The number of decisions, whose law the thesis predicts
-(Fig. 5.10), is the case in which every decision takes one step.
+10, 1992). On a circle of radius r < 1, arrivals after N steps or more add at most r^N to each. The
+number of decisions, whose law the thesis predicts, is the case in which each takes one step.
 """
 
 from collections.abc import Iterable

@@ -1,36 +1,23 @@
-"""Bellman solvers: what they return, with a certificate, and the gradient by the result.
+"""The Bellman equation, its solver with a certificate, and the gradient by the result.
 
-T is a gamma-contraction in the largest norm. Arithmetic gives T V only up to some rounding d, so
-the computed T V, which is the returned value, satisfies
+    Q(s, a) = R(s, a) + gamma sum_s' P(s' | s, a) V(s'),    V(s) = T V(s) = maximum over Q(s, .)
+
+Soft (maximum discounted causal entropy, Eqs. 3.28 to 3.30): V(s) = log sum_a exp Q(s, a) and
+pi(a | s) = exp(Q(s, a) - V(s)). Hard (Eqs. 2.24 to 2.26): V(s) = max_a Q(s, a) and pi greedy. T is
+convex and monotone, and a gamma-contraction whose derivative by V is gamma P_pi. So with rounding d
 
     max |computed T V - V*| <= (max |computed T V - V| + d) / (1 - gamma)
 
-Where moves take time, gamma times the largest sum of a row stands for gamma. (Soft) value iteration
-is V <- T V until that suffices; Newton's method, which is (soft) policy iteration, is
-
-    V <- V + (I - gamma P_pi)^-1 (T V - V),   pi = policy of the present Q
-
-T is convex and monotone, so from the second step on V grows towards V* at least as fast as under
-value iteration, and close to V* quadratically. A sweep replaces every step that went wrong
-numerically, and steps that shrink the residual well keep the last one's matrix.
+where gamma is multiplied by the largest sum of a row where moves take time. Newton's method, which
+is (soft) policy iteration, is V <- V + (I - gamma P_pi)^-1 (T V - V). From the second step on V
+grows at least as fast as under value iteration, and close to V* quadratically. A sweep replaces
+every step that went wrong numerically, and steps that shrink the residual well keep their matrix.
 
 The gradient by every reward and transition probability takes one transposed solve, the transpose of
 the Q-gradient (4.21), (4.66) of the thesis. With g(s, a) = dJ/dQ(s, a) at the converged Q:
 
     (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
     dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
-
-Soft and hard Bellman equations, and the part in which they differ.
-
-    Q(s, a) = R(s, a) + gamma sum_s' P(s' | s, a) V(s')
-    V(s)    = some maximum over the available actions of Q(s, a)
-
-Both maxima M are convex, monotone and shift with constants, so T V = M(R + gamma P V) is a
-gamma-contraction, and its derivative by V is gamma P_pi with pi(a | s) = dM/dQ(s, a).
-
-Soft (maximum discounted causal entropy, Eqs. 3.28 to 3.30; the temperature is 1):
-V(s) = log sum_a exp Q(s, a) and pi(a | s) = exp(Q(s, a) - V(s)).
-Hard (optimal control, Eqs. 2.24 to 2.26): V(s) = max_a Q(s, a) and pi greedy.
 """
 
 from abc import ABC, abstractmethod

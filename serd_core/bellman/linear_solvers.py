@@ -109,9 +109,9 @@ class KrylovSystem(LinearSystem):
     """Restarted BiCGSTAB, and a sparse factor from the first time on that it fails."""
 
     def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None:
-        self._given, self._factor = (pattern, data), None
-        self._matrix = pattern.matrix(data)
-        self._transposed = None
+        self._given, self._matrix = (pattern, data), pattern.matrix(data)
+        self._transposed: scipy.sparse.csr_array | None = None
+        self._factor: LuFactor | None = None
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0

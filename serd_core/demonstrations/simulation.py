@@ -1,14 +1,9 @@
-"""Sample demonstrations from a policy in known dynamics.
-
-Sample demonstrations of decisions that take time.
-
-Decisions as trajectories tau, and their discounted feature counts phi(tau).
+"""Sample demonstrations from a policy, and see decisions as trajectories tau with their features.
 
     phi(tau) = sum_t gamma^t f(s_t, a_t)
 
 Time counts in decisions from the first of each trajectory: an episode, or where decisions of it
-are missing each piece in between, which is a trajectory from where it starts
-(`serd_core.demonstrations.decisions.rows_by_trajectory`).
+are missing each piece in between (`serd_core.demonstrations.decisions.rows_by_trajectory`).
 """
 
 from dataclasses import dataclass

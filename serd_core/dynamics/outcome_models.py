@@ -1,17 +1,12 @@
-"""Local outcome models: M distributions over K outcomes that all states share (Eq. 5.1).
+"""Transition models: outcomes that all states share (Eq. 5.1), and transitions entry by entry.
 
     P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj)                    (5.1)
     P(s' | s, a) = sum_k P_m(k) [successors[s, a, k] = s'],  m = model_of[s, a]
 
 The toy example (one model per state and action), the gridworld (9 models of 5 outcomes) and the
-hallway (4 of 5) are all of this form. The parameter vector is theta, row-major (M * K,).
-
-A general sparse P(s' | s, a), entry by entry.
-
-Known transitions have no parameters. Those to be learned give each pair (s, a) a distribution of
-its own, whose parameters are the log odds of each entry against the first of its pair:
-
-    P(s' | s, a) = exp x(s') / sum of exp x over the row, x of the first entry of each row 0.
+hallway (4 of 5) are of the first form, with the parameters theta, row-major (M * K,). Entry by
+entry, known transitions have no parameters; those to be learned have log odds x of each entry
+against the first of its pair, P(s' | s, a) = exp x(s') / sum of exp x over the row.
 """
 
 from dataclasses import dataclass

@@ -3,16 +3,10 @@
 The gradient alone does not show it: it is small where a feature has small values, where decisions
 are separable, and along directions that no decision informs. The Newton step in standard errors
 distinguishes these (`serd_core.ascent.trust_region`). Where an objective has kinks, or is no log
-density, the ascent is taken at its word unless a direction is open
-(`serd_core.learners.certificate`).
-
-Directions along which an objective has no maximum, as it is flat or grows without end.
-
-Gradients vanish along both: where all decisions agree (separable data), or no demonstration has a
-feature, the objective grows by less and less with the weights. A direction is open where the
-objective is nowhere lower than at the point, one way, and does not fall any more far away, as a
-weak prior would make it. It is looked for among directions of hardly any curvature, the Newton
-step, and the way from the origin. Numbers must be of comparable scale.
+density, the ascent is taken at its word unless a direction is open: the objective is nowhere lower
+than at the point, one way, and does not fall any more far away, as a weak prior would make it. It
+is looked for among directions of hardly any curvature, the Newton step, and the way from the
+origin. Numbers must be of comparable scale.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -152,13 +152,14 @@ def from_transitions(
     # A terminal state has one action, which stays.
     kept = np.where(np.isin(np.arange(len(dense)), ends)[:, None, None], 0.0, dense)
     kept[ends, 0, ends] = 1.0
-    entries = np.nonzero(kept)
-    if learned:
-        mdp = Mdp(learned_transitions(dense.shape[:2], *entries), discount)
-    else:
-        mdp = Mdp(fixed_transitions(dense.shape[:2], *entries, kept[entries]), discount)
-    values = np.asarray(number_array("features", features), dtype=np.float64)
+    state, action, following = np.nonzero(kept)
     n_states, n_actions, _ = dense.shape
+    entries = (n_states, n_actions), state, action, following
+    if learned:
+        mdp = Mdp(learned_transitions(*entries), discount)
+    else:
+        mdp = Mdp(fixed_transitions(*entries, kept[state, action, following]), discount)
+    values = np.asarray(number_array("features", features), dtype=np.float64)
     if values.ndim == 2 and len(values) == n_states:
         values = np.repeat(values[:, None, :], n_actions, axis=1)
     if values.ndim != 3 or values.shape[:2] != (n_states, n_actions):
@@ -169,4 +170,6 @@ def from_transitions(
     values = np.array(values)
     values[ends] *= 1.0 - mdp.discount
     numbered = tuple(f"feature {i}" for i in range(values.shape[2]))
-    return TabularProblem(mdp, values, numbered if feature_names is None else feature_names)
+    return TabularProblem(
+        mdp, values, numbered if feature_names is None else unique_names(feature_names)
+    )

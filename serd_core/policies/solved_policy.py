@@ -1,6 +1,4 @@
-"""Policies of known rewards and dynamics: solve the Bellman equation, then choose.
-
-Policy models pi = g(theta_P, Q) with their Bellman equation and derivatives (section 4.4).
+"""Policies of known rewards and dynamics, and policy models pi = g(theta_P, Q) (section 4.4).
 
 Maximum discounted causal entropy: Boltzmann over soft Q-values (Eq. 4.13).
 Policy matching: Boltzmann over optimal Q-values with a temperature (Eqs. 3.11, 4.62, 4.63).

@@ -1,22 +1,13 @@
-"""Priors on the transition probabilities of dynamics, by their divergence.
+"""Priors on dynamics: their divergence from other dynamics (Eq. 4.91, section 4.3), and Dirichlet.
 
-Close to a reference model Q (Eq. 4.91), and a belief that is similar to the true dynamics (section
-4.3):
-
-    KldPrior       -lambda sum_{s,a} w(s,a) sum_s' Q(s'|s,a) log(Q(s'|s,a) / P_theta(s'|s,a))
-    CouplingPrior  -lambda sum_{s,a,s'} P_T(s'|s,a) log(P_T(s'|s,a) / P_TE(s'|s,a))
+    KldPrior        -lambda sum_{s,a} w(s,a) sum_s' Q(s'|s,a) log(Q(s'|s,a) / P_theta(s'|s,a))
+    CouplingPrior   -lambda sum_{s,a,s'} P_T(s'|s,a) log(P_T(s'|s,a) / P_TE(s'|s,a))
+    DirichletPrior  sum_m [ c sum_k log P_m(k) - log B(c, ..., c) ]
 
 The gradient of the first is +lambda sum Q dP/P: the sign printed in (4.92) is wrong, as the finite
-difference shows. In the last both models move, so the gradient has a part for each block.
-
-Dirichlet priors on the outcome distributions P_m of a block, in the measure of their energies.
-
-    log P(theta) = sum_m [ c sum_k log P_m(k) - log B(c, ..., c) ]
-
-Over energies a Dirichlet density has the exponents c, not c - 1, as the volume element adds
-prod_k P(k): so its maximum under observed transitions is the M-estimate with pseudo-count c
-(MacKay, Machine Learning 33, 1998). For a SparseModel c log P(s' | s, a) is summed over the
-distinct transitions.
+difference shows. Over energies a Dirichlet density has the exponents c, not c - 1, as the volume
+element adds prod_k P(k): so its maximum under observed transitions is the M-estimate with
+pseudo-count c (MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass, replace

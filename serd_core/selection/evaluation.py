@@ -1,17 +1,9 @@
-"""How good an estimate is: the measures of sections 4.6 and 5.2.
-
-Log-likelihoods are per decision.
-
-The weight lambda of a prior is selected on validation data (Fig. 5.8).
-
-How usual demonstrations are for a model: per decision, and per episode among simulated ones.
+"""How good an estimate is (sections 4.6 and 5.2), and how usual demonstrations are for a model.
 
 An episode's score is the mean log-likelihood of its decisions. Its rank is the share of episodes
 simulated from the model, which start in the same state and take at most as many decisions, with a
-lower score. Ranks of the model's own episodes are uniform between 0 and 1 where their largest
-numbers of decisions were fixed beforehand, not where an episode ends for another reason.
-
-The tail probability of a decision is that of all decisions in its state that are as likely or less:
+lower score. The tail probability of a decision is that of all decisions in its state that are as
+likely or less:
 
     p(s, a, s') = sum of pi(a' | s) P(s'' | s, a') over those at most pi(a | s) P(s' | s, a)
 

@@ -1,28 +1,21 @@
-"""Likelihood of dwell times, given the moves they belong to.
+"""Likelihood of dwell times, given the moves they belong to, and their prior.
 
 A decision of (s, a) that took t seconds and ended in s' has, with the outcomes k in E that lead to
 s', densities f_k and survival functions S_k of their laws,
 
     log P(t | s, a, s') = log sum_{k in E} P(k) f_k(t) - log sum_{k in E} P(k)
 
-and one that was censored at t has log sum_k P(k) S_k(t) over all outcomes. Where all of E share a
-law, the probabilities cancel. A given duration has S = 1 up to it, and no density: decisions that
-end by one inform no law. The outcomes of one law among E are a *part* of the decision here, with
-the weight W = sum of their probabilities; with q the share of a part in a decision's sum,
+and one that was censored at t has log sum_k P(k) S_k(t) over all outcomes. A given duration has
+S = 1 up to it, and no density. The outcomes of one law among E are a *part* of the decision here,
+with the weight W = sum of their probabilities; with q the share of a part in a decision's sum,
 
     dL  = sum q (d log W + dl) - sum d log(sum W)
     d2L = sum q (d2 log W + d2 l) + Cov_q[d log W + dl] - sum d2 log(sum W)
 
-Prior of dwell times: normal log means around a common one that is learned, and log shapes.
-
     log mean_d ~ Normal(l, sd^2),   l ~ Normal(0, WIDE^2),   log shape_d ~ Normal(log 4, 1)
 
-Means are in seconds, so l is that of one second, give or take a factor of 20. It is integrated out:
-the log means have the covariance C = sd^2 I + WIDE^2 1 1^T. A narrow sd bends the durations of
-moves that nobody makes to those of the others, so the median of its hyperprior is 1.
-
-`counted_parameters` has the most likely laws under this prior, whatever anybody chose: the first of
-two steps (durations counted, rewards learned under them), and where a fit of both at once starts.
+Means are in seconds. l is integrated out: the log means have the covariance sd^2 I + WIDE^2 1 1^T.
+A narrow sd bends the durations of moves that nobody makes to those of the others.
 """
 
 from dataclasses import dataclass, field, replace

@@ -1,27 +1,18 @@
-"""How much slower moves are in each place: a multiplier of dwell times per state.
-
-    log mean of law d in state s = l_d + b_s,    b_s ~ Normal(0, sd^2)
-
-This is a second step, after the laws l are learned: they stay as they are. Given sd, each b_s is
-the maximum of its own posterior, and Laplace's approximation of the integrals over all b_s gives
-the evidence of sd, whose hyperprior is log-normal. Where places do not differ, sd and with it all
-b_s go to 0.
-
-`compare_places` takes places where the likelihood of dwell times of episodes that were left out is
-higher with them than with laws of local models alone, by more than two standard errors of the
-difference per episode.
-
-What a fit found about dwell times.
+"""What a fit found about dwell times, and how much slower moves are in each place.
 
 Of a move that nobody makes the choices reveal little more than mu / P, its mean dwell time over the
 probability of its outcome, so log(mu / P) is given with an interval of its own. What is known of a
-law is the divergence of its log mean from what was known before, in nats:
+law is the divergence of its log mean from what was known before, in nats, as of normal densities:
 
     from dwell times   KLD( p(log mu_d | all dwell times) || p(log mu_d | those of other laws) )
     from choices       KLD( p(log mu_d | dwell times and choices) || p(log mu_d | all dwell times) )
 
-Each is taken as normal: the first two by Laplace's approximation, the posterior by the mean and
-variance of its draws, as it has a long tail where nobody makes a move.
+Places are a second step, after the laws l are learned: a multiplier of dwell times per state,
+
+    log mean of law d in state s = l_d + b_s,    b_s ~ Normal(0, sd^2)
+
+with sd by Laplace's approximation of its evidence and a log-normal hyperprior. Where places do not
+differ, sd and with it all b_s go to 0.
 """
 
 from dataclasses import dataclass

@@ -1,22 +1,18 @@
-"""Standard errors of rewards and dynamics, jointly, and what the data at hand determine.
-
-The covariance is the inverse of an information matrix with the gauge taken out; outcome
-probabilities get theirs by the delta method. All this holds where J is smooth and its gradient 0.
-The matrix M is brought into correlation form, D M D with D = diag(M)^(-1/2), which changing units
-leaves as it is. A diagonal entry that is nothing but the rounding of larger numbers is no scale;
-the size of what cancelled is taken instead. Along a null direction all free numbers can move
-together without changing the likelihood; a parameter that one moves has an infinite standard error.
-
-Information matrices of a fit, by the numbers that were free.
+"""Information matrices of a fit, standard errors, and what the decisions do not determine.
 
     observed (Hessian):     -d2 J / d theta2                       (with the prior's part)
     outer product (BHHH):   sum over decisions of score score^T    (likelihood only)
 
 The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a), and with a hidden action its
 mean over the actions that explain the move. Where moves take time log P(t|s,a,s') is added, and a
-decision that a command ended has the survival of its dwell time in place of the last two. Both
-matrices estimate the same Fisher information for many decisions under a true model; a large
-difference between them is evidence against the model.
+decision that a command ended has the survival of its dwell time in place of the last two.
+
+The covariance is the inverse of a matrix M with the gauge taken out, where J is smooth and its
+gradient 0; outcome probabilities get theirs by the delta method. M is brought into correlation
+form, D M D with D = diag(M)^(-1/2), which changing units leaves as it is. A diagonal entry that is
+nothing but the rounding of larger numbers is no scale; the size of what cancelled is taken instead.
+Along a null direction all free numbers can move together without changing the likelihood; a
+parameter that one moves has an infinite standard error.
 """
 
 from dataclasses import dataclass
@@ -27,8 +23,6 @@ import scipy  # loads special and stats at their first use
 from serd_core.arrays import (
     FloatArray,
     float_array,
-    number_array,
-    require_each,
     require_kind,
     require_share,
 )
@@ -275,25 +269,21 @@ class Identifiability:
         return not self.null
 
 
-def identifiability(
-    information: Information, *, matrix: FloatArray | None = None
-) -> Identifiability:
+def identifiability(information: Information) -> Identifiability:
     """Find the combinations of numbers that the decisions of a fit do not determine.
 
-    matrix: (n, n) information; None for the outer product, which has no prior in it.
+    By the outer product, which has no prior in it.
 
         print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
     """
     require_information(information)
-    chosen = information.outer_product if matrix is None else matrix
-    found = spectrum(information, chosen)
-    null = tuple(
+    found = spectrum(information, information.outer_product)
+    directions = zip(found.values[found.null], found.loadings[found.null], strict=True)
+    null = [
         NullDirection(float(value), _loadings(information.names, loadings))
-        for value, loadings in zip(
-            found.values[found.null], found.loadings[found.null], strict=True
-        )
-    )
-    return Identifiability(eigenvalues=found.values, null=null)
+        for value, loadings in directions
+    ]
+    return Identifiability(eigenvalues=found.values, null=tuple(null))
 
 
 def _loadings(
@@ -334,8 +324,10 @@ class StandardErrors:
     def reward_interval(
         self, weights: FloatArray, coverage: float = 0.95
     ) -> tuple[FloatArray, FloatArray]:
-        """Normal intervals of (F,) reward weights, see `confidence_interval`."""
-        return confidence_interval(weights, self.reward, coverage)
+        """Ends of the normal (Wald) intervals of (F,) reward weights, for many decisions."""
+        require_share("coverage", coverage)
+        width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * self.reward
+        return weights - width, weights + width
 
 
 def standard_errors(
@@ -390,26 +382,6 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
         f" errors long, got {state} and {step:.3g}; continue the fit (at a kink of the objective"
         " there are no standard errors), or pass require_optimum=False"
     )
-
-
-def confidence_interval(
-    estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the normal (Wald) interval of estimates; approximate, as it relies on many decisions.
-
-    estimate, errors: (n,) numbers and their standard errors; coverage: share of such intervals that
-    hold the truth. Returns the lower and the upper ends.
-    """
-    middle, table = number_array("estimate", estimate), number_array("errors", errors)
-    if table.ndim and table.shape != middle.shape:
-        raise SerdError(
-            f"errors must have the shape of estimate, {middle.shape}, got {table.shape}; give one"
-            " per number"
-        )
-    require_each("errors", table, ~(table < 0), "be at least 0", "give standard errors")
-    require_share("coverage", coverage)
-    width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * table
-    return middle - width, middle + width
 
 
 def _errors(rows: FloatArray, found: Spectrum) -> FloatArray:

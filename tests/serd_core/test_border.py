@@ -107,7 +107,7 @@ CALLS = [
     clone_behaviour estimate_dynamics soft_policy optimal_policy
     boltzmann_policy sample_decisions policy_log_likelihood move_log_likelihood
     fit_information standard_errors
-    identifiability confidence_interval laplace outcome_information
+    identifiability laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood
     fixed_transitions from_transitions learned_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
@@ -133,8 +133,6 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
     given = {each: valid[each] for each in required if each != name}
     if "initial_weights" in inspect.signature(call).parameters:
         given["initial_weights"] = valid["initial_weights"]
-    if call is sc.confidence_interval:
-        given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
     if call is sc.from_transitions:
         given |= {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 2))}
     if call is sc.DirichletPrior:

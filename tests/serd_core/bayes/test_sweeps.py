@@ -67,15 +67,6 @@ def test_what_is_identified_has_its_beta_posterior_and_what_is_not_keeps_its_pri
             assert share.std() == pytest.approx(unseen.std(), rel=0.1)
 
 
-def test_information_has_the_posterior_of_the_sum():
-    problem, decisions = one_way([1, 0, 0])
-    n_ahead, n = int(np.sum(decisions.next_state != decisions.state)), len(decisions)
-    found = sc.outcome_information(fitted(problem, decisions, pseudo_count=1.0))
-    exact = scipy.stats.beta(n_ahead + 1, n - n_ahead + 2)
-    ends = [found.lower[0, 0], found.upper[0, 0]]
-    np.testing.assert_allclose(ends, exact.ppf([0.05, 0.95]), atol=0.25 * exact.std())
-
-
 C, SIGMA = 1.5, 1.0
 REWARDS = sc.GaussianPrior(SIGMA, sc.Block.REWARD)
 

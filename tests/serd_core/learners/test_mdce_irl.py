@@ -6,7 +6,7 @@ from serd_core.demonstrations.decisions import start_distribution
 from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.mdce_irl import feature_expectation
-from support.small_problems import apart, fit_of, sampled
+from support.small_problems import fit_of, sampled
 
 TRUE = np.array([1.0, -1.0])
 
@@ -67,12 +67,6 @@ def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
         fit_of(gridworld, [0.0, 0.0], dynamics=known)
 
 
-def test_dynamics_that_rule_an_observed_step_out_are_refused_by_its_name(minimum_example):
-    given = {"initial_weights": np.zeros(1), "dynamics": np.array([[1.0, 0.0], [0.5, 0.5]])}
-    with pytest.raises(sc.SerdError, match="rule out the observed step from state 0 by action 0"):
-        sc.fit_mdce_irl_by_likelihood(minimum_example, apart(0, 0, [1]), **given)
-
-
 def test_occupancy_sums_to_the_geometric_series_and_absorbed_episodes_count_for_ever(
     random_problem, minimum_example
 ):
@@ -91,24 +85,14 @@ def test_occupancy_sums_to_the_geometric_series_and_absorbed_episodes_count_for_
     np.testing.assert_allclose(feature_counts(minimum_example, decisions)[:, 0], expected)
 
 
-def cut_off(n_steps, n_decisions, seed=1, discount=0.95, concentration=0.3):
-    """Twelve states with random moves, and episodes that were cut off after so many decisions."""
-    rng = np.random.default_rng(seed)
-    moves = rng.dirichlet(np.full(12, concentration), size=(12, 3))
-    problem = sc.from_transitions(moves, rng.normal(size=(12, 3, 2)), discount=discount)
-    policy, rng = sc.soft_policy(problem, TRUE).probabilities, np.random.default_rng(2)
-    n_episodes = n_decisions // n_steps
-    return problem, sc.sample_decisions(
-        problem.mdp, policy, n_episodes=n_episodes, n_steps=n_steps, rng=rng
-    )
-
-
-def by_entropy(problem, decisions):
-    fit = sc.fit_mdce_irl_by_entropy(problem, decisions, initial_weights=np.zeros(2))
-    assert fit.converged
-    return fit.reward_weights
-
-
 @pytest.mark.parametrize(("n_steps", "seed"), [(1, 1), (60, 2)])
 def test_the_weights_do_not_depend_on_where_episodes_were_cut_off(n_steps, seed):
-    np.testing.assert_allclose(by_entropy(*cut_off(n_steps, 20_000, seed)), TRUE, atol=0.35)
+    rng = np.random.default_rng(seed)
+    moves = rng.dirichlet(np.full(12, 0.3), size=(12, 3))
+    problem = sc.from_transitions(moves, rng.normal(size=(12, 3, 2)), discount=0.95)
+    policy, rng = sc.soft_policy(problem, TRUE).probabilities, np.random.default_rng(2)
+    size = {"n_episodes": 20_000 // n_steps, "n_steps": n_steps}
+    decisions = sc.sample_decisions(problem.mdp, policy, **size, rng=rng)
+    fit = sc.fit_mdce_irl_by_entropy(problem, decisions, initial_weights=np.zeros(2))
+    assert fit.converged
+    np.testing.assert_allclose(fit.reward_weights, TRUE, atol=0.35)

@@ -24,17 +24,6 @@ def test_both_explanations_of_the_minimum_example_are_found(minimum_example, sta
     np.testing.assert_allclose(by_a, 2 / 3, atol=0.05)
 
 
-def test_a_heavy_divergence_prior_turns_serd_into_irl_with_the_estimated_dynamics(gridworld):
-    """Section 5.2: for lambda to infinity MDCE SERD turns to MDCE IRL."""
-    loose = sc.Lbfgs(gradient_tolerance=1e-3)
-    heavy = fit_of(gridworld, [1.0, 1.0], prior=sc.KldPrior(1e6), ascent=loose)
-    fixed = fit_of(gridworld, [1.0, 1.0], belief=sc.FixedBelief(), prior=sc.UniformPrior())
-    estimate = sc.estimate_dynamics(gridworld.problem, gridworld.decisions)
-    np.testing.assert_allclose(heavy.outcome_probabilities, estimate, atol=1e-3)
-    np.testing.assert_allclose(fixed.outcome_probabilities, estimate, rtol=1e-12)
-    np.testing.assert_allclose(heavy.reward_weights, fixed.reward_weights, atol=2e-2)
-
-
 def test_coupling_leads_from_free_to_tied_blocks(gridworld):
     """A weak coupling prior changes nothing, a strong one makes belief and truth equal."""
     prior = sc.KldPrior(0.1) + sc.KldPrior(0.1, block=sc.Block.BELIEF)

@@ -57,17 +57,6 @@ def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature
     assert started(start).gradient_norm == pytest.approx(numeric, rel=1e-5)
 
 
-def test_rewards_dynamics_and_temperature_are_recovered_up_to_scale(make_gridworld):
-    case = make_gridworld(side=5, n_episodes=1)
-    decisions = boltzmann_decisions(case, 2.0, 2000, 40)
-    start = {"initial_weights": np.ones(2), "prior": sc.KldPrior(1e-3) + SCALE}
-    fit = sc.fit_pm_serd(case.problem, decisions, **start)
-    assert fit.converged
-    assert fit.temperature == pytest.approx(1.0, abs=1e-6)
-    np.testing.assert_allclose(fit.reward_weights / fit.temperature, case.weights / 2.0, atol=0.1)
-    np.testing.assert_allclose(fit.outcome_probabilities, case.probabilities, atol=0.03)
-
-
 def test_a_fit_that_ends_on_a_kink_is_certified(make_gridworld):
     case = make_gridworld(side=8, discount=0.99, n_episodes=1)
     decisions = boltzmann_decisions(case, 2.0, 20, 30, 20)

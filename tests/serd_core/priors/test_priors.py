@@ -9,7 +9,7 @@ from serd_core.arrays import gradient_differences
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import CouplingPrior, DirichletPrior, KldPrior
-from serd_core.priors.prior import GaussianPrior, LogPrior, Prior, UniformPrior
+from serd_core.priors.prior import GaussianPrior, LogPrior, UniformPrior
 
 BOTH = np.ones((2, 1), bool)
 #: Two states, one action, three outcomes; in state 1 two of them land in the same cell.
@@ -159,23 +159,8 @@ def test_a_dirichlet_prior_of_listed_transitions_counts_each_distinct_one(block)
         prior.log_constant(LISTED, of(vector))
 
 
-@pytest.mark.parametrize(
-    ("value", "slope", "message"),
-    [
-        (np.nan, 0.0, "a LogPrior must hold numbers, got the value nan"),
-        (0.0, np.nan, r"a LogPrior must hold numbers, got .* gradient \[nan"),
-        (0.0, None, "gradient of a LogPrior must be a Parameters object, got None"),
-    ],
-)
-def test_a_users_prior_that_returns_no_numbers_is_named(gridworld, value, slope, message):
-    class Mine(Prior):
-        def evaluate(self, model, parameters):
-            del model
-            length = len(parameters.vector)
-            gradient = None if slope is None else parameters.with_vector(np.full(length, slope))
-            return LogPrior(value, gradient)
-
-    with pytest.raises(SerdError, match=message):
-        sc.fit_mdce_irl_by_likelihood(
-            gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), prior=Mine()
-        )
+@pytest.mark.parametrize(("value", "slope"), [(np.nan, 0.0), (0.0, np.nan)])
+def test_a_prior_that_returns_no_numbers_is_named(value, slope):
+    gradient = at().with_vector(np.full(9, slope))
+    with pytest.raises(SerdError, match="a LogPrior must hold numbers, got the value"):
+        LogPrior(value, gradient)
