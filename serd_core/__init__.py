@@ -14,51 +14,17 @@ from typing import Any
 
 __version__ = "0.3.0"
 
-#: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
-_LEFT = {
-    **dict.fromkeys(
-        ("DwellTimes", "arrival_time_distribution", "renewal_chain", "semi_markov_arrival"),
-        "use timed_arrival, which takes problems without dwell times too",
-    ),
-    **dict.fromkeys(
-        (
-            "EntropyPrior",
-            "GradientAscent",
-            "NormPrior",
-            "dynamics_divergence",
-            "fit_routes",
-            "multi_start",
-            "posterior_modes",
-            "sample_posterior",
-        ),
-        "the authors' lab has it",
-    ),
-    **dict.fromkeys(
-        ("Automatic", "BandedLu", "Krylov", "Newton", "SparseLu", "ValueIteration"),
-        "policies and fits choose their solver",
-    ),
-    "decisions_from_columns": "use Decisions(*(table[name] for name in columns))",
-    "BeliefAroundTruth": "use CoupledBelief, or FreeBelief with a prior on each block",
-    "CovariateModels": "use OutcomeModels with a local model per class of pairs",
-    "SparseModel": "use fixed_transitions or learned_transitions",
-    "adjusted_rand_index": "use sklearn.metrics.adjusted_rand_score",
-    "bootstrap": "fit anew to decisions.select_episodes of drawn episodes",
-    "compare_beliefs": "compare laplace(...).log_evidence of fits under either belief",
-    "confidence_interval": "use StandardErrors.reward_interval",
-    "counted_transitions": "use from_transitions of the counts",
-    "counterfactual_policy": "use soft_policy(problem, weights, belief)",
-    "credible_intervals": "use numpy.quantile of the draws",
-    "dynamics_draws": "use laplace_draws(found, rng, n).truth",
-    "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
-    **dict.fromkeys(
-        ("finite_horizon", "decisions_in_periods"), "number the states of each period apart"
-    ),
-    "from_gymnasium": "use from_transitions (docs/library.md)",
-    "load": "unpickle what you pickled",
-    "mean_discounted_outcomes": "use transitions.local_probabilities(draws).mean(axis=0)",
-    "save": "pickle the record",
-    "with_choice_cost": "append the feature -log |A(s)| to those of the problem",
-}
+#: Names of version 0.2.0 that left; CHANGELOG.md has what to use. Version 0.4.0 forgets them.
+_LEFT = """
+Automatic BandedLu BeliefAroundTruth CovariateModels DwellTimes EntropyPrior GradientAscent Krylov
+Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival_time_distribution
+bootstrap choose_expert_types clustered_outer_product compare_beliefs confidence_interval
+counted_transitions counterfactual_policy credible_intervals decisions_from_columns
+decisions_in_periods dynamics_divergence dynamics_draws finite_horizon fit_dwell_times
+fit_expert_types fit_routes from_gymnasium likelihood_ratio_test load mean_discounted_outcomes
+multi_start posterior_modes renewal_chain sample_posterior save score_test semi_markov_arrival
+two_step_standard_errors vuong_test with_choice_cost
+""".split()
 
 
 @functools.cache
@@ -72,7 +38,7 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        went = f"; {_LEFT[name]}" if name in _LEFT else ""
+        went = "; it left in version 0.3.0 (CHANGELOG.md)" if name in _LEFT else ""
         raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found

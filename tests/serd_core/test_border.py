@@ -118,7 +118,6 @@ CALLS = [
 
 
 def arguments(call):
-    """(required, all) names of its arguments."""
     parameters = inspect.signature(call).parameters
     return [n for n, p in parameters.items() if p.default is p.empty], list(parameters)
 

@@ -20,7 +20,6 @@ BY_EVIDENCE, REWARDS = sc.PriorByEvidence(), sc.GaussianPrior(2.0, sc.Block.REWA
 
 @pytest.fixture(scope="module")
 def by_evidence(gridworld):
-    """The fit of the gridworld with its strengths by evidence."""
     return sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
 
 

@@ -16,7 +16,7 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, from_transitions
-from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy
+from serd_core.policies.solved_policy import optimal_policy
 
 EQUATIONS = [SoftBellman(), HardBellman()]
 EACH_EQUATION = pytest.mark.parametrize("equation", EQUATIONS, ids=["soft", "hard"])
@@ -102,13 +102,6 @@ def test_newton_needs_few_steps_from_anywhere_and_none_from_the_solution(equatio
         assert solution.steps < 40
         assert solution.error_bound <= 1e-9 * np.max(np.abs(solution.value))
         assert Newton().solve(posed, solution.value).linear_solves == 0
-
-
-def test_a_cold_expert_is_greedy_and_a_hot_one_is_indifferent(gridworld):
-    arguments = (gridworld.problem, gridworld.weights, gridworld.probabilities)
-    cold = boltzmann_policy(*arguments, 1e-6).probabilities
-    np.testing.assert_allclose(cold.max(axis=1), 1.0, atol=1e-6)
-    np.testing.assert_allclose(boltzmann_policy(*arguments, 1e9).probabilities, 0.2, atol=1e-6)
 
 
 def test_actions_of_value_0_are_as_good_as_each_other_but_for_rounding():

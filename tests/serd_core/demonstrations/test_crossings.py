@@ -17,7 +17,6 @@ def state(column, row):
 
 
 def cell_crossings(grid, time_s, position_m, hysteresis_m=0.0):
-    """States and times of the cells of a way."""
     tracker, entered = CellTracker(grid, hysteresis_m), []
     for at_s, (x_m, y_m) in zip(time_s, position_m, strict=True):
         entered += tracker.see(at_s, x_m, y_m)

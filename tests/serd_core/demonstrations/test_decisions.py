@@ -32,20 +32,10 @@ def test_counts_of_states_and_actions_add_up_to_the_decisions():
     assert counts.sum() == len(decisions)
 
 
-def test_columns_cannot_be_changed_afterwards():
-    with pytest.raises(ValueError, match="read-only"):
-        five_decisions().state[0] = 1
-
-
 def test_the_first_decision_of_each_episode_is_that_of_the_earliest_time_whatever_the_rows():
     turned = five_decisions().select(np.array([4, 2, 0, 3, 1]))
     for given in (five_decisions(), turned):
         np.testing.assert_allclose(start_distribution(given, 4), [0.5, 0, 0.5, 0])
-
-
-def test_actions_are_hidden_by_a_mask():
-    hidden = five_decisions().with_hidden_actions([True, False, False, False, True])
-    assert hidden.action.tolist() == [-1, 0, 0, 1, -1]
 
 
 def test_episodes_are_states_and_one_action_less():

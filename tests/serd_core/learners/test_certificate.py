@@ -68,7 +68,6 @@ SCALE = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
 
 
 def by_relative_entropy(problem, decisions, threshold=0.0, **start):
-    """The fit by samples of a uniform policy."""
     uniform, rng = np.full((10, 3), 1 / 3), np.random.default_rng(9)
     samples = sc.sample_decisions(problem.mdp, uniform, n_episodes=1500, n_steps=15, rng=rng)
     thresholds = np.full(len(problem.feature_names), threshold)

@@ -23,7 +23,6 @@ def uniform_samples(case, n_episodes):
 
 
 def fitted(case, n_samples, threshold, weights=(0.0, 0.0), **options):
-    """The fit by samples of a uniform policy."""
     given = {"samples": uniform_samples(case, n_samples), "sampling_policy": UNIFORM}
     given |= {"thresholds": np.full(2, threshold), "initial_weights": np.array(weights)}
     return sc.fit_relative_entropy_irl(case.problem, case.decisions, **given | options)

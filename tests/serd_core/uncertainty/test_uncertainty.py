@@ -14,13 +14,11 @@ PRECISE = sc.TrustRegion(gradient_tolerance=1e-9)
 
 
 def fitted(case, weights=(1.0, 1.0), **options):
-    """A fit from weights, and its information."""
     found = fit_of(case, weights, **options)
     return found, sc.fit_information(case.problem, case.decisions, found)
 
 
 def at_reward(fit, reward):
-    """The fit with other reward weights."""
     return replace(fit, parameters=fit.parameters.with_block(sc.Block.REWARD, np.array(reward)))
 
 
@@ -145,7 +143,6 @@ def fit_from_zero(problem, decisions, fit=sc.fit_mdce_irl_by_likelihood, **optio
 
 
 def informed(problem, decisions, **options):
-    """The information of a fit from weights of 0."""
     return sc.fit_information(problem, decisions, fit_from_zero(problem, decisions, **options))
 
 
