@@ -21,10 +21,10 @@ Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival
 bootstrap choose_expert_types clustered_outer_product compare_beliefs confidence_interval
 counted_transitions counterfactual_policy credible_intervals decisions_from_columns
 decisions_in_periods dynamics_divergence dynamics_draws finite_horizon fit_dwell_times
-fit_expert_types fit_routes from_gymnasium likelihood_ratio_test load mean_discounted_outcomes
-multi_start posterior_modes renewal_chain sample_posterior save score_test semi_markov_arrival
-two_step_standard_errors vuong_test with_choice_cost
-""".split()
+fit_expert_types fit_routes from_gymnasium learned_transitions likelihood_ratio_test load
+mean_discounted_outcomes multi_start posterior_modes renewal_chain sample_posterior save
+score_test semi_markov_arrival two_step_standard_errors vuong_test with_choice_cost
+"""
 
 
 @functools.cache
@@ -38,7 +38,7 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        went = "; it left in version 0.3.0 (CHANGELOG.md)" if name in _LEFT else ""
+        went = "; it left in version 0.3.0 (CHANGELOG.md)" if name in _LEFT.split() else ""
         raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found

@@ -23,7 +23,6 @@ from serd_core.demonstrations.simulation import sample_timed_decisions as sample
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels as OutcomeModels
 from serd_core.dynamics.outcome_models import fixed_transitions as fixed_transitions
-from serd_core.dynamics.outcome_models import learned_transitions as learned_transitions
 from serd_core.errors import SerdError as SerdError
 from serd_core.learners.fit_result import FitResult as FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl as fit_maxent_irl

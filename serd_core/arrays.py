@@ -191,19 +191,13 @@ def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
 
 
-def differences(
-    function: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float
-) -> FloatArray:
-    """(n, ...) central differences of a function by each entry of a vector (n,)."""
-    above_and_below = ((vector + step * unit, vector - step * unit) for unit in np.eye(len(vector)))
-    return np.array([(function(a) - function(b)) / (2.0 * step) for a, b in above_and_below])
-
-
 def gradient_differences(
     gradient: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float = 1e-5
 ) -> FloatArray:
     """(n, n) symmetric central differences of a gradient."""
-    table = differences(gradient, vector, step).reshape(len(vector), len(vector))
+    above_and_below = ((vector + step * unit, vector - step * unit) for unit in np.eye(len(vector)))
+    rows = [(gradient(a) - gradient(b)) / (2.0 * step) for a, b in above_and_below]
+    table = np.array(rows).reshape(len(vector), len(vector))
     return np.asarray((table + table.T) / 2.0)
 
 

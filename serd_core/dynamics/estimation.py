@@ -14,8 +14,7 @@ q_g, its step solves
 
 A sum of logarithms that weigh at least m = min(1, c) is m times a self-concordant one. So where
 the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share d / (1 - d) of its
-most likely value (Nesterov and Nemirovskii, 1994). Of a SparseModel the estimate is (n + c) / sum,
-the mean of the Dirichlet posterior, and its mode over log odds (MacKay, Machine Learning 33, 1998).
+most likely value (Nesterov and Nemirovskii, 1994).
 """
 
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
-from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
@@ -130,16 +129,13 @@ def estimate_dynamics(
 ) -> FloatArray:
     """Estimate the (M, K) outcome probabilities that explain the observed moves (M-estimate).
 
-    pseudo_count: added to each outcome of each model, or to each transition of a SparseModel. Of a
-    SparseModel and of moves that take time the result is their parameters. SerdError where the
-    estimate does not converge or a move is impossible.
+    pseudo_count: added to each outcome of each model. Of moves that take time the result is their
+    parameters. SerdError where the estimate does not converge or a move is impossible.
 
         table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     seen = observe_in(problem, decisions)
-    if isinstance(problem.mdp.transitions, SparseModel):
-        return _counted_log_odds(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
     outcomes = model.outcomes if isinstance(model, SemiMarkovModels) else model
     estimate = most_likely_dynamics(outcomes, seen, pseudo_count)
@@ -214,13 +210,6 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
     if not isinstance(mdp.transitions, OutcomeModels):
         raise SerdError(
             "dynamics must be OutcomeModels here, got"
-            f" {type(mdp.transitions).__name__}; pass its parameters as dynamics"
+            f" {type(mdp.transitions).__name__}; known transitions need no estimate"
         )
     return mdp.transitions
-
-
-def _counted_log_odds(model: SparseModel, seen: Observations, pseudo_count: float) -> FloatArray:
-    """(n_parameters,) log odds of n(s, a, s') + c."""
-    require_positive("pseudo_count", pseudo_count)
-    counts, row = seen.counts(model) + pseudo_count, model.groups.row
-    return model.log_odds(counts / weighted_counts(row, counts, model.available.size)[row])

@@ -1,12 +1,11 @@
-"""Transition models: outcomes that all states share (Eq. 5.1), and transitions entry by entry.
+"""Transition models: outcomes that states share (Eq. 5.1), and known transitions entry by entry.
 
     P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj)                    (5.1)
     P(s' | s, a) = sum_k P_m(k) [successors[s, a, k] = s'],  m = model_of[s, a]
 
 The toy example (one model per state and action), the gridworld (9 models of 5 outcomes) and the
-hallway (4 of 5) are of the first form, with the parameters theta, row-major (M * K,). Entry by
-entry, known transitions have no parameters; those to be learned have log odds x of each entry
-against the first of its pair, P(s' | s, a) = exp x(s') / sum of exp x over the row.
+hallway (4 of 5) are of this form. The parameter vector is theta, row-major (M * K,). Transitions
+entry by entry are known and have no parameters.
 """
 
 from dataclasses import dataclass
@@ -231,18 +230,17 @@ class OutcomeModels(TransitionModel):
 
 @dataclass(frozen=True, eq=False)
 class SparseModel(TransitionModel):
-    """Transitions given entry by entry, known or to be learned.
+    """Known transitions given entry by entry.
 
-    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order where known, and
-    distinct and sorted where learned. known: (E,) their probabilities, None for those to be
-    learned. Pairs without entries are not available.
+    n_pairs: (S, A); state, action, next_state, known: (E,) of each entry with its probability, in
+    any order. Pairs without entries are not available.
     """
 
     n_pairs: tuple[int, int]
     state: IntArray
     action: IntArray
     next_state: IntArray
-    known: FloatArray | None = None
+    known: FloatArray
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
@@ -269,25 +267,9 @@ class SparseModel(TransitionModel):
         """(E,) pair of each entry, in the order given."""
         return np.asarray(self.state * self.n_pairs[1] + self.action)
 
-    @cached_property
-    def _free(self) -> BoolArray:
-        """(E,) entries that have a parameter: all but the first of their pair."""
-        if self.known is not None:
-            return np.zeros(len(self.state), dtype=np.bool_)
-        return np.asarray(np.diff(self._row, prepend=-1) == 0)
-
-    @cached_property
-    def _place(self) -> IntArray:
-        """(E,) number of each entry's pair among those that have entries, of sorted entries."""
-        return np.cumsum(~self._free) - 1
-
-    def _by_pair(self, sums: np.ufunc, numbers: FloatArray) -> FloatArray:
-        """(E,) sums, or the like, of (E,) numbers over the entries of the same pair."""
-        return np.asarray(sums.reduceat(numbers, np.flatnonzero(~self._free))[self._place])
-
     @property
     def n_parameters(self) -> int:
-        return int(self._free.sum())
+        return 0
 
     @property
     def local_shape(self) -> tuple[int, ...]:
@@ -314,39 +296,33 @@ class SparseModel(TransitionModel):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        return tuple(f"parameter {i}" for i in range(self.n_parameters))
+        return ()
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) probabilities, in the order given."""
-        if self.known is not None:
-            return self.known
-        energies = np.zeros(len(self.state))
-        energies[self._free] = parameters
-        weights = np.exp(energies - self._by_pair(np.maximum, energies))
-        return np.asarray(weights / self._by_pair(np.add, weights))
+        del parameters
+        return self.known
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        if self.known is not None:
-            return np.zeros(0)
-        probability = self.local_probabilities(parameters)
-        mean = self._by_pair(np.add, probability * local_gradient)
-        return np.asarray((probability * (local_gradient - mean))[self._free])
+        del parameters, local_gradient
+        return np.zeros(0)
+
+    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
+        del parameters
+        return np.zeros((len(self.state), 0))
+
+    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        del parameters, local_gradient
+        return np.zeros((0, 0))
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
-        """The given (n_parameters,) log odds."""
-        vector = np.asarray(initial, dtype=np.float64)
-        if vector.shape != (self.n_parameters,):
+        """(0,) none; SerdError where some are given."""
+        if np.size(initial):
             raise SerdError(
-                f"dynamics of a SparseModel must be its ({self.n_parameters},) parameters, not"
-                f" its entries, got shape {vector.shape}"
+                "dynamics must be None for known transitions, which have no parameters, got shape"
+                f" {np.shape(initial)}; leave dynamics out"
             )
-        return vector
-
-    def log_odds(self, entries: FloatArray) -> FloatArray:
-        """(n_parameters,) of positive (E,) entries."""
-        logs = np.log(entries)
-        first = logs[np.flatnonzero(~self._free)]
-        return np.asarray((logs - first[self._place])[self._free])
+        return np.zeros(0)
 
     def _require_table(self, table: FloatArray) -> None:
         if np.shape(table) != self.state.shape:
@@ -354,19 +330,6 @@ class SparseModel(TransitionModel):
                 f"probabilities must have shape {self.state.shape}, one per entry, got"
                 f" {np.shape(table)}; pass them in the order of state and action"
             )
-
-
-def learned_transitions(
-    n_pairs: tuple[int, int], state: IntArray, action: IntArray, next_state: IntArray
-) -> SparseModel:
-    """Make unknown transitions over given entries: each pair (s, a) has a distribution of its own.
-
-    n_pairs: (S, A); state, action, next_state: (E,). The parameters are the log odds of each
-    transition against the first of its pair.
-    """
-    groups = SparseModel(n_pairs, state, action, next_state, np.zeros(0)).groups
-    from_state, by_action = np.divmod(groups.row, n_pairs[1])
-    return SparseModel(n_pairs, from_state, by_action, groups.successor)
 
 
 def fixed_transitions(

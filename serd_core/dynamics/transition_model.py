@@ -30,9 +30,7 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    differences,
     floored,
-    gradient_differences,
     number_array,
     weighted_counts,
 )
@@ -176,15 +174,13 @@ class TransitionModel(ABC):
         """(g, n_parameters) directions in which parameters move without changing P; none here."""
         return np.zeros((0, self.n_parameters))
 
+    @abstractmethod
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """(L, n_parameters) derivative of the flattened local probabilities, by differences."""
-        n_local = self.local_probabilities(parameters).size
-        slopes = differences(lambda at: self.local_probabilities(at).ravel(), parameters, 1e-6)
-        return slopes.reshape(self.n_parameters, n_local).T
+        """(L, n_parameters) derivative of the flattened local probabilities."""
 
+    @abstractmethod
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(n, n) second derivatives of local_gradient . local_probabilities, by differences."""
-        return gradient_differences(lambda at: self.pull_back(at, local_gradient), parameters)
+        """(n, n) second derivatives of local_gradient . local_probabilities."""
 
     @property
     def n_states(self) -> int:

@@ -42,7 +42,7 @@ class FitResult:
     parameters: all blocks at the end; outcomes that fixed dynamics rule out have energies so low
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
-    expert's belief; initial_outcome_probabilities: the start. (For a SparseModel: its entries;
+    expert's belief; initial_outcome_probabilities: the start. (Of known transitions: their entries;
     laws of dwell times are in the parameters, see `SemiMarkovModels.laws`.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;

@@ -51,7 +51,7 @@ def fit_mdce_irl_by_likelihood(
 
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
     be given.
-    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    dynamics: (M, K) outcome probabilities, or parameters of timed ones, taken as known; None
     estimates them from the decisions. They may hold zeros where no decision contradicts these.
     prior: of the weights; `UniformPrior()` for the most likely ones.
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,

@@ -72,7 +72,7 @@ def fit_relative_entropy_irl(
     cut off. The baseline is the uniform policy.
     thresholds: (F,) epsilon, such as `hoeffding_thresholds`; zeros for exact matching.
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
-    dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
+    dynamics: (M, K), or parameters of timed ones, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the

@@ -82,9 +82,8 @@ def fit_serd(
     reached = belief.unpack(ascended.vector, start)
     parameters, ascended, undetermined = certificate(posterior, belief, reached, ascended, on_step)
     final = objective.at(parameters)
-    truth, believed = (
-        _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
-    )
+    local = problem.mdp.transitions.moves.local_probabilities
+    truth, believed = local(parameters.truth), local(parameters.belief)
     trace = ascended.objective_trace * observations.n_decisions
     ascended = replace(ascended, objective=final.objective, objective_trace=trace)
     tables = (truth, believed, moves)
@@ -112,7 +111,7 @@ def fit_mdce_serd(
     problem: with F features and M outcome models of K outcomes (`TabularProblem`).
     initial_weights: (F,) to start from; None starts at 0 with a prior by evidence, and else draws
     from U[-10, 10] by `rng`, which must then be given.
-    dynamics: (M, K) probabilities to start from, or the parameters of a SparseModel; None for the
+    dynamics: (M, K) probabilities to start from, or the parameters of timed ones; None for the
     M-estimate of the decisions. With `FixedBelief()` they are known and stay as they are.
     belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
     know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`, `BeliefAroundTruth()`.
@@ -188,11 +187,3 @@ def fit_pm_serd(
         ascent=ascent,
         on_step=on_step,
     )
-
-
-def _checked_probabilities(problem: Problem, theta: FloatArray) -> FloatArray:
-    """Local probabilities; a SparseModel's map may have left the distributions on the way."""
-    model = problem.mdp.transitions.moves
-    probabilities = model.local_probabilities(theta)
-    model.require_transitions(probabilities)
-    return probabilities

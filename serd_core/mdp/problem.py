@@ -18,7 +18,7 @@ from serd_core.arrays import (
     require_kind,
     shown,
 )
-from serd_core.dynamics.outcome_models import fixed_transitions, learned_transitions
+from serd_core.dynamics.outcome_models import fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -123,16 +123,13 @@ def from_transitions(
     discount: float,
     feature_names: Sequence[str] | None = None,
     terminal: Iterable[int] = (),
-    learned: bool = False,
 ) -> TabularProblem:
-    """Make a learning problem from a table of transitions, known or to be learned.
+    """Make a learning problem from a table of known transitions.
 
     transitions: (S, A, S) array. Pairs (s, a) without entries are not available.
     features: (S, F) of states or (S, A, F) of pairs; feature_names: (F,), None numbers them.
     discount: gamma in [0, 1) per decision.
     terminal: states in which an episode ends, or an (S,) mask of them; their features count once.
-    learned: whether the probabilities are unknown. The table then lists which transitions can
-    happen, by any positive numbers, and each pair has a distribution of its own over them.
 
         problem = sc.from_transitions(transitions, features, discount=0.95, terminal=[24])
     """
@@ -154,11 +151,9 @@ def from_transitions(
     kept[ends, 0, ends] = 1.0
     state, action, following = np.nonzero(kept)
     n_states, n_actions, _ = dense.shape
-    entries = (n_states, n_actions), state, action, following
-    if learned:
-        mdp = Mdp(learned_transitions(*entries), discount)
-    else:
-        mdp = Mdp(fixed_transitions(*entries, kept[state, action, following]), discount)
+    chances = kept[state, action, following]
+    known = fixed_transitions((n_states, n_actions), state, action, following, chances)
+    mdp = Mdp(known, discount)
     values = np.asarray(number_array("features", features), dtype=np.float64)
     if values.ndim == 2 and len(values) == n_states:
         values = np.repeat(values[:, None, :], n_actions, axis=1)

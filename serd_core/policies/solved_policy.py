@@ -58,8 +58,8 @@ def soft_policy(
 ) -> Policy:
     """Solve for the maximum discounted causal entropy policy of known rewards (3.28 to 3.30).
 
-    reward_weights: (F,); outcome_probabilities: (M, K) of OutcomeModels, (E,) entries of a
-    SparseModel, None for transitions without parameters.
+    reward_weights: (F,); outcome_probabilities: (M, K) of OutcomeModels, None for
+    known transitions.
 
     Returns a `Policy` with value (S,), q (S, A) and probabilities (S, A).
 

@@ -24,11 +24,10 @@ from serd_core.arrays import (
     require_kind,
     require_positive,
 )
-from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     dynamics_gradient,
-    log_transition_hessian,
     transition_hessian,
     transition_jacobian,
     transition_probabilities,
@@ -139,10 +138,7 @@ class CouplingPrior(Prior):
 
 @dataclass(frozen=True)
 class DirichletPrior(Prior):
-    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block.
-
-    Of a SparseModel it is added to every transition.
-    """
+    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block."""
 
     pseudo_count: float
     block: Block = Block.TRUTH
@@ -159,13 +155,6 @@ class DirichletPrior(Prior):
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """c sum log P and its gradient, of outcome models beta c (1 - K P)."""
-        if isinstance(model, SparseModel):
-            theta = parameters.block(self.block)
-            probability = transition_probabilities(model, theta)
-            counts = np.full(len(model.groups), self.pseudo_count)
-            slope = dynamics_gradient(model, theta, counts / probability)
-            value = float(counts @ np.log(probability))
-            return LogPrior(value, parameters.zeros().with_block(self.block, slope))
         models = require_outcome_models(model, "DirichletPrior")
         table = models.local_probabilities(parameters.block(self.block))
         gradient = models.beta * self.pseudo_count * (1.0 - models.n_outcomes * table)
@@ -179,10 +168,6 @@ class DirichletPrior(Prior):
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """In the part of the block, of outcome models -beta c K dP."""
         theta = parameters.block(self.block)
-        if isinstance(model, SparseModel):
-            counts = np.full(len(model.groups), self.pseudo_count)
-            table = log_transition_hessian(model, theta, counts)
-            return parameters.placed(self.block, table)
         models = require_outcome_models(model, "DirichletPrior")
         scale = -models.beta * self.pseudo_count * models.n_outcomes
         table = padded(scale * models.local_jacobian(theta), (len(theta), len(theta)))

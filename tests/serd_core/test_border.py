@@ -109,7 +109,7 @@ CALLS = [
     fit_information standard_errors
     identifiability laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood
-    fixed_transitions from_transitions learned_transitions
+    fixed_transitions from_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
     DirichletPrior CoupledBelief Lbfgs TrustRegion NewtonAscent
     KinkedAscent

@@ -189,17 +189,9 @@ def test_a_direction_that_bends_up_is_named_and_points_on_the_way_are_rejected(
 
 def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
     case = gridworld.problem, gridworld.decisions
-    listed = sc.learned_transitions((2, 1), [0, 0, 1], [0, 0, 0], [0, 1, 1])
-    sparse = sc.TabularProblem(sc.Mdp(listed, 0.5), np.ones((2, 1, 1)), ("one",))
     for fit, given, options, sentence in (
         (sc.fit_mdce_serd, case, {"belief": sc.CoupledBelief(1.0)}, "prior that is no density"),
         (sc.fit_pm_serd, case, {}, "policy model with a temperature"),
-        (
-            sc.fit_mdce_serd,
-            (sparse, apart(0, 0, [0, 1])),
-            {"dynamics": np.zeros(1)},
-            "PriorByEvidence is a prior of OutcomeModels, got Sparse",
-        ),
     ):
         with pytest.raises(sc.SerdError, match=sentence):
             fit(*given, **{"prior": BY_EVIDENCE} | options)

@@ -83,14 +83,10 @@ def test_the_feature_of_a_terminal_state_counts_once():
     """One step to the end: Q = 0 + 0.5 * w for the step that arrives, whatever follows."""
     table = np.zeros((2, 1, 2))
     table[:, 0, 1] = 1.0
-    for learned in (False, True):
-        problem = sc.from_transitions(
-            table, [[0.0], [1.0]], discount=0.5, terminal=[1], learned=learned
-        )
-        dynamics = np.ones(2) if learned else None
-        np.testing.assert_allclose(sc.soft_policy(problem, [3.0], dynamics).value, [1.5, 3.0])
-        assert problem.mdp.final.tolist() == [False, True]
-        assert problem.mdp.transitions.n_parameters == 0
+    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1])
+    np.testing.assert_allclose(sc.soft_policy(problem, [3.0]).value, [1.5, 3.0])
+    assert problem.mdp.final.tolist() == [False, True]
+    assert problem.mdp.transitions.n_parameters == 0
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,6 @@ BOTH = np.ones((2, 1), bool)
 MODEL = sc.OutcomeModels([[[0, 1, 0]], [[1, 0, 1]]], [[0], [0]], BOTH, n_models=1)
 #: The same dynamics, of which the energies have another scale.
 SCALED = sc.OutcomeModels(MODEL.successors, MODEL.model_of, BOTH, n_models=1, beta=0.7)
-#: State 0 stays or goes on, which is listed twice, state 1 stays: one parameter.
-LISTED = sc.learned_transitions((2, 1), [0, 0, 0, 1], [0, 0, 0, 0], [1, 0, 1, 1])
 REFERENCE = np.array([[0.2, 0.3, 0.5]])
 PAIRS = np.array([[2.0], [0.5]])
 
@@ -143,20 +141,6 @@ def test_a_gaussian_prior_is_the_normal_density_of_each_number():
     total = sum(part.log_constant(MODEL, place) for part in parts)
     assert both.log_constant(MODEL, place) == pytest.approx(total)
     assert both.blocks == (Block.REWARD, Block.TRUTH)
-
-
-@pytest.mark.parametrize("block", [Block.BELIEF, Block.TRUTH])
-def test_a_dirichlet_prior_of_listed_transitions_counts_each_distinct_one(block):
-    prior, vector = DirichletPrior(0.7, block), np.array([0.5, np.log(3.0), np.log(3.0)])
-
-    def of(vector):
-        return Parameters(vector[:1], vector[1:2], vector[2:], np.zeros(0))
-
-    value = prior.evaluate(LISTED, of(vector)).value
-    assert value == pytest.approx(0.7 * (np.log(0.25) + np.log(0.75)))
-    require_derivatives(prior, LISTED, of, vector)
-    with pytest.raises(SerdError, match=r"^DirichletPrior is a prior of OutcomeModels, got Sparse"):
-        prior.log_constant(LISTED, of(vector))
 
 
 @pytest.mark.parametrize(("value", "slope"), [(np.nan, 0.0), (0.0, np.nan)])

@@ -74,7 +74,7 @@ def test_dwell_times_that_are_all_equal_have_a_law_of_their_mean():
 
 TIMED, TRUTH = timed_ring()
 MODEL = TIMED.mdp.transitions
-CHANCE = sc.Mdp(sc.learned_transitions((2, 1), [0, 0, 1], [0, 0, 0], [0, 1, 1]), 0.9)
+CHANCE = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [1, 1], [1.0, 1.0]), 0.9)
 SPARSE = sc.TabularProblem(CHANCE, np.zeros((2, 1, 1)), ("none",))
 TOO_MUCH = np.full(MODEL.local_probabilities(TRUTH).shape, 0.4)
 MIXED, GAP = [[0, 0, -1], [1, 1, 1], [2, 2, 2]], [[0, 0, 0], [2, 2, 2], [2, 2, 2]]
