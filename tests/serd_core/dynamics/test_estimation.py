@@ -10,7 +10,9 @@ import serd_core as sc
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics import estimation
 from serd_core.dynamics.estimation import (
+    OutcomeCounts,
     estimate_dynamics,
+    maximum_of,
     most_likely_dynamics,
 )
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -150,3 +152,24 @@ def test_known_transitions_have_no_dynamics_to_estimate():
     ):
         with pytest.raises(SerdError, match=sentence):
             call()
+
+
+#: Three outcomes, seen 30 times as 0 or 1, 12 times as 1 or 2, twice as 0 and 5 times as 2.
+SETS = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+COUNTS = np.array([30.0, 12.0, 2.0, 5.0])
+
+
+@pytest.mark.parametrize("start", [(1e-9, 1e-9), (1e-9, 0.5), (0.5, 1e-9), (0.999, 5e-4)])
+def test_newtons_method_reaches_the_maximum_from_far_away_without_a_loss(start):
+    counts = OutcomeCounts(SETS, COUNTS, 0.25)
+    exact = maximum_of(counts, np.full(3, 1 / 3), 1e-9, 100).probabilities
+    probabilities = np.array([*start, 1.0 - sum(start)])
+    found = maximum_of(counts, probabilities, 1e-9, 100)
+    assert found.converged
+    np.testing.assert_allclose(found.probabilities, exact, rtol=1e-8)
+    assert found.probabilities.sum() == pytest.approx(1.0, abs=1e-14)
+    values = [
+        counts.objective(maximum_of(counts, probabilities, 1e-9, n_steps).probabilities)
+        for n_steps in range(1, found.steps)
+    ]
+    assert np.all(np.diff([counts.objective(probabilities), *values]) > -1e-9)
