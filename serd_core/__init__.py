@@ -14,31 +14,17 @@ from typing import Any
 
 __version__ = "0.3.0"
 
-_LAB = "the authors' lab has it"
-#: Names of version 0.2.0 that left, and what to use; version 0.4.0 forgets them.
-_LEFT = {
-    **dict.fromkeys(
-        ("DwellTimes", "arrival_time_distribution", "renewal_chain", "semi_markov_arrival"),
-        "use timed_arrival, which takes problems without dwell times too",
-    ),
-    "CovariateModels": "use OutcomeModels with a local model per class of pairs",
-    "EntropyPrior": _LAB,
-    "GradientAscent": _LAB,
-    "NormPrior": _LAB,
-    "adjusted_rand_index": "use sklearn.metrics.adjusted_rand_score",
-    "counterfactual_policy": "use soft_policy(problem, weights, belief)",
-    "fit_dwell_times": "use fit_mdce_serd of semi_markov_problem(problem)",
-    "fit_routes": _LAB,
-    "load": "unpickle what you pickled",
-    "multi_start": _LAB,
-    "posterior_modes": _LAB,
-    "sample_posterior": _LAB,
-    "save": "pickle the record",
-    "score_test": "use likelihood_ratio_test of two fits",
-    "two_step_standard_errors": "use bootstrap with both steps in the estimate",
-    "with_choice_cost": "append the feature -log |A(s)| to those of the problem",
-    "vuong_test": "use likelihood_ratio_test of two fits",
-}
+#: Names of version 0.2.0 that left; CHANGELOG.md has what to use. Version 0.4.0 forgets them.
+_LEFT = """
+Automatic BandedLu BeliefAroundTruth CovariateModels DwellTimes EntropyPrior GradientAscent Krylov
+Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival_time_distribution
+bootstrap choose_expert_types clustered_outer_product compare_beliefs confidence_interval
+counted_transitions counterfactual_policy credible_intervals decisions_from_columns
+decisions_in_periods dynamics_divergence dynamics_draws finite_horizon fit_dwell_times
+fit_expert_types fit_routes from_gymnasium learned_transitions likelihood_ratio_test load
+mean_discounted_outcomes multi_start posterior_modes renewal_chain sample_posterior save
+score_test semi_markov_arrival two_step_standard_errors vuong_test with_choice_cost
+"""
 
 
 @functools.cache
@@ -52,7 +38,7 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        went = f"; {_LEFT[name]}" if name in _LEFT else ""
+        went = "; it left in version 0.3.0 (CHANGELOG.md)" if name in _LEFT.split() else ""
         raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found

@@ -1,8 +1,11 @@
 """Array types and the checks at the border of the package.
 
 Arrays kept in records are private read-only copies, so a record cannot change after its checks.
+What would not fit into memory is refused before it is built.
 """
 
+import os
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,6 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.errors import SerdError
+
+if sys.platform != "win32":
+    import resource
+
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,10 +81,7 @@ def number_array(name: str, values: Any) -> NDArray[Any]:
 
 
 def chosen_indices(name: str, values: Any, size: int, what: str) -> IntArray:
-    """(k,) indices into `size` things, given as such or as a mask (size,), in the order given.
-
-    SerdError where one is no `what`.
-    """
+    """(k,) indices into `size` things, given as such or as a mask (size,), in the order given."""
     if number_array(name, values).dtype == np.bool_:
         return np.flatnonzero(bool_array(name, values, (size,)))
     chosen = int_array(name, values, (None,))
@@ -96,10 +100,7 @@ def require_each(
 def require_index(
     name: str, array: IntArray, size: int, what: str, where: BoolArray | None = None
 ) -> None:
-    """SerdError naming the first entry of `array` that is no index into `size` things.
-
-    where: mask of the entries that count, of a shape that broadcasts; None for all.
-    """
+    """SerdError naming the first entry of `array` that is no index into `size` things."""
     holds = (array >= 0) & (array < size) | (False if where is None else ~where)
     rule, fix = f"be {what} from 0 to {size - 1}", "drop it or use the problem it was made for"
     require_each(name, array, holds, rule, fix)
@@ -174,10 +175,7 @@ def padded(table: FloatArray | NDArray[np.floating[Any]], shape: tuple[int, ...]
 
 
 def largest_per_row(table: FloatArray) -> FloatArray:
-    """(S,) maximum over the actions of an (S, A) table.
-
-    numpy reduces short rows one by one, and long columns many at a time: the copy pays.
-    """
+    """(S,) maximum over the actions of an (S, A) table."""
     return np.asarray(np.maximum.reduce(np.ascontiguousarray(table.T), axis=0))
 
 
@@ -193,19 +191,13 @@ def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
 
 
-def differences(
-    function: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float
-) -> FloatArray:
-    """(n, ...) central differences of a function by each entry of a vector (n,)."""
-    above_and_below = ((vector + step * unit, vector - step * unit) for unit in np.eye(len(vector)))
-    return np.array([(function(a) - function(b)) / (2.0 * step) for a, b in above_and_below])
-
-
 def gradient_differences(
     gradient: Callable[[FloatArray], FloatArray], vector: FloatArray, step: float = 1e-5
 ) -> FloatArray:
     """(n, n) symmetric central differences of a gradient."""
-    table = differences(gradient, vector, step).reshape(len(vector), len(vector))
+    above_and_below = ((vector + step * unit, vector - step * unit) for unit in np.eye(len(vector)))
+    rows = [(gradient(a) - gradient(b)) / (2.0 * step) for a, b in above_and_below]
+    table = np.array(rows).reshape(len(vector), len(vector))
     return np.asarray((table + table.T) / 2.0)
 
 
@@ -220,3 +212,34 @@ def _frozen(name: str, array: NDArray[Any], shape: Shape | None) -> NDArray[Any]
         raise SerdError(f"{name} must have shape ({sizes}), got {array.shape}; reshape it")
     array.flags.writeable = False
     return array
+
+
+#: Bytes at the peak of a gradient, rounded down: per entry of P, of models that are given entry by
+#: entry, and per pair (s, a).
+BYTES_PER_ENTRY, LISTED_BYTES_PER_ENTRY, BYTES_PER_PAIR = 90, 200, 25
+
+
+def memory_limit() -> int:
+    """Bytes that the process may use: the machine's, or less where a limit is set."""
+    if sys.platform == "win32":
+        return sys.maxsize
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return machine if limit == resource.RLIM_INFINITY else min(machine, limit)
+
+
+def require_memory(what: str, n_bytes: float, fix: str) -> None:
+    """SerdError where `what` needs more bytes than there are."""
+    limit = memory_limit()
+    if n_bytes > limit:
+        raise SerdError(
+            f"{what} must fit into memory, but needs {n_bytes:.3g} bytes of {limit:.3g}; {fix}"
+        )
+
+
+def described(parts: FloatArray, names: Sequence[str], share: float = 0.25) -> str:
+    """What moves along a direction (n,), as shares of the largest, largest first."""
+    parts = parts / np.max(np.abs(parts))
+    order = np.argsort(-np.abs(parts), kind="stable")
+    order = order[np.abs(parts[order]) >= share]
+    return ", ".join(f"{parts[i]:+.2f} {names[i]}" for i in order[:6])

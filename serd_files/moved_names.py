@@ -9,7 +9,7 @@ Kind = Literal["command", "option", "parameter", "executable", "key"]
 
 _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
-_TYPES = "types of experts are a library now: serd_core.choose_expert_types (docs/mixed_experts.md)"
+_TYPES = "types of experts have left; learn from the recordings of each type apart"
 _ROBOTS = (
     "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
 )

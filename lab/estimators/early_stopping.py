@@ -7,6 +7,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
+    LBFGS,
     Ascent,
     AscentResult,
     Climb,
@@ -15,7 +16,6 @@ from serd_core.ascent.ascent import (
     StepCallback,
     largest,
 )
-from serd_core.ascent.lbfgs import LBFGS
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
@@ -28,11 +28,10 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.hidden_actions import expected_counts
 from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior, expected_log_policy
+from serd_core.posterior.posterior import Posterior, expected_counts, expected_log_policy
 from serd_core.priors.prior import UniformPrior
 
 

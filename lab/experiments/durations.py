@@ -23,7 +23,7 @@ from lab.experiments.running.experiment import Count, Findings, SeededConfig, Se
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.observations import observe
-from serd_core.semi_markov.dwell_prior import PRIOR
+from serd_core.semi_markov.dwell_likelihood import PRIOR
 from serd_core.semi_markov.models import require_timed
 from serd_core.semi_markov.place import MEDIAN, SPREAD, PlacePaces
 from serd_files.settings import setting
@@ -188,17 +188,23 @@ def learn(
     if learner == TWO_STEPS:
         drawn = counted_draws(problem, decisions, theta, given.config.draws, rng)
     else:
-        drawn = sc.dynamics_draws(sc.laplace(problem, decisions, fit), rng, given.config.draws)
+        posterior = sc.laplace(problem, decisions, fit)
+        drawn = sc.laplace_draws(posterior, rng, given.config.draws).truth
     row |= duration_of(given, theta, drawn)
-    plans = {"right": (problem, sc.mean_discounted_outcomes(problem, drawn))}
+    plans = {"right": (problem, _mean_outcomes(problem, drawn))}
     if given.log_pace.any():
         places = sc.fit_places(problem, decisions, theta)
         row |= pace_of(given, places, np.unique(decisions.state))
         plans["no_places_right"] = plans["right"]
         problem = sc.semi_markov_problem(problem, log_pace=places.log_pace)
-        plans["right"] = problem, sc.mean_discounted_outcomes(problem, drawn)
+        plans["right"] = problem, _mean_outcomes(problem, drawn)
     plans["mode_right"] = problem, problem.mdp.transitions.local_probabilities(theta)
     return row, plans
+
+
+def _mean_outcomes(problem: sc.TabularProblem, draws: FloatArray) -> FloatArray:
+    """(R, K) mean of K / gamma over (n, N) posterior draws, with which a robot plans."""
+    return np.asarray(problem.mdp.transitions.local_probabilities(draws).mean(axis=0))
 
 
 def counted_draws(

@@ -22,9 +22,7 @@ from pydantic import Field
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
 from serd_core.arrays import FloatArray
-from serd_core.bellman.bellman_solver import BellmanSolution, adjoint
-from serd_core.bellman.equations import SoftBellman
-from serd_core.bellman.linear.lu import SparseLu
+from serd_core.bellman.bellman_solver import BellmanSolution, SoftBellman, adjoint
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.mdp import Mdp
@@ -157,7 +155,7 @@ def by_adjoint(case: CostCase) -> FloatArray:
     """Gradient of one objective by all parameters, from one sparse factor."""
     shape = (case.mdp.n_states, case.mdp.n_actions)
     by_q = case.immediate[:, 0].reshape(shape)
-    found = adjoint(case.mdp, case.transitions, case.solution, by_q, SparseLu())
+    found = adjoint(case.mdp, case.transitions, case.solution, by_q)
     features = case.immediate.reshape(*shape, -1)
     return np.asarray(np.tensordot(found.reward_gradient, features, axes=2))
 

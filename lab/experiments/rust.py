@@ -30,8 +30,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
-from serd_core.uncertainty.information import fit_information
-from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
+from serd_core.uncertainty.standard_errors import StandardErrors, fit_information, standard_errors
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 

@@ -11,8 +11,7 @@ import numpy as np
 import scipy.stats
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions

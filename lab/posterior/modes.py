@@ -12,8 +12,14 @@ import scipy.special
 
 from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.ascent.trust_region import NewtonAscent
-from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
-from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of
+from serd_core.bayes.laplace import (
+    N_DRAWS,
+    Laplace,
+    PosteriorDraws,
+    draws_at,
+    laplace_at,
+    log_posterior_of,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult

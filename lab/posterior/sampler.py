@@ -19,8 +19,7 @@ import numpy as np
 
 from lab.posterior.modes import PosteriorModes
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import PosteriorDraws, draws_at
-from serd_core.bayes.laplace import Laplace
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, draws_at
 from serd_core.bayes.surrogate import SOLVER
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem

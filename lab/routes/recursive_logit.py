@@ -35,12 +35,12 @@ from serd_core.arrays import (
     require_each,
     require_generator,
     require_index,
+    require_memory,
 )
 from serd_core.ascent.ascent import Objective, Scaled
-from serd_core.ascent.open_directions import judged_weights
 from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.errors import SerdError
-from serd_core.memory import require_memory
+from serd_core.learners.certificate import judged_weights
 from serd_core.uncertainty.standard_errors import covariance_of
 
 #: Tables of links by destinations that exist at a time, besides one per feature.

@@ -11,10 +11,9 @@ from scipy.ndimage import binary_dilation, label
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_core.arrays import IntArray
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import TIMED_COLUMNS, Decisions, TimedDecisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
-from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 from serd_files.table import Column, read_table, write_table
 
 COLUMNS = (

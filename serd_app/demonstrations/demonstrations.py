@@ -18,8 +18,8 @@ from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
 from serd_bag.errors import BagError
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from pydantic import Field
 from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import SILENCE, RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Grid
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.yaml_config import StrictModel
 from serd_sim.world.epochs import HELD_S, DecisionEpochs, Epoch, decisions_of
 

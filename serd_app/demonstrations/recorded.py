@@ -25,8 +25,8 @@ from serd_app.errors import AppError
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.files import delete_file
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.grid_file import save_grid
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of

@@ -21,10 +21,10 @@ from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.errors import SerdError
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_sim.scenario.grid import flow_of, grid_of

@@ -14,8 +14,7 @@ from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem
 from serd_core.learners.mdce_irl import weights_under_initial_dynamics
 from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.parameters import Block
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import GaussianPrior, Prior
 from serd_core.selection.evaluation import split_episodes
 
 

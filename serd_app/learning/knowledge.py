@@ -11,19 +11,23 @@ from pathlib import Path
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.information import expected_information_gain, outcome_information
-from serd_core.bayes.laplace import Laplace, laplace
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
-from serd_core.semi_markov.summary import dwell_summary
-from serd_core.uncertainty.identifiability import Identifiability, identifiability
-from serd_core.uncertainty.information import Information, fit_information
-from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
+from serd_core.semi_markov.place import dwell_summary
+from serd_core.uncertainty.standard_errors import (
+    Identifiability,
+    Information,
+    StandardErrors,
+    fit_information,
+    identifiability,
+    standard_errors,
+)
 from serd_files.table import read_rows, write_rows
 
 #: Share of the posterior within the intervals.

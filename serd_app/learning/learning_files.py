@@ -23,7 +23,7 @@ from serd_app.places.kept_scenario import own_scenario_yaml, scenario_beside
 from serd_app.places.map_scenario import grid_scenario
 from serd_bag.errors import FileError
 from serd_core.arrays import IntArray
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import (
     NO_FLOW,
@@ -31,7 +31,6 @@ from serd_core.grid.navigation import (
     build_navigation_problem,
     with_dwell_times,
 )
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.yaml_config import load_yaml_model

@@ -19,11 +19,9 @@ from serd_app.learning.settings import MethodName
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.bayes.belief_comparison import BeliefComparison, compare_beliefs
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.demonstrations.simulation import sample_decisions, trajectories_of
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.maxent_irl import fit_maxent_irl
@@ -34,15 +32,13 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import GaussianPrior, Prior
 from serd_core.selection.evaluation import select_weight, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.
 LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_evidence",
-    "mdce_serd_belief_evidence",
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
@@ -57,15 +53,13 @@ class MethodResult:
     """The fit to all episodes; prior: what it assumed, in words.
 
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
-    validation decision of each candidate weight, empty where none was chosen. beliefs: compared
-    relations of belief and truth, of which fit has the most probable one; None for other methods.
+    validation decision of each candidate weight, empty where none was chosen.
     """
 
     fit: FitResult
     prior: str
     prior_weight: float | None = None
     validation: tuple[tuple[float, float], ...] = ()
-    beliefs: BeliefComparison | None = None
 
 
 def mdce_serd(data: FitData) -> MethodResult:
@@ -79,19 +73,6 @@ def mdce_serd_evidence(data: FitData) -> MethodResult:
         data.problem, data.decisions, initial_weights=data.initial_weights, on_step=data.reporter()
     )
     return MethodResult(fit, _described(fit, data.problem))
-
-
-def mdce_serd_belief_evidence(data: FitData) -> MethodResult:
-    """MDCE SERD by evidence, also of the relation of belief and truth."""
-    hidden = data.decisions.hidden.any()
-    found = compare_beliefs(
-        data.problem,
-        data.decisions,
-        dynamics=data.start_dynamics(data.decisions) if hidden else None,
-        on_step=data.reporter(),
-    )
-    words = f"{_described(found.best, data.problem)}. {found.sentence()}"
-    return MethodResult(found.best, words, beliefs=found)
 
 
 def mdce_serd_coupled(data: FitData) -> MethodResult:
@@ -199,7 +180,6 @@ def require_learnable(method: MethodName, *, hidden: bool) -> None:
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd": mdce_serd,
     "mdce_serd_evidence": mdce_serd_evidence,
-    "mdce_serd_belief_evidence": mdce_serd_belief_evidence,
     "mdce_serd_coupled": mdce_serd_coupled,
     "mdce_serd_free": mdce_serd_free,
     "pm_serd": pm_serd,

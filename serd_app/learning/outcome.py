@@ -9,10 +9,8 @@ from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
-from serd_core.arrival.absorption import probability_of_ever_arriving
-from serd_core.arrival.arriving_policy import least_time_policy
-from serd_core.arrival.chain import goal_mask, policy_chain
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import least_time_policy, trap_states
+from serd_core.arrival.chain import goal_mask, policy_chain, probability_of_ever_arriving
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
@@ -93,8 +91,7 @@ class FitOutcome:
     was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
     without; validation: log-likelihood per validation decision of each candidate weight, empty
     where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
-    `LearningTask`. belief: the evidence about the expert's belief, empty where relations were not
-    compared. traps: from where the learned policy never arrives.
+    `LearningTask`. traps: from where the learned policy never arrives.
     """
 
     fit: FitResult
@@ -105,7 +102,6 @@ class FitOutcome:
     validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
-    belief: str = ""
     durations: tuple[str, ...] = ()
 
     def trace_table(self) -> str:
@@ -141,8 +137,7 @@ class FitOutcome:
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
         if known is not None:
             found |= {f"next_{name}": each for name, each in asdict(known.next_start).items()}
-        found |= asdict(self.traps)
-        return found | ({"belief": self.belief} if self.belief else {})
+        return found | asdict(self.traps)
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:

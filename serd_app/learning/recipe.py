@@ -21,22 +21,20 @@ from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import Laplace
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import LearnedDynamics, model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
 #: Methods that learn laws of dwell times together with rewards and outcomes.
-TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence", "mdce_serd_belief_evidence")
+TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence",)
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,6 @@ def learn(
         found.validation,
         None if posterior is None else knowledge_of(problem, posterior),
         task.scenario_yaml,
-        belief="" if found.beliefs is None else found.beliefs.sentence(),
         durations=durations,
     )
 
@@ -121,8 +118,6 @@ def _posterior_of(
     data: FitData, found: MethodResult
 ) -> tuple[Laplace | None, PosteriorDraws | None]:
     """The posterior of a fit and draws from it, None for methods without."""
-    if found.beliefs is not None:
-        return found.beliefs.approximations[0], found.beliefs.draws(data.rng)
     posterior = posterior_of(data.problem, data.decisions, found.fit)
     return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
 

@@ -10,7 +10,6 @@ from serd_files.yaml_config import StrictModel
 MethodName = Literal[
     "mdce_serd",
     "mdce_serd_evidence",
-    "mdce_serd_belief_evidence",
     "mdce_serd_coupled",
     "mdce_serd_free",
     "pm_serd",

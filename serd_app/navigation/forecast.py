@@ -3,9 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
+from serd_core.arrival.arriving_policy import TRAP_PROBABILITY, Traps
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.trap_states import Traps
 from serd_core.grid.grid import Action
 from serd_sim.drivers.strategy import Strategy
 

@@ -16,7 +16,7 @@ from serd_app.report.figures.arrival import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs, RunFacts, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.grid import start_states_of

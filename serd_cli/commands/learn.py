@@ -8,8 +8,7 @@ model.next_demonstration.csv and .png.
 
 Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
 knows the dynamics; prior by evidence, predictions averaged over the
-posterior), mdce_serd_belief_evidence (evidence also decides whether the expert's
-belief is the truth, near it or independent of it). Rewards and outcomes,
+posterior). Rewards and outcomes,
 with durations that are counted: mdce_serd (divergence prior, its weight
 by validation), its variants _coupled and _free (the expert's belief
 differs), pm_serd (Boltzmann policy). Rewards under counted dynamics:

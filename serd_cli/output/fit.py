@@ -56,9 +56,8 @@ def print_learned(learned: Learned) -> None:
         console.print("What is known of outcomes and dwell times, from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge, files.task.problem):
             console.print(f"  {line}", soft_wrap=True)
-    for line in (outcome.belief, *outcome.durations):
-        if line:
-            console.print(line, soft_wrap=True)
+    for line in outcome.durations:
+        console.print(line, soft_wrap=True)
     style = "yellow" if outcome.traps.n_looping_cells else None
     console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)

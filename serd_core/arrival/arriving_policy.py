@@ -1,30 +1,66 @@
 """The policy that is driven: the learned one where it arrives, the way of least time elsewhere.
 
-Learned rewards may make it best to wait or to walk in circles in some states (`trap_states`). There
-the policy of the least expected time is taken instead, which solves the stochastic shortest path
-problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
+Trap states (Fig. 5.11 of the thesis) are *looping*, where the chain of intended cells runs into a
+cycle instead of a goal, or *unlikely*, where the policy arrives within the horizon with less than a
+threshold probability. Chance may free a robot from a cycle, which is why outcomes are left out of
+the first. There the policy of the least expected time is taken, which solves the stochastic
+shortest path problem (Bertsekas and Tsitsiklis, Mathematics of Operations Research 16, 1991)
 
     V(s) = min_a E[tau | s, a] + sum_s' P(s'|s,a) V(s'),    V(goal) = 0
 
-over the actions that are meant to lead to another cell: waiting is no way, even where the learned
-dynamics expect that a robot which waits is carried along. Each decision ends the drive with the
-probability 1 / `NEVER`, so the equation is that of a discounted problem and V is finite: a drive
-that never arrives counts as `NEVER` decisions. Hence the probability of arriving comes first, and
-then the time.
+over the actions that are meant to lead to another cell. Each decision ends the drive with the
+probability 1 / `NEVER`, so V is finite, and arriving comes first, and then the time.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray
-from serd_core.arrival.chain import ArrivalByState, goal_mask
-from serd_core.arrival.trap_states import Traps, find_traps
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrival.chain import ArrivalByState, can_reach, goal_mask
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy
+
+
+@dataclass(frozen=True, eq=False)
+class Traps:
+    """looping, unlikely: (S,) masks; threshold: probability below which states are `unlikely`."""
+
+    looping: BoolArray
+    unlikely: BoolArray
+    threshold: float
+
+    @property
+    def states(self) -> IntArray:
+        """Indices of the states that are trapped in either way."""
+        return np.flatnonzero(self.looping | self.unlikely)
+
+    def __contains__(self, state: int) -> bool:
+        return bool(self.looping[state] or self.unlikely[state])
+
+
+def trap_states(
+    neighbours: IntArray, policy: IntArray | FloatArray, goal_states: IntArray
+) -> BoolArray:
+    """(S,) mask of the looping states.
+
+    neighbours: (S, A) next cell of each intended move; policy: (S,) the action of each state, or
+    (S, A) probabilities of actions; goal_states: (G,).
+
+    >>> trap_states(np.array([[0, 1], [0, 2], [1, 2]]), np.array([1, 1, 1]), np.array([2]))
+    array([False, False, False])
+    """
+    n_states, n_actions = neighbours.shape
+    taken = policy > 0 if policy.ndim == 2 else policy[:, None] == np.arange(n_actions)
+    state, action = np.nonzero(taken)
+    steps = np.ones(len(state)), (state, neighbours[state, action])
+    goal = np.isin(np.arange(n_states), goal_states)
+    return ~can_reach(scipy.sparse.csr_array(steps, shape=(n_states, n_states)), goal)
+
 
 #: Expected decisions of a drive that never arrives.
 NEVER = 1e9
@@ -67,7 +103,8 @@ def arriving_policy(
         arrival = arrival_of(policy)
         cells, likely = problem.grid.neighbours, arrival.within(n_steps)
         goals = problem.goal_states
-        return arrival, find_traps(cells, policy.probabilities, goals, likely, TRAP_PROBABILITY)
+        looping = trap_states(cells, policy.probabilities, goals)
+        return arrival, Traps(looping, likely < TRAP_PROBABILITY, TRAP_PROBABILITY)
 
     driven, (arrival, traps) = learned, arrives(learned)
     learned_traps, by_time = traps, np.zeros(len(learned.greedy), dtype=np.bool_)

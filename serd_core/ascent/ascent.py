@@ -1,4 +1,4 @@
-"""The loop of the ascents: what each takes and returns, and the record that it keeps on the way.
+"""The loop of the ascents, and L-BFGS of SciPy, stopped by the gradient and nothing weaker.
 
 An ascent gives the steps (`Ascent.tries`); when it ends, and what it reports, is decided here.
 """
@@ -6,9 +6,10 @@ An ascent gives the steps (`Ascent.tries`); when it ends, and what it reports, i
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+import scipy.optimize
 
 from serd_core.arrays import FloatArray, first_index, gradient_differences, is_number, shown
 from serd_core.errors import SerdError
@@ -40,7 +41,6 @@ class FunctionObjective(Objective):
     function: Callable[[FloatArray], tuple[float, FloatArray]]
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n,) gradient."""
         return self.function(vector)
 
 
@@ -93,10 +93,7 @@ class Ascent(ABC):
 
     @abstractmethod
     def tries(self, climb: "Climb") -> Iterator[None]:
-        """Judge where the climb is, then try one step after another; yields after each.
-
-        The iterator ends where no step gains anything, for the reason `climb.stalled`.
-        """
+        """Judge where the climb is, then try one step after another; yields after each."""
 
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
@@ -115,12 +112,10 @@ class Scaled(Objective):
     scale: FloatArray
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n,) gradient."""
         value, gradient = self.objective.evaluate(vector * self.scale)
         return value, gradient * self.scale
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """(n, n) second derivatives."""
         table = self.objective.hessian(vector * self.scale)
         return np.asarray(table * np.outer(self.scale, self.scale))
 
@@ -173,10 +168,7 @@ class Climb:
         self.norm = self.here.gradient_norm
 
     def evaluate(self, vector: FloatArray) -> Point:
-        """The objective at a vector, kept where that was the last one.
-
-        SerdError where an entry of the vector is not finite.
-        """
+        """The objective at a vector, kept where that was the last one."""
         if self._last is not None and np.array_equal(vector, self._last.vector):
             return self._last
         if (bad := first_index(~np.isfinite(vector))) is not None:
@@ -196,8 +188,7 @@ class Climb:
 
     def accept(self, point: Point, norm: float, maximum: str) -> None:
         """Step to a point with its `norm` and `maximum`, and call back."""
-        self.here = point
-        self.judge(norm, maximum)
+        self.here, self.norm, self.maximum = point, norm, maximum
         self.trace.append(point.value)
         if self.on_step is not None:
             step = Step(len(self.trace), point.value, norm, self.n_evaluations, point.vector)
@@ -242,3 +233,76 @@ def vanishing(point: Point, gradient_tolerance: float) -> tuple[float, str]:
 def largest(gradient: FloatArray) -> float:
     """Largest absolute entry, 0 for an empty vector."""
     return float(np.max(np.abs(gradient), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Lbfgs(Ascent):
+    """L-BFGS, which needs values and gradients only: the ascent for many parameters.
+
+    It has converged where the largest gradient entry is at most `gradient_tolerance`; memory: pairs
+    of steps and gradients that it keeps.
+
+        fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, rng=rng, ascent=sc.Lbfgs(1e-8))
+    """
+
+    gradient_tolerance: float = 1e-6
+    max_steps: int = 5_000
+    memory: int = 30
+
+    def tries(self, climb: Climb) -> Iterator[None]:
+        """Run SciPy's, once more where its line search stalls by rounding."""
+        climb.judge(*vanishing(climb.here, self.gradient_tolerance))
+        yield
+
+        def accept(vector: FloatArray) -> None:
+            point = climb.evaluate(vector)
+            climb.accept(point, *vanishing(point, self.gradient_tolerance))
+
+        for _ in range(2):
+            reason = minimise(
+                climb,
+                climb.here.vector,
+                accept,
+                maxiter=self.max_steps - len(climb.trace),
+                maxfun=20 * self.max_steps,
+                maxcor=self.memory,
+                gtol=self.gradient_tolerance,
+            )
+            if len(climb.trace) >= self.max_steps:
+                climb.stalled, climb.by_rounding = OUT_OF_STEPS, False
+                return
+            climb.stalled, climb.by_rounding = f"not converged: {reason}", True
+            yield
+
+
+LBFGS = Lbfgs()
+
+
+def minimise(
+    climb: Climb,
+    start: FloatArray,
+    accept: Callable[[FloatArray], None],
+    bounds: list[tuple[float, float]] | None = None,
+    **options: Any,
+) -> str:
+    """Why L-BFGS-B of SciPy ended, which gives `accept` the vector of each step."""
+
+    def negated(vector: FloatArray) -> tuple[float, FloatArray]:
+        point = climb.evaluate(vector)
+        return -point.value, -point.gradient
+
+    def after_step(intermediate_result: scipy.optimize.OptimizeResult) -> None:
+        accept(np.asarray(intermediate_result.x))
+        if climb.stopped:
+            raise StopIteration
+
+    ended = scipy.optimize.minimize(
+        negated,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        callback=after_step,
+        options={"ftol": 0.0, "maxls": 40, **options},
+    )
+    return str(ended.message)

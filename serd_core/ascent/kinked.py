@@ -114,10 +114,7 @@ class _Run:
         return found
 
     def _gains(self, there: Point, wanted: float) -> bool:
-        """Whether a point is higher by as much as wanted, and higher at all.
-
-        Near a kink `wanted` drowns in rounding, and steps to the same height would go on for ever.
-        """
+        """Whether a point is higher by as much as wanted, and higher at all."""
         return there.value >= self.here.value + wanted and there.value > self.here.value
 
     def _across_kinks(self) -> Point | None:
@@ -168,10 +165,7 @@ def first_metric(hessian: FloatArray) -> FloatArray:
 
 
 def updated_metric(metric: FloatArray, moved: FloatArray, drop: FloatArray) -> FloatArray:
-    """(n, n) BFGS update for a step `moved` (n,) that lowered the gradient by `drop` (n,).
-
-    A step without curvature along it leaves the metric as it was.
-    """
+    """(n, n) BFGS update for a step `moved` (n,) that lowered the gradient by `drop` (n,)."""
     curvature = float(moved @ drop)
     if not curvature > np.finfo(np.float64).eps * float(moved @ moved):
         return metric

@@ -10,8 +10,7 @@ Directions without slope and curvature, such as the softmax gauge, are left alon
 For objectives that are log densities `NewtonAscent` goes to a maximum that its own step certifies:
 with M = -H, the length sqrt(g . M^-1 g) of the Newton step counts standard errors, in any units.
 M must be positive too, and the step short in the numbers' own scale: where data are separable, the
-information fades as fast as the gradient (Albert and Anderson, Biometrika 71, 1984). While steps
-shrink the Newton step well they keep the last Hessian; a maximum is certified by its own.
+information fades as fast as the gradient (Albert and Anderson, Biometrika 71, 1984).
 """
 
 from collections.abc import Iterator
@@ -81,10 +80,7 @@ class TrustRegion(Ascent):
 def quadratic_step(
     gradient: FloatArray, curvatures: FloatArray, directions: FloatArray, radius: float
 ) -> FloatArray:
-    """(n,) maximiser of the quadratic model within the radius.
-
-    curvatures, directions: eigenvalues and eigenvectors of minus the Hessian.
-    """
+    """(n,) maximiser of the quadratic model within the radius."""
     slopes = directions.T @ gradient
     slopes = np.where(np.abs(slopes) > LEVEL * np.max(np.abs(slopes), initial=0.0), slopes, 0.0)
     scale = max(1.0, float(np.max(np.abs(curvatures), initial=0.0)))
@@ -139,10 +135,7 @@ class NewtonStep:
     rising: FloatArray
 
     def at_maximum(self, short: float = SHORT) -> bool:
-        """Whether the point is a maximum, and the only one around.
-
-        short: longest step in standard errors.
-        """
+        """Whether the point is a maximum, and the only one around."""
         still = self.standard_errors <= short and bool(np.all(np.abs(self.move) <= STILL))
         return still and not len(self.flat) and not len(self.rising)
 
@@ -161,10 +154,7 @@ class Curvature:
         return cls(*np.linalg.eigh(-objective.hessian(point.vector)))
 
     def trial(self, climb: Climb, radius: float) -> Trial:
-        """Try the best step within the radius.
-
-        Where gains drown in rounding, a gradient that shrinks is the gain that was predicted.
-        """
+        """Try the best step within the radius."""
         here = climb.here
         step = quadratic_step(here.gradient, self.values, self.vectors, radius)
         there, along = climb.evaluate(here.vector + step), self.vectors.T @ step

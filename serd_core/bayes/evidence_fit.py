@@ -22,7 +22,7 @@ from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
-from serd_core.priors.dirichlet import require_outcome_models
+from serd_core.priors.divergence import require_outcome_models
 from serd_core.priors.prior import Prior
 from serd_core.semi_markov.models import has_laws
 
@@ -34,8 +34,6 @@ SCALE = 0.3
 #: Distance from the maximum, in standard errors, that changes the log evidence by 5e-7.
 CLOSE = 1e-3
 MAX_NEWTON_STEPS = 200
-#: Half-width of differences for the curvature by logs of strengths.
-WIDE = 0.2
 #: Slope at which strengths are still good enough, steps to find them, tolerance at a kink.
 COARSE, MAX_STEPS, AT_A_KINK = 0.2, 40, 0.01
 #: Strengths stay within so many spreads of their hyperprior's median.
@@ -87,10 +85,7 @@ class EvidenceSearch:
         return LogPosterior(posterior, self.space, self.record.value)
 
     def maximise(self, objective: LogPosterior, short: float = SHORT) -> AscentResult:
-        """Its maximum, from the last one; no step where a callback has stopped the fit.
-
-        short: longest Newton step of a maximum, in standard errors.
-        """
+        """Its maximum, from the last one; no step where a callback has stopped the fit."""
         ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
         near = self.information
         if near is not None:
@@ -136,7 +131,7 @@ class EvidenceOfStrengths:
             before, moves = self.last
             search.mode = search.mode + (logs - before) @ moves
         problem = search.posterior.problem
-        objective = search.objective(strengths.whole_prior(problem, logs))
+        objective = search.objective(strengths.prior(problem, logs))
         ended = search.maximise(objective, CLOSE)
         if not ended.converged:
             raise SerdError(ended.message)
@@ -144,7 +139,7 @@ class EvidenceOfStrengths:
         pull = self._prior_pull(objective, here.mode)
         slope, moves = np.zeros(len(logs)), np.zeros((len(logs), len(here.mode)))
         for number, unit in enumerate(np.eye(len(logs)) * WIDTH):
-            side = search.objective(strengths.whole_prior(problem, logs + unit))
+            side = search.objective(strengths.prior(problem, logs + unit))
             move = here.root @ (here.root.T @ (self._prior_pull(side, here.mode) - pull))
             beside = self._evidence_near(side, here.mode, move)
             slope[number] = (beside - here.log_evidence) / WIDTH
@@ -197,30 +192,11 @@ class EvidenceFit:
             problem.mdp.transitions.moves.local_probabilities(theta)
             for theta in (at.truth, at.belief, self.start.truth)
         )
-        relation = self.strengths.relation(self.logs)
         prior = self.strengths.prior(problem, self.logs)
-        assumptions = Assumptions(posterior.policy_model, relation, prior, by_likelihood=True)
+        assumptions = Assumptions(posterior.policy_model, self.belief, prior, by_likelihood=True)
         ascended = replace(self.ascended, objective=final.objective)
         tables = (truth, belief, initial)
         return fit_result(posterior, assumptions, at, final, ascended, tables)
-
-    def log_evidence(self) -> float:
-        """log P(D), the strengths integrated out by Laplace's approximation over their logs."""
-        posterior, record = self.objective.posterior, SearchRecord(None)
-        search = EvidenceSearch(posterior, self.belief, self.parameters, record)
-        evidence = EvidenceOfStrengths(search, self.strengths)
-        loss, slope = evidence.loss(self.logs)
-        n = len(self.logs)
-        if not n:
-            return -loss
-        steps = np.eye(n) * WIDE
-        bends = [(evidence.loss(self.logs + step)[1] - slope) / WIDE for step in steps]
-        # Where the evidence hardly depends on a strength, its hyperprior alone bounds it.
-        least = 0.1 / self.strengths.spreads**2
-        values, vectors = np.linalg.eigh((np.array(bends) + np.array(bends).T) / 2.0)
-        floor = np.sum(least[:, None] * vectors**2, axis=0)
-        log_det = float(np.sum(np.log(np.maximum(values, floor))))
-        return -loss + 0.5 * (n * float(np.log(2.0 * np.pi)) - log_det)
 
 
 def fit_by_evidence(
@@ -256,12 +232,10 @@ def fit_by_evidence(
             found = best_strengths(earlier, prepared, prepared.start)[0]
             logs = strengths.logs(prepared.values(found))
         else:
-            earlier.maximise(
-                earlier.objective(prepared.whole_prior(posterior.problem, prepared.start))
-            )
+            earlier.maximise(earlier.objective(prepared.prior(posterior.problem, prepared.start)))
         search.mode = search.space.of(earlier.parameters)
     logs, failure = best_strengths(search, strengths, logs)
-    objective = search.objective(strengths.whole_prior(posterior.problem, logs))
+    objective = search.objective(strengths.prior(posterior.problem, logs))
     ascended = search.maximise(objective)
     if failure:
         ascended = replace(ascended, converged=False, message=failure)
@@ -281,11 +255,7 @@ def evidence_start(
     initial_weights: FloatArray | None,
     dynamics: FloatArray | None,
 ) -> Parameters:
-    """Given weights and dynamics, otherwise 0 and the M-estimate; they must explain the decisions.
-
-    posterior: with any prior, of these decisions. SerdError where they are not explained, or the
-    dynamics are learned and have no outcome models.
-    """
+    """Given weights and dynamics, otherwise 0 and the M-estimate, which explain the decisions."""
     problem = posterior.problem
     if belief.learns_dynamics:
         require_outcome_models(problem.mdp.transitions, "PriorByEvidence")

@@ -24,10 +24,8 @@ import scipy.sparse
 from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
-from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import Laplace, require_laplace
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.bellman.linear.automatic import Automatic
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
@@ -40,10 +38,10 @@ from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import gauge_free_basis
-from serd_core.posterior.derivatives.posterior_hessian import sensitivities
+from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import pseudo_count_of
+from serd_core.priors.divergence import pseudo_count_of
 from serd_core.semi_markov.gamma_law import fisher_information
 from serd_core.semi_markov.models import SemiMarkovModels
 
@@ -274,7 +272,6 @@ def _of_choices(
         believed,
         solution,
         mdp.transitions.local_jacobian(at.belief),
-        Automatic(),
     ).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)
@@ -287,9 +284,7 @@ def _of_transitions(
 ) -> FloatArray:
     """(S, d, d) expected squares of the derivatives of log P(s' | s, a)."""
     model, groups = true.model, true.model.groups
-    every = np.ones(len(groups), dtype=np.bool_)
-    slopes = transition_jacobian(model, at.truth, every)
-    by_u = slopes @ table[at.place(Block.TRUTH)]
+    by_u = transition_jacobian(model, at.truth) @ table[at.place(Block.TRUTH)]
     weights = policy.ravel()[groups.row] / floored(groups.probabilities(true.entries))
     root = np.sqrt(weights)[:, None] * by_u
     state = groups.row // model.n_actions

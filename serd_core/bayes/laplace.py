@@ -13,30 +13,33 @@ r = N P*, whose integral the approximation misses by Stirling's series,
 
 N counts the observations that the covariance C of the model's energies is worth:
 (K - 1) / N = beta^2 trace (diag P - P P^T) C. So the evidence of counted transitions is exact.
+The policy averaged over draws predicts the expert's next decision better than that of one point
+(MacKay, Neural Computation 4, 1992, section 4.2).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray, require_kind
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_kind
 from serd_core.bayes.sweeps import needs_sweeps, swept
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.posterior.beliefs import BeliefAroundTruth
+from serd_core.policies.solved_policy import solution_at
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior, terms_of
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.models import has_laws
 
 #: Longest Newton step, in standard errors, of a point around which the approximation holds.
@@ -121,10 +124,7 @@ class Laplace:
 def laplace_at(
     objective: LogPosterior, mode: FloatArray, *, require_maximum: bool = True
 ) -> Laplace:
-    """The approximation at a maximum; SerdError naming the direction in which it is none.
-
-    require_maximum: whether the gradient must be 0, too.
-    """
+    """The approximation at a maximum; SerdError naming the direction in which it is none."""
     posterior, space = objective.posterior, objective.coordinates
     value, gradient = objective.evaluate(mode)
     root, log_det = inverse_root(
@@ -174,17 +174,12 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
 
 
 def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
-    """What the approximation lacks of the integrals over outcome models.
-
-    The prior of a belief around the truth is normal.
-    """
-    around = (Block.BELIEF,) if isinstance(space.belief, BeliefAroundTruth) else ()
+    """What the approximation lacks of the integrals over outcome models."""
     total = 0.0
     for block in _dirichlet_blocks(posterior, space, mode, root):
-        if block.group != around:
-            worth = _worth(block.table, block.spread)
-            by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
-            total += float(np.sum(by_model))
+        worth = _worth(block.table, block.spread)
+        by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
+        total += float(np.sum(by_model))
     return total
 
 
@@ -196,11 +191,10 @@ def _mirrored(n: int, half: FloatArray) -> FloatArray:
 class _DirichletBlock:
     """Outcome models whose posterior is taken as close to Dirichlet distributions.
 
-    group: their blocks; place: their rows of the free numbers; table: (M, K) at the mode; spread:
+    place: their rows of the free numbers; table: (M, K) at the mode; spread:
     (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
     """
 
-    group: tuple[Block, ...]
     place: slice
     table: FloatArray
     spread: FloatArray
@@ -221,7 +215,7 @@ def _dirichlet_blocks(
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
         table = model.local_probabilities(parameters.block(group[0]))
-        yield _DirichletBlock(group, place, table, spread, model.beta)
+        yield _DirichletBlock(place, table, spread, model.beta)
 
 
 def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
@@ -236,14 +230,9 @@ def _stirling(x: FloatArray) -> FloatArray:
 
 
 def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) -> None:
-    """SerdError unless the prior is one density over each block that is free.
-
-    timed: whether blocks of dynamics have laws of dwell times, too.
-    """
+    """SerdError unless the prior is one density over each block that is free."""
     given = prior.blocks
     with_laws = [term.block for term in terms_of(prior) if isinstance(term, DwellPrior)]
-    if isinstance(space.belief, BeliefAroundTruth):
-        with_laws.append(Block.BELIEF)
     for group in space.belief.groups:
         found = [block.value for block in given if block in group]
         names = " or ".join(block.value for block in group)
@@ -279,11 +268,7 @@ def require_densities(prior: Prior, space: Coordinates, *, timed: bool = False) 
 def inverse_root(
     information: FloatArray, of_prior: FloatArray, describe: Callable[[FloatArray], str]
 ) -> tuple[FloatArray, float]:
-    """Root of the inverse, and log det; SerdError naming a direction that is not positive.
-
-    In no direction the posterior is taken as wider than the prior. Where a maximum is about to
-    vanish its information fades, while the integral around it stays finite.
-    """
+    """Root of the inverse, and log det; SerdError naming a direction that is not positive."""
     size = 1.0 / np.sqrt(np.diag(of_prior))
     factor = np.linalg.cholesky(of_prior * size[:, None] * size) / size[:, None]
     wide = scipy.linalg.solve_triangular(factor, np.eye(len(size)), lower=True).T
@@ -298,3 +283,64 @@ def inverse_root(
     log_det = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(bounded)))
     # The symmetric root is unique, eigenvectors are not: draws are the same on every machine.
     return wide @ (vectors / np.sqrt(bounded)) @ vectors.T, log_det
+
+
+#: Draws that a summary takes unless another number is asked for.
+N_DRAWS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorDraws:
+    """n draws of what is learned.
+
+    coordinates: (n, d); reward: (n, F) weights; truth: (n, N) parameters of the dynamics;
+    outcome_probabilities, believed_outcome_probabilities: (n, M, K), which are discounted where
+    moves take time (`SemiMarkovModels`).
+    """
+
+    coordinates: FloatArray
+    reward: FloatArray
+    truth: FloatArray
+    outcome_probabilities: FloatArray
+    believed_outcome_probabilities: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.reward)
+
+    def select(self, rows: IntArray | slice) -> "PosteriorDraws":
+        """The draws of the given rows."""
+        return PosteriorDraws(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+
+def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
+    """The draws at (n, d) coordinates."""
+    at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
+    truth, belief = (
+        np.stack([each.block(block) for each in at]) for block in (Block.TRUTH, Block.BELIEF)
+    )
+    tables = (model.local_probabilities(each) for each in (truth, belief))
+    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, *tables)
+
+
+def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
+    """n draws of the posterior that start at Laplace's approximation (`Laplace.sample`)."""
+    require_count("n", n, 2, f"{N_DRAWS}")
+    require_generator(rng)
+    return draws_at(found.problem, found.coordinates, found.sample(n, rng))
+
+
+def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
+    """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    return averaged_policy(problem, draws.reward, draws.believed_outcome_probabilities)
+
+
+def averaged_policy(
+    problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
+) -> FloatArray:
+    """(S, A) mean of the soft policies of (n, F) reward weights and (n, M, K) dynamics."""
+    total, value = np.zeros(problem.mdp.available.shape), None
+    for weights, table in zip(reward_weights, outcome_probabilities, strict=True):
+        transitions = transitions_of(problem.mdp.transitions, table)
+        solution = solution_at(problem, weights, transitions, initial_value=value)
+        total, value = total + solution.policy, solution.value
+    return np.asarray(total / len(reward_weights))

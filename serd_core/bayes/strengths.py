@@ -2,32 +2,29 @@
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
 
-sigma, c (and the deviation tau of a belief around the truth) maximise log P(D | strengths) plus the
-log of a wide log-normal density of each (MacKay 1992), without which few decisions would drive
-strengths to infinity.
+sigma and c maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay
+1992), without which few decisions would drive strengths to infinity.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_positive
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
-from serd_core.posterior.beliefs import Belief, BeliefAroundTruth, CoupledBelief
+from serd_core.posterior.beliefs import Belief, CoupledBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
-from serd_core.priors.prior import Prior, terms_of
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.priors.divergence import DirichletPrior
+from serd_core.priors.prior import GaussianPrior, Prior, terms_of
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
-#: the range of a feature, c in observations, tau and that of log mean dwell times in nats.
+#: the range of a feature, c in observations, that of log mean dwell times in nats.
 HYPERPRIORS = {
     "deviation": (3.0, 0.7),
     "pseudo_count": (1.0, 0.5),
-    "belief_deviation": (1.0, 0.7),
     "dwell_deviation": (1.0, 0.5),
 }
 
@@ -60,11 +57,9 @@ class PriorByEvidence:
                 given["dwell_deviation"] = self.dwell_deviation
         if isinstance(belief, CoupledBelief):
             raise SerdError(
-                "CoupledBelief has a prior that is no density, so it has no evidence; use"
-                " BeliefAroundTruth(), or give fit_mdce_serd a prior"
+                "CoupledBelief has a prior that is no density, so it has no evidence; give"
+                " fit_mdce_serd a prior"
             )
-        if isinstance(belief, BeliefAroundTruth):
-            given["belief_deviation"] = belief.deviation
         return Strengths(belief, tuple(given.items()))
 
 
@@ -106,29 +101,19 @@ class Strengths:
         medians = {name: median for name, (median, _) in HYPERPRIORS.items()}
         return np.log([(medians | values)[name] for name in self.open])
 
-    def relation(self, logs: FloatArray) -> Belief:
-        """The belief of these strengths."""
-        if isinstance(self.belief, BeliefAroundTruth):
-            return replace(self.belief, deviation=self.values(logs)["belief_deviation"])
-        return self.belief
-
     def prior(self, problem: Problem, logs: FloatArray) -> Prior:
-        """The prior of these strengths, without that of the belief."""
+        """The prior of these strengths."""
         values = self.values(logs)
         deviations = values["deviation"] / feature_ranges(problem)
         prior: Prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
         blocks = [Block.TRUTH] if "pseudo_count" in values else []
-        if (Block.BELIEF,) in self.belief.groups and "belief_deviation" not in values:
+        if (Block.BELIEF,) in self.belief.groups:
             blocks.append(Block.BELIEF)
         for block in blocks:
             prior = prior + DirichletPrior(values["pseudo_count"], block)
             if "dwell_deviation" in values:
                 prior = prior + DwellPrior(values["dwell_deviation"], block)
         return prior
-
-    def whole_prior(self, problem: Problem, logs: FloatArray) -> Prior:
-        """The prior of these strengths together with that of the belief."""
-        return self.prior(problem, logs) + self.relation(logs).prior
 
 
 def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
@@ -140,8 +125,6 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
             found["deviation"] = float(widths[0])
         elif isinstance(term, DirichletPrior):
             found["pseudo_count"] = term.pseudo_count
-        elif isinstance(term, GaussianAroundTruth):
-            found["belief_deviation"] = term.standard_deviation
         elif isinstance(term, DwellPrior):
             found["dwell_deviation"] = term.deviation
     return found

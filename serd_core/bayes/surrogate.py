@@ -15,18 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bellman.bellman_solver import BellmanProblem
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.newton import Newton
+from serd_core.bellman.bellman_solver import BellmanProblem, Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
-from serd_core.posterior.derivatives.posterior_hessian import sensitivities
+from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.dirichlet import DirichletPrior, pseudo_count_of, require_outcome_models
+from serd_core.priors.divergence import DirichletPrior, pseudo_count_of, require_outcome_models
 from serd_core.priors.prior import SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
@@ -187,16 +185,13 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
 
 
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
-    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
-
-    n: points that are evaluated at a time.
-    """
+    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
     mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
     others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
-    derivatives = sensitivities(mdp, without.features, believed, solution, by_local, Automatic())
+    derivatives = sensitivities(mdp, without.features, believed, solution, by_local)
     seen = posterior.observations
     pairs = np.union1d(seen.key // mdp.n_states, np.flatnonzero(seen.state_action))
     states, state = np.unique(pairs // mdp.n_actions, return_inverse=True)

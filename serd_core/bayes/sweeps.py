@@ -35,9 +35,8 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.posterior.coordinates import Coordinates
-from serd_core.posterior.hidden_actions import drawn_actions
 from serd_core.posterior.parameters import Block
-from serd_core.posterior.posterior import Posterior
+from serd_core.posterior.posterior import Posterior, drawn_actions
 
 #: Sweeps before the first draws.
 N_SWEEPS = 6
@@ -54,11 +53,7 @@ ENOUGH = 50
 
 
 def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
-    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide.
-
-    So it is where some outcomes of a pair (s, a), but not all, lead to one state, and where actions
-    are hidden; and where moves that nobody makes take time.
-    """
+    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide."""
     model = posterior.problem.mdp.transitions.moves
     if not isinstance(model, OutcomeModels):
         return False
@@ -81,11 +76,7 @@ def swept(
     n: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation.
-
-    mode, root: (d,) and (d, d) of that. Each draw starts a chain; draws beyond c are later states
-    of the same chains. SerdError where no sweep is accepted.
-    """
+    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation."""
     chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
     found: list[FloatArray] = []
     n_kept = -(-n // len(start))

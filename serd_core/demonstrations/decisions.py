@@ -1,6 +1,8 @@
 """Expert demonstrations D as one table of decisions (s, a, s') (Eqs. 3.1 and 3.2).
 
-Rows of one episode share an episode number; `time_s` orders them.
+Rows of one episode share an episode number; `time_s` orders them. A decision that takes time lasts
+until its outcome is reached, or until another command ends it first. Then neither outcome nor dwell
+time is known, only that the dwell time is longer than what was seen of it (right-censored).
 """
 
 from collections.abc import Iterable, Sequence
@@ -68,7 +70,7 @@ class Decisions:
         return len(self.state)
 
     def columns(self) -> dict[str, FloatArray | IntArray]:
-        """The columns by name, as `pandas.DataFrame` and `decisions_from_columns` take them."""
+        """The columns by name, as `pandas.DataFrame` takes them."""
         return {name: getattr(self, name) for name in COLUMNS}
 
     @property
@@ -125,7 +127,7 @@ def require_shown(decisions: Decisions, purpose: str) -> None:
 
 def require_decisions(decisions: object, name: str = "decisions") -> None:
     """SerdError unless an argument is a `Decisions` object."""
-    require_kind(name, decisions, (Decisions,), "decisions_from_columns(table)")
+    require_kind(name, decisions, (Decisions,), "decisions_from_episodes(episodes)")
 
 
 def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
@@ -145,12 +147,7 @@ def start_distribution(decisions: Decisions, n_states: int) -> FloatArray:
 
 
 def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
-    """(N,) rows by episode and time, and (N,) whether a trajectory begins with each of these.
-
-    Decisions at equal times stay in the order of their rows. A trajectory begins with every
-    episode, and where decisions in between are missing: the next one is taken in another state than
-    the last one reached.
-    """
+    """(N,) rows by episode and time, and (N,) whether a trajectory begins with each of these."""
     rows = np.lexsort((decisions.time_s, decisions.episode))
     begins = np.ones(len(rows), dtype=np.bool_)
     before, after = rows[:-1], rows[1:]
@@ -162,23 +159,6 @@ def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
 def _require_below(name: str, column: IntArray, size: int) -> None:
     fix = "the decisions were made in another problem"
     require_each(name, column, column < size, f"be below {size}", fix)
-
-
-def decisions_from_columns(table: Any, source: str = "") -> Decisions:
-    """Take decisions from a mapping, data frame or structured array with columns named as here.
-
-    Columns: episode, time_s, state, action, next_state (`Decisions`).
-
-        decisions = sc.decisions_from_columns(pandas.read_csv("decisions.csv"))
-    """
-    try:
-        columns = {name: np.asarray(table[name]) for name in COLUMNS}
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise SerdError(
-            f"table must have the columns {', '.join(COLUMNS)}, got an error for one: {error};"
-            " rename it"
-        ) from error
-    return Decisions(**columns, source=source)
 
 
 def decisions_from_episodes(
@@ -212,3 +192,44 @@ def decisions_from_episodes(
         raise SerdError("episodes must hold at least one episode, got none; record an episode")
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
     return Decisions(**dict(zip(COLUMNS, columns, strict=True)), source=source)
+
+
+TIMED_COLUMNS = (*COLUMNS, "dwell_s", "censored")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TimedDecisions(Decisions):
+    """N decisions with their dwell times.
+
+    dwell_s: (N,) seconds from a decision to its outcome, or to the command that ended it; above 0.
+    censored: (N,) which ones a command ended; their next_state is their state, as nothing was
+    reached, and counts as no outcome.
+
+        sc.TimedDecisions([0, 0], [0.0, 1.4], state=[0, 1], action=[0, 0], next_state=[1, 1],
+            dwell_s=[1.4, 0.9], censored=[False, True])
+    """
+
+    dwell_s: FloatArray
+    censored: BoolArray
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        dwell = float_array("dwell_s", self.dwell_s, (len(self.time_s),))
+        require_each("dwell_s", dwell, dwell > 0, "be above 0", "merge decisions at one time")
+        censored = bool_array("censored", self.censored, (len(self.time_s),))
+        moved = censored & (self.next_state != self.state)
+        fix = "repeat the state where a command ended the decision"
+        require_each("next_state", self.next_state, ~moved, "be the state where censored", fix)
+        object.__setattr__(self, "dwell_s", dwell)
+        object.__setattr__(self, "censored", censored)
+
+    def columns(self) -> dict[str, Any]:
+        """The columns by name."""
+        return {**super().columns(), "dwell_s": self.dwell_s, "censored": self.censored}
+
+
+def reached(decisions: Decisions) -> BoolArray:
+    """(N,) decisions that ended in an outcome."""
+    if isinstance(decisions, TimedDecisions):
+        return ~decisions.censored
+    return np.ones(len(decisions), dtype=np.bool_)

@@ -11,6 +11,7 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import (
     Decisions,
+    reached,
     require_decisions,
     state_action_counts,
     state_counts,
@@ -20,7 +21,6 @@ from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.semi_markov.dwell_likelihood import DwellObservations, dwell_times
-from serd_core.semi_markov.timed_decisions import reached
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,22 +5,16 @@ estimate of outcome models maximises
 
     sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  c sum_{m,k} log P_m(k)
 
-At walls several outcomes lead to the same s'. Expectation maximisation shares each observation
-among them by their present probabilities, and sets P_m(k) to its share of the model's total. A few
-such steps come first; where walls hide nearly everything they would be millions, so Newton's method
-does the rest. With the relative moves x(k) = dP(k) / P(k) of one model, q_g the shares of the
-outcomes that explain an observation g, and r = c + sum_g n_g q_g, its step solves
+At walls several outcomes lead to the same s'. A few steps of expectation maximisation share each
+observation among them; Newton's method does the rest. With the relative moves x(k) = dP(k) / P(k)
+of one model, q_g the shares of the outcomes that explain an observation g, and r = c + sum_g n_g
+q_g, its step solves
 
     A x = r - t P,   A = c I + sum_g n_g q_g q_g^T,   t such that sum_k P(k) x(k) = 0
 
 A sum of logarithms that weigh at least m = min(1, c) is m times a self-concordant one. So where
 the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share d / (1 - d) of its
 most likely value (Nesterov and Nemirovskii, 1994).
-
-Of a SparseModel the prior adds c pseudo-observations to every s' that can follow a pair (s, a), and
-the estimate maximises sum (n(s,a,s') + c) log P_theta(s' | s, a). Where each pair has a
-distribution of its own, that is the mean of the Dirichlet posterior, and its mode over log odds
-(MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass
@@ -28,22 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
-from serd_core.ascent.ascent import Objective
-from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe, observe_in
+from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.sparse_model import LogOdds, SparseModel, fixed_transitions
-from serd_core.dynamics.transition_model import (
-    TransitionModel,
-    dynamics_gradient,
-    log_transition_hessian,
-    transition_probabilities,
-)
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem, TabularProblem, require_problem
-from serd_core.semi_markov.dwell_prior import counted_parameters
+from serd_core.mdp.problem import Problem
+from serd_core.semi_markov.dwell_likelihood import counted_parameters
 from serd_core.semi_markov.models import SemiMarkovModels
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -144,16 +129,13 @@ def estimate_dynamics(
 ) -> FloatArray:
     """Estimate the (M, K) outcome probabilities that explain the observed moves (M-estimate).
 
-    pseudo_count: added to each outcome of each model, or to each transition of a SparseModel. Of a
-    SparseModel and of moves that take time the result is their parameters. SerdError where the
-    estimate does not converge or a move is impossible.
+    pseudo_count: added to each outcome of each model. Of moves that take time the result is their
+    parameters. SerdError where the estimate does not converge or a move is impossible.
 
         table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     seen = observe_in(problem, decisions)
-    if isinstance(problem.mdp.transitions, SparseModel):
-        return most_likely_parameters(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
     outcomes = model.outcomes if isinstance(model, SemiMarkovModels) else model
     estimate = most_likely_dynamics(outcomes, seen, pseudo_count)
@@ -228,75 +210,6 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
     if not isinstance(mdp.transitions, OutcomeModels):
         raise SerdError(
             "dynamics must be OutcomeModels here, got"
-            f" {type(mdp.transitions).__name__}; pass its parameters as dynamics"
+            f" {type(mdp.transitions).__name__}; known transitions need no estimate"
         )
     return mdp.transitions
-
-
-def counted_transitions(
-    problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
-) -> TabularProblem:
-    """Replace the dynamics of a problem by known ones: those counted for each pair (s, a) alone.
-
-    pseudo_count: c, of each transition that the problem's dynamics can have.
-
-        known = sc.counted_transitions(problem, decisions)
-        fit = sc.fit_mdce_irl_by_likelihood(known, decisions, rng=rng)
-    """
-    require_problem(problem)
-    require_shown(decisions, "the M-estimate of dynamics by counts")
-    model = problem.mdp.transitions
-    probability = _counted(model, observe(problem.mdp, decisions), pseudo_count)
-    state, action = np.divmod(model.groups.row, model.n_actions)
-    known = fixed_transitions(
-        model.available.shape, state, action, model.groups.successor, probability
-    )
-    mdp = Mdp(known, problem.mdp.discount)
-    return TabularProblem(mdp, problem.features, problem.feature_names)
-
-
-def most_likely_parameters(
-    model: SparseModel, seen: Observations, pseudo_count: float = 1.0
-) -> FloatArray:
-    """(n_parameters,) M-estimate, by Newton's method from 0 where it is not one of counts.
-
-    SerdError where 0 gives no distributions, and where the ascent does not converge.
-    """
-    if isinstance(model.probabilities, LogOdds):
-        counted = _counted(model, seen, pseudo_count)[model.groups.group_of_entry]
-        return model.probabilities.parameters_of(model.gather(counted))
-    require_positive("pseudo_count", pseudo_count)
-    start = np.zeros(model.n_parameters)
-    model.require_transitions(model.local_probabilities(start))
-    counts = seen.counts(model) + pseudo_count
-    found = NewtonAscent().maximise(LogLikelihood(model, counts), start)
-    if not found.converged:
-        raise SerdError(
-            f"the M-estimate of a SparseModel must converge, got {found.message!r} after"
-            f" {found.n_steps} steps; pass its parameters as dynamics"
-        )
-    return found.vector
-
-
-@dataclass(frozen=True, eq=False)
-class LogLikelihood(Objective):
-    """sum c_g log P_g over (G,) counts of the distinct transitions, by the parameters."""
-
-    model: TransitionModel
-    counts: FloatArray
-
-    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        probability = transition_probabilities(self.model, vector)
-        gradient = dynamics_gradient(self.model, vector, self.counts / probability)
-        return float(self.counts @ np.log(probability)), gradient
-
-    def hessian(self, vector: FloatArray) -> FloatArray:
-        return log_transition_hessian(self.model, vector, self.counts)
-
-
-def _counted(model: TransitionModel, seen: Observations, pseudo_count: float) -> FloatArray:
-    """(G,) estimate of each distinct transition."""
-    require_positive("pseudo_count", pseudo_count)
-    counts = seen.counts(model) + pseudo_count
-    row = model.groups.row
-    return np.asarray(counts / weighted_counts(row, counts, model.available.size)[row])

@@ -1,10 +1,11 @@
-"""Local outcome models: M distributions over K outcomes that all states share (Eq. 5.1).
+"""Transition models: outcomes that states share (Eq. 5.1), and known transitions entry by entry.
 
     P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj)                    (5.1)
     P(s' | s, a) = sum_k P_m(k) [successors[s, a, k] = s'],  m = model_of[s, a]
 
 The toy example (one model per state and action), the gridworld (9 models of 5 outcomes) and the
-hallway (4 of 5) are all of this form. The parameter vector is theta, row-major (M * K,).
+hallway (4 of 5) are of this form. The parameter vector is theta, row-major (M * K,). Transitions
+entry by entry are known and have no parameters.
 """
 
 from dataclasses import dataclass
@@ -13,15 +14,18 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import (
+    BYTES_PER_PAIR,
     BoolArray,
     FloatArray,
     IntArray,
     bool_array,
+    float_array,
     int_array,
     is_number,
     padded,
     require_each,
     require_index,
+    require_memory,
     require_positive,
     shown,
 )
@@ -222,3 +226,124 @@ class OutcomeModels(TransitionModel):
                 f"outcome probabilities must have shape {self.local_shape} (models, outcomes),"
                 f" got {np.shape(table)}; pass one row per local model"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class SparseModel(TransitionModel):
+    """Known transitions given entry by entry.
+
+    n_pairs: (S, A); state, action, next_state, known: (E,) of each entry with its probability, in
+    any order. Pairs without entries are not available.
+    """
+
+    n_pairs: tuple[int, int]
+    state: IntArray
+    action: IntArray
+    next_state: IntArray
+    known: FloatArray
+
+    def __post_init__(self) -> None:
+        n_entries = len(np.atleast_1d(self.state))
+        pairs = int_array("n_pairs", self.n_pairs, (2,))
+        if pairs.min() < 1:
+            raise SerdError(
+                f"n_pairs must be at least one state and one action, got {self.n_pairs};"
+                " pass (S, A)"
+            )
+        object.__setattr__(self, "n_pairs", (int(pairs[0]), int(pairs[1])))
+        require_memory(
+            f"a table of {pairs[0]} states and {pairs[1]} actions",
+            BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
+            "number states and actions from 0 without gaps",
+        )
+        sizes = {"state": pairs[0], "action": pairs[1], "next_state": pairs[0]}
+        for name, size in sizes.items():
+            column = int_array(name, getattr(self, name), (n_entries,))
+            require_index(name, column, size, f"a {name.replace('_', ' ')}")
+            object.__setattr__(self, name, column)
+
+    @cached_property
+    def _row(self) -> IntArray:
+        """(E,) pair of each entry, in the order given."""
+        return np.asarray(self.state * self.n_pairs[1] + self.action)
+
+    @property
+    def n_parameters(self) -> int:
+        return 0
+
+    @property
+    def local_shape(self) -> tuple[int, ...]:
+        return self.state.shape
+
+    @cached_property
+    def available(self) -> BoolArray:  # type: ignore[override]  # derived here, given elsewhere
+        """(S, A) pairs that have entries."""
+        return self.row_length > 0
+
+    @cached_property
+    def local_index(self) -> IntArray:
+        """(E,) the user's number of each entry."""
+        return np.argsort(self._row, kind="stable")
+
+    @cached_property
+    def row_length(self) -> IntArray:
+        n_pairs = self.n_pairs[0] * self.n_pairs[1]
+        return np.bincount(self._row, minlength=n_pairs).reshape(self.n_pairs)
+
+    @cached_property
+    def successor(self) -> IntArray:
+        return np.asarray(self.next_state[self.local_index])
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        return ()
+
+    def local_probabilities(self, parameters: FloatArray) -> FloatArray:
+        """(E,) probabilities, in the order given."""
+        del parameters
+        return self.known
+
+    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        del parameters, local_gradient
+        return np.zeros(0)
+
+    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
+        del parameters
+        return np.zeros((len(self.state), 0))
+
+    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        del parameters, local_gradient
+        return np.zeros((0, 0))
+
+    def parameters_of(self, initial: FloatArray) -> FloatArray:
+        """(0,) none; SerdError where some are given."""
+        if np.size(initial):
+            raise SerdError(
+                "dynamics must be None for known transitions, which have no parameters, got shape"
+                f" {np.shape(initial)}; leave dynamics out"
+            )
+        return np.zeros(0)
+
+    def _require_table(self, table: FloatArray) -> None:
+        if np.shape(table) != self.state.shape:
+            raise SerdError(
+                f"probabilities must have shape {self.state.shape}, one per entry, got"
+                f" {np.shape(table)}; pass them in the order of state and action"
+            )
+
+
+def fixed_transitions(
+    n_pairs: tuple[int, int],
+    state: IntArray,
+    action: IntArray,
+    next_state: IntArray,
+    probability: FloatArray,
+) -> SparseModel:
+    """Make known transitions from their entries, which must sum to 1 for each pair (s, a).
+
+    n_pairs: (S, A); state, action, next_state, probability: (E,).
+    """
+    known = float_array("probability", probability, (len(np.atleast_1d(state)),))
+    model = SparseModel(n_pairs, state, action, next_state, known)
+    model.require_transitions(known)
+    return model

@@ -30,13 +30,11 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    differences,
     floored,
-    gradient_differences,
     number_array,
     weighted_counts,
 )
-from serd_core.bellman.linear.policy_pattern import (
+from serd_core.bellman.policy_pattern import (
     PolicyPattern,
     index_type,
     policy_pattern,
@@ -176,15 +174,13 @@ class TransitionModel(ABC):
         """(g, n_parameters) directions in which parameters move without changing P; none here."""
         return np.zeros((0, self.n_parameters))
 
+    @abstractmethod
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """(L, n_parameters) derivative of the flattened local probabilities, by differences."""
-        n_local = self.local_probabilities(parameters).size
-        slopes = differences(lambda at: self.local_probabilities(at).ravel(), parameters, 1e-6)
-        return slopes.reshape(self.n_parameters, n_local).T
+        """(L, n_parameters) derivative of the flattened local probabilities."""
 
+    @abstractmethod
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(n, n) second derivatives of local_gradient . local_probabilities, by differences."""
-        return gradient_differences(lambda at: self.pull_back(at, local_gradient), parameters)
+        """(n, n) second derivatives of local_gradient . local_probabilities."""
 
     @property
     def n_states(self) -> int:
@@ -336,19 +332,21 @@ def transition_hessian(
     model: TransitionModel, theta: FloatArray, first: FloatArray, second: FloatArray
 ) -> FloatArray:
     """(N, N) of sum h_g(P_g) for (G,) first and second derivatives of h."""
-    moves, bent = model.moves, second != 0
+    moves, bent = model.moves, np.flatnonzero(second)
     by_local = moves.gather(first[moves.groups.group_of_entry])
     slopes = transition_jacobian(model, theta, bent)
     bend = (slopes * second[bent][:, None]).T @ slopes
     return np.asarray(moves.local_curvature(theta, by_local) + bend)
 
 
-def transition_jacobian(model: TransitionModel, theta: FloatArray, wanted: BoolArray) -> FloatArray:
-    """(n_wanted, N) derivative of the wanted transitions (mask over G) by the parameters."""
+def transition_jacobian(
+    model: TransitionModel, theta: FloatArray, wanted: IntArray | slice = slice(None)
+) -> FloatArray:
+    """(n, N) derivative of the (n,) wanted of the G transitions by the parameters."""
     moves = model.moves
     local_jacobian = moves.local_jacobian(theta)
     choose = scipy.sparse.csr_array(
         (np.ones(len(moves.local_index)), (moves.groups.group_of_entry, moves.local_index)),
         shape=(len(moves.groups), len(local_jacobian)),
     )
-    return np.asarray(choose[np.flatnonzero(wanted)] @ local_jacobian)
+    return np.asarray(choose[wanted] @ local_jacobian)

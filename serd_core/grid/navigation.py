@@ -69,11 +69,7 @@ class NavigationProblem:
 
     @property
     def with_still_waits(self) -> "NavigationProblem":
-        """The same where waiting leads nowhere: of hidden actions none that moved was to wait.
-
-        Otherwise waiting is learned to lead anywhere, as it explains every move. SerdError where
-        decisions take time: `by_decisions` has none that do.
-        """
+        """The same where waiting leads nowhere: of hidden actions none that moved was to wait."""
         if self.mdp.transitions is not self.outcome_models:
             raise SerdError(
                 f"transitions must be the outcome models, got {type(self.mdp.transitions).__name__}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import AscentResult
 from serd_core.errors import SerdError
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
@@ -42,22 +42,19 @@ class FitResult:
     parameters: all blocks at the end; outcomes that fixed dynamics rule out have energies so low
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
-    expert's belief; initial_outcome_probabilities: the start. (For a SparseModel: its entries;
+    expert's belief; initial_outcome_probabilities: the start. (Of known transitions: their entries;
     laws of dwell times are in the parameters, see `SemiMarkovModels.laws`.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.
     policy_log_likelihood, dynamics_log_likelihood: of decisions with their action, the second with
-    their dwell times where moves take time;
-    hidden_log_likelihood: of those without.
+    their dwell times where moves take time; hidden_log_likelihood: of those without.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    converged: the gradient norm is within the ascent's tolerance, or as small as rounding lets it
-    be, the last Bellman solve certified, and the objective neither grows without end nor is
-    constant along a direction that is found; where J is smooth, Newton's method finds the only
-    maximum there (`learners.certificate`). Otherwise the message names the direction.
-    undetermined: directions along which the objective is constant.
+    converged: at a maximum, and the only one around (`learners.certificate`); otherwise the message
+    names the direction that is open. undetermined: directions along which the objective is
+    constant.
     residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
     assumptions: None where a file does not state them.
     """
@@ -99,21 +96,18 @@ class FitResult:
             "",
         ]
         width = max(len("reward"), *(len(name) for name in self.feature_names))
-        header = f"{'reward':{width}}  {'weight':>11}"
+        header, rows = f"{'reward':{width}}  {'weight':>11}", []
+        for name, weight in zip(self.feature_names, self.reward_weights, strict=True):
+            rows.append(f"{name:{width}}  {weight:11.5g}")
         if errors is not None:
             header += f"  {'std. error':>11}  {'z':>8}  {'2.5 %':>11}  {'97.5 %':>11}"
             low, high = errors.reward_interval(self.reward_weights)
-        lines.append(header)
-        for place, (name, weight) in enumerate(
-            zip(self.feature_names, self.reward_weights, strict=True)
-        ):
-            row = f"{name:{width}}  {weight:11.5g}"
-            if errors is not None:
-                error = float(errors.reward[place])
-                row += f"  {error:11.4g}  {weight / error:8.2f}"
-                row += f"  {low[place]:11.5g}  {high[place]:11.5g}"
-            lines.append(row)
-        return "\n".join(lines)
+            for place, (weight, error) in enumerate(
+                zip(self.reward_weights, errors.reward, strict=True)
+            ):
+                rows[place] += f"  {error:11.4g}  {weight / error:8.2f}"
+                rows[place] += f"  {low[place]:11.5g}  {high[place]:11.5g}"
+        return "\n".join([*lines, header, *rows])
 
     @property
     def reward_weights(self) -> FloatArray:
@@ -137,10 +131,7 @@ def fit_result(
     tables: tuple[FloatArray, FloatArray, FloatArray],
     undetermined: tuple[str, ...] = (),
 ) -> FitResult:
-    """The record of an ascent that ended at `parameters`, where the posterior is `final`.
-
-    tables: outcome probabilities that were learned, believed and started from.
-    """
+    """The record of an ascent that ended at `parameters`, where the posterior is `final`."""
     truth, belief, initial = tables
     return FitResult(
         feature_names=posterior.problem.feature_names,

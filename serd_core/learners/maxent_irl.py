@@ -14,10 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, weighted_counts
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.trajectories import (
+from serd_core.demonstrations.simulation import (
     absorption_features,
     feature_counts,
     trajectories_of,
@@ -26,7 +25,7 @@ from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 
 
 def fit_maxent_irl(

@@ -15,25 +15,22 @@ counts are *discounted*, as in the constraint; matching them undiscounted gives 
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import policy_system
-from serd_core.bellman.linear.automatic import Automatic
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.trajectories import cut_off_ends, feature_counts
+from serd_core.demonstrations.simulation import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.learners.start import reward_search
 from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import Problem, weights_gradient
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, require_weight
+from serd_core.priors.prior import GaussianPrior, Prior, require_weight
 
 
 def fit_mdce_irl_by_likelihood(
@@ -54,7 +51,7 @@ def fit_mdce_irl_by_likelihood(
 
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`, which must then
     be given.
-    dynamics: (M, K) outcome probabilities, or the parameters of a SparseModel, taken as known; None
+    dynamics: (M, K) outcome probabilities, or parameters of timed ones, taken as known; None
     estimates them from the decisions. They may hold zeros where no decision contradicts these.
     prior: of the weights; `UniformPrior()` for the most likely ones.
     ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
@@ -135,7 +132,7 @@ def state_action_occupancy(
     """(S, A) expected discounted visits of an (S, A) policy, linear in its (S,) starts."""
     choice = checked_policy("policy", policy, mdp)
     begin = float_array("starts", starts, (mdp.n_states,))
-    system = policy_system(transitions, choice, mdp.discount, Automatic())
+    system = policy_system(transitions, choice, mdp.discount)
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)
 
 

@@ -1,32 +1,26 @@
 """Learners that match the policy: behavioural cloning, and policy matching under given dynamics.
 
-Cloning is the smoothed empirical policy (section 3.1, Fig. 3.3a), uniform in states never visited:
+Cloning is the smoothed empirical policy (section 3.1, Fig. 3.3a):
 
     pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
 
-In policy-matching IRL (Neu and Szepesvari; Eqs. 3.8 to 3.14) the policy is Boltzmann over optimal
-Q-values with inverse temperature beta (3.11). It minimises the loss
+Policy-matching IRL (Neu and Szepesvari; Eqs. 3.8 to 3.14) has a Boltzmann policy over optimal
+Q-values with inverse temperature beta (3.11), and minimises, by one adjoint solve,
 
     L = 1/2 sum_{s,a} mu_E(s) (pi_theta(a|s) - pi_E(a|s))^2                               (3.8)
-
-with mu_E and pi_E the empirical frequencies; the gradient runs through dQ*/dtheta, by one adjoint
-solve.
 """
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_positive
-from serd_core.ascent.ascent import Ascent, StepCallback
-from serd_core.ascent.lbfgs import LBFGS
-from serd_core.bellman.bellman_solver import adjoint
-from serd_core.bellman.equations import boltzmann
-from serd_core.bellman.linear.automatic import Automatic
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
+from serd_core.bellman.bellman_solver import adjoint, boltzmann
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem, weights_gradient
-from serd_core.policies.policy_model import PolicyMatchingPolicy
+from serd_core.policies.solved_policy import PolicyMatchingPolicy
 
 
 def clone_behaviour(
@@ -47,10 +41,7 @@ def clone_behaviour(
 
 
 def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
-    """Minus the loss (3.8) of a policy for (S, A) counts, and its (S, A) gradient by beta Q.
-
-    Chain rule (3.10) with the Boltzmann derivative (3.13).
-    """
+    """Minus the loss (3.8) of a policy for (S, A) counts, and its (S, A) gradient by beta Q."""
     visits = counts.sum(axis=1, keepdims=True)
     frequency = visits / visits.sum()
     difference = policy - counts / np.maximum(visits, 1.0)
@@ -90,7 +81,7 @@ def fit_policy_matching(
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
         value, by_scaled_q = squared_loss(policy, search.observations.state_action)
         by_q = inverse_temperature * by_scaled_q
-        found = adjoint(problem.mdp, search.transitions, solution, by_q, Automatic())
+        found = adjoint(problem.mdp, search.transitions, solution, by_q)
         return value, weights_gradient(problem.features, found.reward_gradient)
 
     return search.maximise(matching, ascent, on_step)

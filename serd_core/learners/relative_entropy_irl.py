@@ -7,11 +7,9 @@ thresholds is P(tau) proportional to Q(tau) exp(theta . phi(tau)) (3.43). Its du
 
 is estimated from trajectories sampled by a known policy pi_a, weighted by U_Q / U_a (3.45, 3.46),
 U_pi(tau) = prod_t pi(a_t | s_t). A demonstration that was cut off after T decisions is compared
-with the first T of each sample. The dual is concave but has kinks at 0, so theta is split into
-positive and negative parts, which makes the subgradient (3.44) an ordinary gradient under bounds.
-
-Thresholds are Hoeffding's: epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)) with R_i from
-the least discounted count of feature i to the greatest, over the lengths of the n episodes.
+with the first T of each sample. theta is split into positive and negative parts, which makes the
+subgradient (3.44) an ordinary gradient under bounds. Thresholds are Hoeffding's, epsilon_i =
+R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i from the least to the greatest count of feature i.
 """
 
 from collections.abc import Iterator
@@ -21,10 +19,12 @@ import numpy as np
 
 from serd_core.arrays import (
     FloatArray,
+    described,
     float_array,
-    is_number,
+    require_count,
+    require_each,
+    require_positive,
     require_share,
-    shown,
     weighted_counts,
 )
 from serd_core.ascent.ascent import (
@@ -33,18 +33,17 @@ from serd_core.ascent.ascent import (
     FunctionObjective,
     Point,
     StepCallback,
+    minimise,
     vanishing,
 )
-from serd_core.ascent.lbfgs import minimise
-from serd_core.ascent.open_directions import described
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
+from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_names, reward_search
-from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.mdp.problem import Problem, require_problem, usable_features
+from serd_core.policies.solved_policy import MdcePolicy
 
 #: What bounds or determines the weights.
 THRESHOLDS = "give thresholds above 0"
@@ -56,8 +55,7 @@ def fit_relative_entropy_irl(
     *,
     samples: Decisions,
     sampling_policy: FloatArray,
-    thresholds: FloatArray | None = None,
-    confidence: float = 0.95,
+    thresholds: FloatArray,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
@@ -72,9 +70,9 @@ def fit_relative_entropy_irl(
 
     samples: episodes made by `sampling_policy` (S, A), at least as long as demonstrations that were
     cut off. The baseline is the uniform policy.
-    thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
+    thresholds: (F,) epsilon, such as `hoeffding_thresholds`; zeros for exact matching.
     initial_weights: (F,) to start from; None draws them from U[-10, 10] by `rng`.
-    dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
+    dynamics: (M, K), or parameters of timed ones, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the
@@ -83,11 +81,13 @@ def fit_relative_entropy_irl(
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_relative_entropy_irl(
-            problem, decisions, samples=samples, sampling_policy=policy.probabilities, rng=rng)
+            problem, decisions, samples=samples, sampling_policy=policy.probabilities,
+            thresholds=sc.hoeffding_thresholds(problem, 30), rng=rng)
     """
-    if not (is_number(largest_weight) and largest_weight > 0):
-        raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")
+    require_positive("largest_weight", largest_weight, "use 100")
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
+    given = float_array("thresholds", thresholds, (len(problem.feature_names),))
+    require_each("thresholds", given, given >= 0, "not be negative", "use 0 for exact matching")
     observe(problem.mdp, samples, name="samples")
     scale = search.scale
     dual = SampledDual(
@@ -100,7 +100,7 @@ def fit_relative_entropy_irl(
             )
             for share, each in _as_long_as(problem, decisions, samples)
         ),
-        thresholds=scale * _thresholds(problem, decisions, thresholds, confidence),
+        thresholds=scale * given,
         scale=scale,
     )
     start = search.start.reward / scale
@@ -190,21 +190,6 @@ class SampledDual:
         return Point(self.scale * self._weights(halves), value, free)
 
 
-def _thresholds(
-    problem: Problem, decisions: Decisions, thresholds: FloatArray | None, confidence: float
-) -> FloatArray:
-    if thresholds is None:
-        episodes = trajectories_of(decisions)
-        lengths = np.where(problem.mdp.final[episodes.end], np.inf, episodes.length)
-        return hoeffding_thresholds(
-            problem, len(episodes), confidence, float(lengths.max()), float(lengths.min())
-        )
-    checked = float_array("thresholds", thresholds, (len(problem.feature_names),))
-    if np.any(checked < 0):
-        raise SerdError(f"thresholds must not be negative, got {checked.min()}")
-    return checked
-
-
 @dataclass(frozen=True, eq=False)
 class _BoundedAscent(Ascent):
     """L-BFGS over halves from 0 to `largest_weight`; its points are the weights of the halves."""
@@ -222,7 +207,7 @@ class _BoundedAscent(Ascent):
         climb.judge(*vanishing(climb.here, self.gradient_tolerance))
         yield
 
-        def accept(climb: Climb, vector: FloatArray) -> None:
+        def accept(vector: FloatArray) -> None:
             nonlocal halves
             halves, point = vector.copy(), self.dual.at(vector)
             climb.accept(point, *vanishing(point, self.gradient_tolerance))
@@ -259,24 +244,18 @@ def importance_log_weights(
 
 
 def hoeffding_thresholds(
-    problem: Problem,
-    n_episodes: int,
-    confidence: float = 0.95,
-    horizon: float = np.inf,
-    shortest: float | None = None,
+    problem: Problem, n_episodes: int, confidence: float = 0.95, horizon: float = np.inf
 ) -> FloatArray:
     """(F,) half-widths within which the mean discounted features lie with that confidence.
 
-    horizon, shortest: most and fewest decisions of an episode; None where all have the most.
+    horizon: most decisions of an episode.
+
+        thresholds = sc.hoeffding_thresholds(problem, len(decisions.episodes), horizon=50)
     """
+    require_problem(problem)
     require_share("confidence", confidence)
-    if not n_episodes >= 1:
-        raise SerdError(f"n_episodes must be at least 1, got {n_episodes}; record an episode")
-    observable = problem.features[problem.mdp.available]
-    discount = problem.mdp.discount
-    lengths = np.array([horizon, horizon if shortest is None else shortest], dtype=np.float64)
-    series = (1.0 - discount**lengths) / (1.0 - discount)
-    # Counts grow or shrink with the length, so their extremes lie at one of the two.
-    spread = np.max(np.outer(series, observable.max(axis=0)), axis=0)
-    spread -= np.min(np.outer(series, observable.min(axis=0)), axis=0)
+    require_count("n_episodes", n_episodes, 1, "100")
+    observable, discount = usable_features(problem), problem.mdp.discount
+    series = (1.0 - discount**horizon) / (1.0 - discount)
+    spread = series * observable.max(axis=0) - series * observable.min(axis=0)
     return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))

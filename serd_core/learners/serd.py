@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind, require_positive
-from serd_core.ascent.ascent import Ascent, StepCallback
+from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
-from serd_core.ascent.lbfgs import LBFGS
 from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
@@ -30,7 +29,7 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy, PolicyModel
+from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy, PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, free_numbers
 from serd_core.posterior.posterior import Posterior, require_possible
@@ -53,10 +52,7 @@ def fit_serd(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Learn reward weights and dynamics by Algorithm 1 for any policy model.
-
-    Other arguments are those of `fit_mdce_serd` and `fit_pm_serd`, which choose the policy model.
-    """
+    """Learn reward weights and dynamics by Algorithm 1 for any policy model."""
     for name, part, kinds, example in (
         ("belief", belief, (Belief,), "FreeBelief()"),
         ("prior", prior, (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),
@@ -86,9 +82,8 @@ def fit_serd(
     reached = belief.unpack(ascended.vector, start)
     parameters, ascended, undetermined = certificate(posterior, belief, reached, ascended, on_step)
     final = objective.at(parameters)
-    truth, believed = (
-        _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
-    )
+    local = problem.mdp.transitions.moves.local_probabilities
+    truth, believed = local(parameters.truth), local(parameters.belief)
     trace = ascended.objective_trace * observations.n_decisions
     ascended = replace(ascended, objective=final.objective, objective_trace=trace)
     tables = (truth, believed, moves)
@@ -116,7 +111,7 @@ def fit_mdce_serd(
     problem: with F features and M outcome models of K outcomes (`TabularProblem`).
     initial_weights: (F,) to start from; None starts at 0 with a prior by evidence, and else draws
     from U[-10, 10] by `rng`, which must then be given.
-    dynamics: (M, K) probabilities to start from, or the parameters of a SparseModel; None for the
+    dynamics: (M, K) probabilities to start from, or the parameters of timed ones; None for the
     M-estimate of the decisions. With `FixedBelief()` they are known and stay as they are.
     belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
     know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`, `BeliefAroundTruth()`.
@@ -192,11 +187,3 @@ def fit_pm_serd(
         ascent=ascent,
         on_step=on_step,
     )
-
-
-def _checked_probabilities(problem: Problem, theta: FloatArray) -> FloatArray:
-    """Local probabilities; a SparseModel's map may have left the distributions on the way."""
-    model = problem.mdp.transitions.moves
-    probabilities = model.local_probabilities(theta)
-    model.require_transitions(probabilities)
-    return probabilities

@@ -13,11 +13,11 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
-from serd_core.ascent.open_directions import judged_weights
 from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
+from serd_core.learners.certificate import judged_weights
 from serd_core.learners.start import (
     WITH_PRIOR,
     dynamics_or_estimate,
@@ -25,7 +25,7 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, feature_ranges, free_numbers
 from serd_core.posterior.posterior import Posterior

@@ -19,17 +19,16 @@ from serd_core.ascent.ascent import (
     Scaled,
     StepCallback,
 )
-from serd_core.ascent.open_directions import judged_weights
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
+from serd_core.learners.certificate import judged_weights
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
-from serd_core.policies.solved_policy import solution_at
+from serd_core.policies.solved_policy import PolicyModel, solution_at
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block, Parameters
@@ -44,12 +43,7 @@ INTENDED_SHARE = 0.9
 def dynamics_or_estimate(
     problem: Problem, decisions: Decisions, dynamics: FloatArray | None, *, learned: bool = False
 ) -> FloatArray:
-    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
-
-    In the terms of the model: an (M, K) table, or the parameters of a SparseModel. A model without
-    parameters needs neither. Where actions are hidden, the estimate of dynamics that are `learned`
-    is `dynamics_of_hidden_actions`; others must be given.
-    """
+    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1)."""
     model = problem.mdp.transitions
     if dynamics is None and model.n_parameters and decisions.hidden.any():
         if not learned:
@@ -64,11 +58,7 @@ def dynamics_or_estimate(
 
 
 def dynamics_of_hidden_actions(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely.
-
-    Models of pairs (s, a) that decisions show get the M-estimate of these. Without `intended` all
-    models get it; SerdError where no decision shows its action.
-    """
+    """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely."""
     model, shown = outcome_models_of(problem.mdp), decisions.select(~decisions.hidden)
     if model.intended is None and not len(shown):
         raise SerdError(
@@ -169,20 +159,13 @@ class RewardSearch:
         on_step: StepCallback | None,
         fix: str = WITH_PRIOR,
     ) -> FitResult:
-        """The fit at the maximum of a function of the (F,) weights with its gradient.
-
-        fix: what to do where it has none.
-        """
+        """The fit at the maximum of a function of the (F,) weights with its gradient."""
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
         scaled = Scaled(FunctionObjective(objective), self.scale)
         return self.result(scaled.maximum(ascent, self.start.reward, on_step), scaled, fix)
 
     def result(self, ascended: AscentResult, scaled: Objective, fix: str) -> FitResult:
-        """The fit of an ascent over the weights, with the likelihood of its policy.
-
-        scaled: what it maximised, over weights / scale. The fit has not converged where that has no
-        maximum.
-        """
+        """The fit of an ascent over the weights, with the likelihood of its policy."""
         ascended, undetermined = judged_weights(
             scaled, ascended, self.scale, reward_names(self.problem), fix
         )

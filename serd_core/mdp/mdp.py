@@ -10,6 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import (
+    BYTES_PER_ENTRY,
+    LISTED_BYTES_PER_ENTRY,
     BoolArray,
     FloatArray,
     Shape,
@@ -18,12 +20,12 @@ from serd_core.arrays import (
     is_number,
     require_each,
     require_kind,
+    require_memory,
     shown,
 )
-from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.outcome_models import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.memory import BYTES_PER_ENTRY, LISTED_BYTES_PER_ENTRY, require_memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +97,7 @@ ROUNDING = 1e-9
 def checked_policy(
     name: str, values: FloatArray, mdp: Mdp | None = None, shape: Shape = (None, None)
 ) -> FloatArray:
-    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution.
-
-    mdp: the one it is for; None for a policy of any problem, then of the given shape.
-    """
+    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
     policy = float_array(name, values, shape if mdp is None else mdp.available.shape)
     available = np.ones_like(policy, dtype=np.bool_) if mdp is None else mdp.available
     allowed = (policy >= -ROUNDING) & (available | (policy == 0.0))

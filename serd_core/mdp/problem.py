@@ -1,21 +1,24 @@
 """What a learner is given besides demonstrations: an MDP without reward, and reward features.
 
-R(s, a) = theta_R . f(s, a)
+R(s, a) = theta_R . f(s, a). A terminal state of a table of transitions has one action, which stays;
+its features count once, on arrival: staying for ever pays (1 - gamma) f each time, f in all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from serd_core.arrays import (
     FloatArray,
+    chosen_indices,
     float_array,
     number_array,
     require_kind,
     shown,
 )
+from serd_core.dynamics.outcome_models import fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -111,3 +114,57 @@ def weights_gradient(features: FloatArray, by_reward: FloatArray) -> FloatArray:
 def usable_features(problem: Problem) -> FloatArray:
     """(N, F) features of the available pairs."""
     return problem.features[problem.mdp.available]
+
+
+def from_transitions(
+    transitions: Any,
+    features: Any,
+    *,
+    discount: float,
+    feature_names: Sequence[str] | None = None,
+    terminal: Iterable[int] = (),
+) -> TabularProblem:
+    """Make a learning problem from a table of known transitions.
+
+    transitions: (S, A, S) array. Pairs (s, a) without entries are not available.
+    features: (S, F) of states or (S, A, F) of pairs; feature_names: (F,), None numbers them.
+    discount: gamma in [0, 1) per decision.
+    terminal: states in which an episode ends, or an (S,) mask of them; their features count once.
+
+        problem = sc.from_transitions(transitions, features, discount=0.95, terminal=[24])
+    """
+    dense = float_array("transitions", transitions, (None, None, None))
+    if dense.shape[0] != dense.shape[2]:
+        raise SerdError(
+            f"transitions must have shape (states, actions, states), got {dense.shape}; transpose"
+            " them"
+        )
+    try:
+        listed = list(terminal)
+    except TypeError as error:
+        raise SerdError(
+            f"terminal must list states, got {shown(terminal)}; use for example [0]"
+        ) from error
+    ends = np.unique(chosen_indices("terminal", listed, len(dense), "a state"))
+    # A terminal state has one action, which stays.
+    kept = np.where(np.isin(np.arange(len(dense)), ends)[:, None, None], 0.0, dense)
+    kept[ends, 0, ends] = 1.0
+    state, action, following = np.nonzero(kept)
+    n_states, n_actions, _ = dense.shape
+    chances = kept[state, action, following]
+    known = fixed_transitions((n_states, n_actions), state, action, following, chances)
+    mdp = Mdp(known, discount)
+    values = np.asarray(number_array("features", features), dtype=np.float64)
+    if values.ndim == 2 and len(values) == n_states:
+        values = np.repeat(values[:, None, :], n_actions, axis=1)
+    if values.ndim != 3 or values.shape[:2] != (n_states, n_actions):
+        raise SerdError(
+            f"features must have shape ({n_states}, F) or ({n_states}, {n_actions}, F), got"
+            f" {values.shape}; reshape them"
+        )
+    values = np.array(values)
+    values[ends] *= 1.0 - mdp.discount
+    numbered = tuple(f"feature {i}" for i in range(values.shape[2]))
+    return TabularProblem(
+        mdp, values, numbered if feature_names is None else unique_names(feature_names)
+    )

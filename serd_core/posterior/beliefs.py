@@ -15,10 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import CouplingPrior
-from serd_core.priors.gaussian import GaussianAroundTruth
 from serd_core.priors.prior import Prior, UniformPrior, require_weight
 
 
@@ -100,26 +98,6 @@ class CoupledBelief(FreeBelief):
     def prior(self) -> Prior:
         """The coupling prior."""
         return CouplingPrior(self.weight)
-
-
-@dataclass(frozen=True)
-class BeliefAroundTruth(FreeBelief):
-    """The expert is nearly right: log odds of the belief are normal around those of the truth.
-
-    deviation: standard deviation of that distribution; None where it is chosen by evidence.
-    """
-
-    deviation: float | None = None
-
-    @property
-    def prior(self) -> Prior:
-        """The normal distribution of the belief around the truth."""
-        if self.deviation is None:
-            raise SerdError(
-                "deviation of BeliefAroundTruth must be a number where the prior is given, got"
-                " None; use for example 1, or PriorByEvidence() for the prior"
-            )
-        return GaussianAroundTruth(self.deviation)
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray, FloatArray, described
 from serd_core.ascent.ascent import Objective
-from serd_core.ascent.open_directions import described
 from serd_core.mdp.problem import Problem, usable_features
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
+from serd_core.posterior.hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 
@@ -177,10 +176,7 @@ def free_names(problem: Problem, parameters: Parameters, jacobian: FloatArray) -
 
 
 def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> BoolArray:
-    """(m,) which free numbers something in the problem depends on.
-
-    The probabilities of an outcome model that no pair (s, a) has are in no transition.
-    """
+    """(m,) which free numbers something in the problem depends on."""
     transitions = problem.mdp.transitions
     in_use = np.ones(len(jacobian), dtype=bool)
     for block, values in ((Block.BELIEF, parameters.belief), (Block.TRUTH, parameters.truth)):
@@ -190,10 +186,7 @@ def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) 
 
 
 def free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) -> FloatArray | None:
-    """(n,) direction in which all weights grow with the temperature, where nothing determines it.
-
-    Policies over optimal Q-values depend on the ratio alone; the prior may hold either.
-    """
+    """(n,) direction in which weights grow with the temperature, where nothing determines it."""
     if not len(at.policy):
         return None
     both = at.zeros().with_block(Block.REWARD, at.reward).with_block(Block.POLICY, at.policy)

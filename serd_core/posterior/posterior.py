@@ -2,40 +2,114 @@
 
     J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
 
-A decision whose action is hidden has log sum_a pi_theta(a | s) P_T(s' | s, a) in place of the first
-two (`serd_core.posterior.hidden_actions`).
+Where moves take time, P_T(s', t | s, a) stands for P_T(s' | s, a). Probabilities of several
+outcomes that land in s' add up. Moves m(s, s') whose action is hidden add
 
-Where moves take time, P_T(s' | s, a) stands for P_T(s', t | s, a) with the dwell time t
-(`serd_core.semi_markov.dwell_likelihood`).
+    sum m log Z,   Z(s, s') = sum_a pi(a | s) P(s' | s, a),   q(a | s, s') = pi P / Z
+    dL = sum m E_q[d log pi + d log P],   d2L = sum m E_q[d2 log pi + d2 log P] + sum m Cov_q[...]
 
-Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
+(Fisher, Louis 1982), those of decisions with their action at the expected counts m q.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse
 
 from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.bellman.bellman_solver import (
     Adjoint,
     BellmanProblem,
     BellmanSolution,
-    BellmanSolver,
+    Newton,
     adjoint,
 )
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.linear_solver import LinearSolver
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, rewards_of, usable_features, weights_gradient
-from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior.hidden_actions import ExpectedCounts, expected_counts
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedCounts:
+    """Observations in which expected counts stand for hidden actions.
+
+    observations: with `state_action` and `group_count` of shown and of hidden actions.
+    share: (H,) q of each transition that explains a hidden action; log_moves: (T,) log Z;
+    log_likelihood: L.
+    """
+
+    observations: Observations
+    share: FloatArray
+    log_moves: FloatArray
+    log_likelihood: float
+
+
+def expected_counts(
+    seen: Observations, log_policy: FloatArray, true: Transitions
+) -> ExpectedCounts:
+    """Share hidden actions for an (S, A) log policy and P."""
+    hidden = seen.hidden
+    if not hidden:
+        return ExpectedCounts(seen, np.zeros(0), np.zeros(0), 0.0)
+    row = seen.key[hidden.place] // true.model.n_states
+    probability = seen.probabilities(true.local_probabilities)
+    log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
+    largest = np.full(len(hidden.count), -np.inf)
+    np.maximum.at(largest, hidden.move, log_joint)
+    share = np.exp(log_joint - largest[hidden.move])
+    total = weighted_counts(hidden.move, share, len(hidden.count))
+    share /= total[hidden.move]
+    completed = _completed(seen, hidden.count[hidden.move] * share)
+    log_moves = largest + np.log(total)
+    return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
+
+
+def drawn_actions(
+    seen: Observations, log_policy: FloatArray, true: Transitions, rng: np.random.Generator
+) -> Observations:
+    """Observations with a draw of the hidden actions, for an (S, A) log policy and P."""
+    share, hidden = expected_counts(seen, log_policy, true).share, seen.hidden
+    n_states, n_actions = seen.state_action.shape
+    action = seen.key[hidden.place] // n_states % n_actions
+    shares = np.zeros((len(hidden.count), n_actions))
+    shares[hidden.move, action] = share
+    drawn = rng.multinomial(hidden.count.astype(np.int64), shares)
+    return _completed(seen, drawn[hidden.move, action])
+
+
+def _completed(seen: Observations, counts: FloatArray) -> Observations:
+    """Observations with (H,) counts of the transitions that explain hidden actions."""
+    place = seen.hidden.place
+    by_pair = weighted_counts(
+        seen.key[place] // len(seen.state_action), counts, seen.state_action.size
+    )
+    return replace(
+        seen,
+        state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
+        group_count=seen.group_count + weighted_counts(place, counts, len(seen.key)),
+    )
+
+
+def move_scores(found: ExpectedCounts, scores: FloatArray) -> FloatArray:
+    """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `key`."""
+    hidden = found.observations.hidden
+    shape = len(hidden.count), len(scores)
+    table = scipy.sparse.csr_array((found.share, (hidden.move, hidden.place)), shape=shape)
+    return np.asarray(table @ scores)
+
+
+def covariance_of_scores(found: ExpectedCounts, scores: FloatArray) -> FloatArray:
+    """(n, n) sum m Cov_q of the (G, n) scores of the transitions `key`."""
+    hidden = found.observations.hidden
+    centred = scores[hidden.place] - move_scores(found, scores)[hidden.move]
+    weights = hidden.count[hidden.move] * found.share
+    return np.asarray((centred * weights[:, None]).T @ centred)
 
 
 def dynamics_log_likelihood(
@@ -107,15 +181,11 @@ class Posterior:
     observations: Observations
     policy_model: PolicyModel
     prior: Prior
-    solver: BellmanSolver = field(default_factory=Newton)
-    linear_solver: LinearSolver = field(default_factory=Automatic)
+    solver: Newton = field(default_factory=Newton)
 
     @cached_property
     def features(self) -> FloatArray:
-        """(S, A, F) of the problem, less a large constant, which changes no policy.
-
-        Where moves take time it does, as values of constant rewards depend on how long moves take.
-        """
+        """(S, A, F) of the problem, less a large constant, which changes no policy."""
         if self._model.moves is not self._model:
             return self.problem.features
         features, given = self.problem.features, usable_features(self.problem)
@@ -135,7 +205,7 @@ class Posterior:
         by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
         del log_policy, policy  # (S, A) tables that the linear system has no room beside
         mdp = self.problem.mdp
-        gradients = adjoint(mdp, believed, solution, by_q, self.linear_solver)
+        gradients = adjoint(mdp, believed, solution, by_q)
         dynamics_value, by_truth = dynamics_log_likelihood(seen, true)
         if seen.hidden:
             _, by_truth = dynamics_log_likelihood(expected.observations, true)

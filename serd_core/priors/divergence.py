@@ -1,20 +1,30 @@
-"""Priors on the transition probabilities of dynamics, by their divergence.
+"""Priors on dynamics: their divergence from other dynamics (Eq. 4.91, section 4.3), and Dirichlet.
 
-Close to a reference model Q (Eq. 4.91), and a belief that is similar to the true dynamics (section
-4.3):
-
-    KldPrior       -lambda sum_{s,a} w(s,a) sum_s' Q(s'|s,a) log(Q(s'|s,a) / P_theta(s'|s,a))
-    CouplingPrior  -lambda sum_{s,a,s'} P_T(s'|s,a) log(P_T(s'|s,a) / P_TE(s'|s,a))
+    KldPrior        -lambda sum_{s,a} w(s,a) sum_s' Q(s'|s,a) log(Q(s'|s,a) / P_theta(s'|s,a))
+    CouplingPrior   -lambda sum_{s,a,s'} P_T(s'|s,a) log(P_T(s'|s,a) / P_TE(s'|s,a))
+    DirichletPrior  sum_m [ c sum_k log P_m(k) - log B(c, ..., c) ]
 
 The gradient of the first is +lambda sum Q dP/P: the sign printed in (4.92) is wrong, as the finite
-difference shows. In the last both models move, so the gradient has a part for each block.
+difference shows. Over energies a Dirichlet density has the exponents c, not c - 1, as the volume
+element adds prod_k P(k): so its maximum under observed transitions is the M-estimate with
+pseudo-count c (MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, float_array, floored, require_each, require_kind
+from serd_core.arrays import (
+    FloatArray,
+    float_array,
+    floored,
+    padded,
+    require_each,
+    require_kind,
+    require_positive,
+)
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     dynamics_gradient,
@@ -25,7 +35,7 @@ from serd_core.dynamics.transition_model import (
 )
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, require_weight
+from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, require_weight, terms_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +129,77 @@ class CouplingPrior(Prior):
         table[at_belief, at_belief] = transition_hessian(
             model, parameters.belief, ratio, -ratio / belief
         )
-        everywhere = np.ones(len(truth), dtype=np.bool_)
-        by_truth, by_belief = (
-            transition_jacobian(model, theta, everywhere)
-            for theta in (parameters.truth, parameters.belief)
-        )
+        by_truth = transition_jacobian(model, parameters.truth)
+        by_belief = transition_jacobian(model, parameters.belief)
         mixed = (by_truth * (self.weight / belief)[:, None]).T @ by_belief
         table[at_truth, at_belief], table[at_belief, at_truth] = mixed, mixed.T
         return table
+
+
+@dataclass(frozen=True)
+class DirichletPrior(Prior):
+    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block."""
+
+    pseudo_count: float
+    block: Block = Block.TRUTH
+
+    def __post_init__(self) -> None:
+        require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
+        require_kind("block", self.block, (Block,), "Block.TRUTH")
+        require_dynamics_block("DirichletPrior", self.block)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The block."""
+        return (self.block,)
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """c sum log P and its gradient, of outcome models beta c (1 - K P)."""
+        models = require_outcome_models(model, "DirichletPrior")
+        table = models.local_probabilities(parameters.block(self.block))
+        gradient = models.beta * self.pseudo_count * (1.0 - models.n_outcomes * table)
+        return LogPrior(
+            self.pseudo_count * float(np.sum(np.log(floored(table)))),
+            parameters.zeros().with_block(
+                self.block, padded(gradient.ravel(), (model.n_parameters,))
+            ),
+        )
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """In the part of the block, of outcome models -beta c K dP."""
+        theta = parameters.block(self.block)
+        models = require_outcome_models(model, "DirichletPrior")
+        scale = -models.beta * self.pseudo_count * models.n_outcomes
+        table = padded(scale * models.local_jacobian(theta), (len(theta), len(theta)))
+        return parameters.placed(self.block, table)
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """M times the volume of the coordinates over B(c, ..., c)."""
+        del parameters
+        models = require_outcome_models(model, "DirichletPrior")
+        count, size = self.pseudo_count, models.n_outcomes
+        log_beta = size * gammaln(count) - gammaln(size * count)
+        return models.n_models * (log_volume(models) - float(log_beta))
+
+
+def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:
+    """c of the Dirichlet prior on one of some blocks, 0 where they have none."""
+    factors = [each for each in terms_of(prior) if isinstance(each, DirichletPrior)]
+    return sum(each.pseudo_count for each in factors if each.block in blocks)
+
+
+def log_volume(models: OutcomeModels) -> float:
+    """log |d(log-ratios of one model's probabilities) / d(coordinates of its energies)|."""
+    size = models.n_outcomes
+    return float((size - 1) * np.log(models.beta) + 0.5 * np.log(size))
+
+
+def require_outcome_models(model: TransitionModel, name: str) -> OutcomeModels:
+    """The models over whose energies priors are; SerdError for dynamics of another kind."""
+    moves = model.moves if isinstance(model, OutcomeModels) else None
+    if not isinstance(moves, OutcomeModels):
+        raise SerdError(
+            f"{name} is a prior of OutcomeModels, got {type(model).__name__}; pass another prior,"
+            " or belief=FixedBelief() where dynamics are not learned"
+        )
+    return moves

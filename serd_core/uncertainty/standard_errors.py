@@ -1,47 +1,300 @@
-"""Standard errors, intervals and tests of rewards and dynamics, jointly.
+"""Information matrices of a fit, standard errors, and what the decisions do not determine.
 
-The covariance is the inverse of an information matrix with the gauge taken out; outcome
-probabilities get theirs by the delta method. A parameter that a null direction moves has an
-infinite standard error. Where the model is wrong, or decisions of one episode depend on each other,
-it is the sandwich A^-1 B A^-1 of the observed information A and the outer product B of the scores,
-summed by decision (White 1982) or by cluster (Liang and Zeger 1986). All this holds where J is
-smooth and its gradient 0.
+    observed (Hessian):     -d2 J / d theta2                       (with the prior's part)
+    outer product (BHHH):   sum over decisions of score score^T    (likelihood only)
 
-The bootstrap draws episodes with replacement, as decisions within one depend on each other (Efron
-and Tibshirani 1993). Nested fits without
-priors are compared by the likelihood ratio 2 (L1 - L0), which is chi-squared with one degree of
-freedom per restriction (Wilks 1938).
+The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a), and with a hidden action its
+mean over the actions that explain the move. Where moves take time log P(t|s,a,s') is added, and a
+decision that a command ended has the survival of its dwell time in place of the last two.
+
+The covariance is the inverse of a matrix M with the gauge taken out, where J is smooth and its
+gradient 0; outcome probabilities get theirs by the delta method. M is brought into correlation
+form, D M D with D = diag(M)^(-1/2), which changing units leaves as it is. A diagonal entry that is
+nothing but the rounding of larger numbers is no scale; the size of what cancelled is taken instead.
+Along a null direction all free numbers can move together without changing the likelihood; a
+parameter that one moves has an infinite standard error.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # loads special and stats at their first use
 
 from serd_core.arrays import (
     FloatArray,
-    IntArray,
-    first_index,
     float_array,
-    int_array,
-    number_array,
-    require_count,
-    require_each,
-    require_generator,
+    require_kind,
     require_share,
 )
-from serd_core.demonstrations.decisions import Decisions, require_decisions
-from serd_core.demonstrations.observations import taken_transitions
-from serd_core.dynamics.transition_model import places_of
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
+from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.posterior.parameters import Block
-from serd_core.priors.prior import UniformPrior
-from serd_core.semi_markov.timed_decisions import TimedDecisions
-from serd_core.uncertainty.identifiability import Spectrum, spectrum
-from serd_core.uncertainty.information import Information, require_information
+from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling, gauge_free_basis
+from serd_core.posterior.hessian import (
+    Sensitivities,
+    choice_scores,
+    outcome_scores,
+    posterior_hessian,
+    sensitivities_at,
+    transition_scores,
+    vector_hessian,
+)
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, PosteriorValue, move_scores
+
+
+def score_sizes(
+    posterior: Posterior, parameters: Parameters, q: FloatArray, by_q: FloatArray
+) -> FloatArray:
+    """(blocks,) largest of the numbers whose differences make a decision's score, by parameter."""
+    model, policy_model = posterior.problem.mdp.transitions, posterior.policy_model
+    temperature = policy_model.temperature(parameters.policy)
+    by_choice = np.abs(by_q).max(axis=(0, 1)) / temperature
+    by_outcome = np.abs(model.local_jacobian(parameters.truth)).max(axis=0, initial=0.0)
+    largest_q = float(np.abs(q[np.isfinite(q)]).max())
+    by_temperature = np.full(len(parameters.policy), largest_q / temperature**2)
+    return np.concatenate([by_choice, by_outcome, by_temperature])
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Both information matrices over n free numbers.
+
+    names: (n,); observed, outer_product: (n, n); gradient: (n,) of J there, 0 at an optimum.
+    score_sizes: (n,) largest of the numbers whose differences are the scores of one decision.
+    n_decisions: how many; converged: whether the fit did, in what is determined.
+    gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
+    outcome model. parameters: where they were taken; jacobian: (all blocks, n).
+    """
+
+    names: tuple[str, ...]
+    observed: FloatArray
+    outer_product: FloatArray
+    gradient: FloatArray
+    score_sizes: FloatArray
+    n_decisions: float
+    converged: bool
+    gauge: FloatArray
+    parameters: Parameters
+    jacobian: FloatArray
+
+
+def fit_information(
+    problem: Problem,
+    decisions: Decisions,
+    fit: FitResult,
+) -> Information:
+    """Compute the information matrices of a fit, from which standard errors follow.
+
+    SerdError where the fit is one of another problem, or does not record what it assumed.
+
+        information = sc.fit_information(problem, decisions, fit)
+        errors = sc.standard_errors(problem, information)
+    """
+    require_problem(problem)
+    require_fit(fit)
+    assumed = fit.assumed
+    _require_fitting(problem, fit)
+    observations = observe(problem.mdp, decisions)
+    whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
+    posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
+    at = posterior.evaluate(fit.parameters)
+    found = sensitivities_at(posterior, fit.parameters, at)
+    hessian = posterior_hessian(posterior, fit.parameters, at, found)
+    jacobian = assumed.belief.jacobian(fit.parameters)
+    scores = transition_scores(posterior, fit.parameters, at, found)
+    hidden, counts = move_scores(at.expected, scores), observations.group_count
+    if isinstance(decisions, TimedDecisions):
+        scores = _scores_of_timed(posterior, fit.parameters, at, found, decisions)
+        counts = np.ones(len(scores))
+    free_scores = np.concatenate([scores, hidden]) @ jacobian
+    sizes = score_sizes(posterior, fit.parameters, at.solution.q, found.by_q)
+    counts = np.concatenate([counts, observations.hidden.count])
+    observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
+    scaling = free_scaling(posterior, fit.parameters, jacobian)
+    return Information(
+        names=free_names(problem, fit.parameters, jacobian),
+        observed=observed if scaling is None else _flat_along(scaling, observed),
+        outer_product=(free_scores * counts[:, None]).T @ free_scores,
+        gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
+        score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
+        n_decisions=float(counts.sum()),
+        converged=fit.converged or bool(fit.undetermined),
+        gauge=free_gauge(problem, fit.parameters, jacobian),
+        parameters=fit.parameters,
+        jacobian=jacobian,
+    )
+
+
+def require_information(information: object) -> None:
+    """SerdError unless an argument is an `Information`."""
+    example = "fit_information(problem, decisions, fit)"
+    require_kind("information", information, (Information,), example)
+
+
+def _scores_of_timed(
+    posterior: Posterior,
+    parameters: Parameters,
+    at: PosteriorValue,
+    found: Sensitivities,
+    decisions: TimedDecisions,
+) -> FloatArray:
+    """(n, blocks) scores of each decision whose action is known."""
+    mdp, dwells = posterior.problem.mdp, posterior.observations.dwells
+    truth = parameters.place(Block.TRUTH)
+    scores = np.zeros((len(decisions), len(parameters.vector)))
+    shown = ~decisions.hidden
+    state, action = decisions.state[shown], decisions.action[shown]
+    scores[shown] = choice_scores(posterior, parameters, at, found, state, action)
+    ended = np.flatnonzero(shown & ~decisions.censored)
+    key = taken_transitions(mdp, decisions.select(ended))
+    scores[ended, truth] += outcome_scores(mdp.transitions, parameters.truth, key)
+    if dwells is not None:
+        scores[dwells.row, truth] += dwells.scores(parameters.truth)
+    return scores[shown]
+
+
+def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
+    """(n, n) the symmetric matrix without what rounding and an inexact maximum leave along one."""
+    unit = direction / np.linalg.norm(direction)
+    across = np.eye(len(unit)) - np.outer(unit, unit)
+    return np.asarray(across @ matrix @ across)
+
+
+def _require_fitting(problem: Problem, fit: FitResult) -> None:
+    at = fit.parameters
+    for name, found, wanted in (
+        ("reward weights", len(at.reward), len(problem.feature_names)),
+        ("dynamics parameters", len(at.truth), problem.mdp.transitions.n_parameters),
+    ):
+        if found != wanted:
+            raise SerdError(
+                f"fit must have {wanted} {name} as the problem does, got {found}; pass the problem"
+                " it was made with"
+            )
+
+
+#: Eigenvalues below this share of the largest count as zero.
+NULL_SHARE = 1e-9
+#: Eigenvalues below minus this share of the largest are negative beyond rounding.
+NEGATIVE_SHARE = 1e-6
+
+# Share of the squared size of what was subtracted below which information is rounding.
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """m = n - g directions of n free numbers.
+
+    values: (m,) eigenvalues of the correlation form, ascending; known, null: (m,) whether the data
+    hold information along each.
+    loadings: (m, n) each number's part, in standard errors it would have alone.
+    directions: (m, n) the same in the numbers' own units, orthogonal to the gauge.
+    """
+
+    values: FloatArray
+    loadings: FloatArray
+    directions: FloatArray
+
+    @property
+    def null(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(m,) directions without information."""
+        largest = max(float(self.values[-1]), np.finfo(np.float64).tiny)
+        return np.asarray(self.values <= NULL_SHARE * largest)
+
+    @property
+    def indefinite(self) -> bool:
+        """Whether an eigenvalue is negative beyond rounding."""
+        return bool(self.values[0] < -NEGATIVE_SHARE * abs(self.values[-1]))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n, n) inverse of the matrix on the directions that are not null."""
+        known = self.directions[~self.null]
+        return np.asarray((known.T / self.values[~self.null]) @ known)
+
+
+def spectrum(information: Information, matrix: FloatArray) -> Spectrum:
+    """Directions of one of the information matrices, or of another over the same numbers."""
+    n_free = len(information.names)
+    chosen = float_array("matrix", matrix, (n_free, n_free))
+    scale = _scale(information, chosen)
+    basis = gauge_free_basis(information.gauge / scale)
+    correlation = chosen * scale[:, None] * scale
+    values, vectors = np.linalg.eigh(basis.T @ correlation @ basis)
+    loadings = (basis @ vectors).T
+    gauge = information.gauge
+    own_units = loadings * scale
+    return Spectrum(values, loadings, own_units - own_units @ gauge.T @ gauge)
+
+
+def _scale(information: Information, matrix: FloatArray) -> FloatArray:
+    """(n,) D: the error each number would have if all others were known."""
+    most = information.n_decisions * information.score_sizes**2
+    own = np.abs(np.diag(matrix))
+    squares = np.where(own > _ROUNDING * most, own, most)
+    return np.asarray(1.0 / np.sqrt(np.where(squares > 0, squares, 1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class NullDirection:
+    """A direction without information: its eigenvalue and what moves along it, largest first.
+
+    loadings: in the standard errors that each number would have if the others were known.
+    """
+
+    eigenvalue: float
+    loadings: tuple[tuple[str, float], ...]
+
+    def __str__(self) -> str:
+        parts = [f"{weight:+.2f} {name}" for name, weight in self.loadings]
+        return " ".join(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """What decisions determine; eigenvalues: of the correlation form without the gauge, ascending;
+    null: directions that they do not determine.
+    """
+
+    eigenvalues: FloatArray
+    null: tuple[NullDirection, ...]
+
+    @property
+    def identified(self) -> bool:
+        """Whether the data determine every free number."""
+        return not self.null
+
+
+def identifiability(information: Information) -> Identifiability:
+    """Find the combinations of numbers that the decisions of a fit do not determine.
+
+    By the outer product, which has no prior in it.
+
+        print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
+    """
+    require_information(information)
+    found = spectrum(information, information.outer_product)
+    directions = zip(found.values[found.null], found.loadings[found.null], strict=True)
+    null = [
+        NullDirection(float(value), _loadings(information.names, loadings))
+        for value, loadings in directions
+    ]
+    return Identifiability(eigenvalues=found.values, null=tuple(null))
+
+
+def _loadings(
+    names: tuple[str, ...], direction: FloatArray, share: float = 0.1
+) -> tuple[tuple[str, float], ...]:
+    order = np.argsort(-np.abs(direction), kind="stable")
+    largest = abs(direction[order[0]])
+    return tuple(
+        (names[i], float(direction[i])) for i in order if abs(direction[i]) >= share * largest
+    )
+
 
 #: Part of a null direction below which a parameter counts as not moved by it.
 TOUCHED = 1e-6
@@ -50,8 +303,6 @@ TOUCHED = 1e-6
 LONGEST_STEP = 0.1
 #: Eigenvalue of the correlation form of the information below which weights are not determined.
 SINGULAR = 1e-12
-#: Loss of log-likelihood, relative to its size, that incomplete convergence explains.
-LOSS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +324,10 @@ class StandardErrors:
     def reward_interval(
         self, weights: FloatArray, coverage: float = 0.95
     ) -> tuple[FloatArray, FloatArray]:
-        """Normal intervals of (F,) reward weights, see `confidence_interval`."""
-        return confidence_interval(weights, self.reward, coverage)
+        """Ends of the normal (Wald) intervals of (F,) reward weights, for many decisions."""
+        require_share("coverage", coverage)
+        width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * self.reward
+        return weights - width, weights + width
 
 
 def standard_errors(
@@ -82,14 +335,11 @@ def standard_errors(
     information: Information,
     matrix: FloatArray | None = None,
     *,
-    meat: FloatArray | None = None,
     require_optimum: bool = True,
 ) -> StandardErrors:
     """Compute standard errors of rewards and dynamics of a fit, jointly.
 
     matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
-    meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it:
-    `information.outer_product`, or that of `clustered_outer_product`.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
 
         errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
@@ -109,16 +359,15 @@ def standard_errors(
     at, model = information.parameters, problem.mdp.transitions
     moved = {block: information.jacobian[at.place(block)] for block in Block}
     shape = model.moves.local_probabilities(at.truth).shape
-    spread, known = _spread(found, meat), found.directions[~found.null]
     truth = model.moves.local_jacobian(at.truth) @ moved[Block.TRUTH]
     belief = model.moves.local_jacobian(at.belief) @ moved[Block.BELIEF]
     return StandardErrors(
         names=information.names,
-        free=_errors(np.eye(len(matrix)), found, spread),
-        covariance=np.asarray(known.T @ spread @ known),
-        reward=_errors(moved[Block.REWARD], found, spread),
-        outcome_probabilities=_errors(truth, found, spread).reshape(shape),
-        believed_outcome_probabilities=_errors(belief, found, spread).reshape(shape),
+        free=_errors(np.eye(len(matrix)), found),
+        covariance=found.covariance,
+        reward=_errors(moved[Block.REWARD], found),
+        outcome_probabilities=_errors(truth, found).reshape(shape),
+        believed_outcome_probabilities=_errors(belief, found).reshape(shape),
     )
 
 
@@ -135,83 +384,12 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
     )
 
 
-def confidence_interval(
-    estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the normal (Wald) interval of estimates; approximate, as it relies on many decisions.
-
-    estimate, errors: (n,) numbers and their standard errors; coverage: share of such intervals that
-    hold the truth. Returns the lower and the upper ends.
-    """
-    middle, table = number_array("estimate", estimate), number_array("errors", errors)
-    if table.ndim and table.shape != middle.shape:
-        raise SerdError(
-            f"errors must have the shape of estimate, {middle.shape}, got {table.shape}; give one"
-            " per number"
-        )
-    require_each("errors", table, ~(table < 0), "be at least 0", "give standard errors")
-    require_share("coverage", coverage)
-    width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * table
-    return middle - width, middle + width
-
-
-def clustered_outer_product(
-    problem: Problem,
-    information: Information,
-    decisions: Decisions,
-    clusters: IntArray | None = None,
-) -> FloatArray:
-    """Sum scores over clusters, for standard errors of decisions that depend on each other.
-
-    clusters: (N,) of each decision; None for episodes. Returns the (n, n) sum over clusters of the
-    outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
-    Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
-    """
-    require_problem(problem)
-    require_information(information)
-    require_decisions(decisions)
-    given = decisions.episode if clusters is None else clusters
-    labels = int_array("clusters", given, (len(decisions),))
-    names, cluster = np.unique(labels, return_inverse=True)
-    if len(names) < 2:
-        raise SerdError(f"clusters must be at least 2, got {len(names)}; record more episodes")
-    if decisions.hidden.any():
-        raise SerdError(
-            "decisions must show their actions where scores are summed by cluster, got"
-            f" {int(decisions.hidden.sum())} without; use bootstrap"
-        )
-    key = taken_transitions(problem.mdp, decisions)
-    if isinstance(decisions, TimedDecisions):
-        same = np.array_equal(key, information.key)
-        place = np.arange(len(key)) if same else np.full(len(key), -1)
-    else:
-        place = places_of(key, information.key)
-    if (bad := first_index(place < 0)) is not None:
-        raise SerdError(
-            f"decisions must be those of the information, got decision {bad[0]} with a transition"
-            " that those have not; pass the decisions of fit_information"
-        )
-    sums = np.zeros((len(names), len(information.names)))
-    np.add.at(sums, cluster, information.scores[place])
-    return np.asarray(len(names) / (len(names) - 1.0) * (sums.T @ sums))
-
-
-def _spread(found: Spectrum, meat: FloatArray | None) -> FloatArray:
-    """(k, k) covariance along the k directions that are known."""
-    known = ~found.null
-    if meat is None:
-        return np.diag(1.0 / found.values[known])
-    inner = found.directions[known] / found.values[known][:, None]
-    return np.asarray(inner @ float_array("meat", meat, (found.directions.shape[1],) * 2) @ inner.T)
-
-
-def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray:
+def _errors(rows: FloatArray, found: Spectrum) -> FloatArray:
     """Standard error of each linear combination of the free numbers."""
     moves = rows @ found.directions.T
     total = np.linalg.norm(moves, axis=1)
     touched = np.linalg.norm(moves[:, found.null], axis=1) > TOUCHED * total
-    known = moves[:, ~found.null]
-    variance = np.maximum(np.sum((known @ spread) * known, axis=1), 0.0)
+    variance = np.sum(moves[:, ~found.null] ** 2 / found.values[~found.null], axis=1)
     return np.where(touched, np.inf, np.sqrt(variance))
 
 
@@ -224,133 +402,3 @@ def covariance_of(information: FloatArray) -> FloatArray:
         if np.linalg.eigvalsh(correlation)[0] > SINGULAR:
             return np.asarray(np.linalg.inv(correlation) * scale)
     return np.full_like(information, np.inf)
-
-
-@dataclass(frozen=True, eq=False)
-class Bootstrap:
-    """The (n, ...) estimates of resampled decisions, with their spread."""
-
-    estimates: FloatArray
-
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Standard deviation of the estimates."""
-        return np.asarray(self.estimates.std(axis=0, ddof=1))
-
-    def interval(self, coverage: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper end of the percentile intervals."""
-        require_share("coverage", coverage)
-        tails = np.array([(1.0 - coverage) / 2.0, (1.0 + coverage) / 2.0])
-        low, high = np.quantile(self.estimates, tails, axis=0)
-        return low, high
-
-
-def bootstrap(
-    decisions: Decisions,
-    estimate: Callable[[Decisions], FloatArray],
-    *,
-    rng: np.random.Generator,
-    n: int = 200,
-) -> Bootstrap:
-    """Estimate anew from n samples of as many episodes as there are, drawn with replacement.
-
-    estimate: decisions -> numbers of one shape. SerdError where one is NaN.
-
-        drawn = sc.bootstrap(decisions, lambda d: sc.estimate_dynamics(problem, d), rng=rng)
-        print(drawn.standard_errors, drawn.interval(0.95))
-    """
-    require_generator(rng)
-    require_decisions(decisions)
-    require_count("n", n, 2, "200")
-    episodes = decisions.episodes
-    if len(episodes) < 2:
-        raise SerdError(
-            f"decisions must hold at least 2 episodes, got {len(episodes)}; record more of them"
-        )
-    order = np.argsort(decisions.episode, kind="stable")
-    rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)
-    drawn = rng.integers(len(episodes), size=(n, len(episodes)))
-    estimates = [estimate(_sample(decisions, rows, each)) for each in drawn]
-    found = np.asarray(number_array("what estimate returns", estimates), dtype=np.float64)
-    if (bad := first_index(np.isnan(found))) is not None:
-        raise SerdError(
-            f"estimate must return numbers for every sample, got NaN for sample {bad[0]} of {n};"
-            " estimate what every sample of the episodes determines"
-        )
-    return Bootstrap(found)
-
-
-def _sample(decisions: Decisions, rows: list[IntArray], drawn: IntArray) -> Decisions:
-    """The drawn episodes, numbered anew, so that one drawn twice is two."""
-    chosen = [rows[place] for place in drawn]
-    episode = np.repeat(np.arange(len(chosen)), [len(each) for each in chosen])
-    return replace(decisions.select(np.concatenate(chosen)), episode=episode)
-
-
-@dataclass(frozen=True)
-class HypothesisTest:
-    """The result of a test: its statistic, degrees of freedom and p-value."""
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-
-
-def likelihood_ratio_test(
-    restricted: FitResult, full: FitResult, n_restrictions: int | None = None
-) -> HypothesisTest:
-    """Test a fit against one that is free in more numbers, by twice the gain in log-likelihood.
-
-    n_restrictions: degrees of freedom; None for the number of features that the restricted fit has
-    less. SerdError where a fit did not converge or is no fit by likelihood.
-
-        fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.UniformPrior())
-        print(sc.likelihood_ratio_test(fit_without_walls, fit).p_value)
-    """
-    require_fit(restricted, "restricted")
-    require_fit(full, "full")
-    for fit in (restricted, full):
-        _require_likelihood(fit)
-    if restricted.n_decisions != full.n_decisions:
-        raise SerdError(
-            "restricted and full must be fits of the same decisions, got"
-            f" {restricted.n_decisions} and {full.n_decisions} decisions; fit both to all of them"
-        )
-    less = len(full.reward_weights) - len(restricted.reward_weights)
-    number = less if n_restrictions is None else n_restrictions
-    if number < 1:
-        raise SerdError(
-            f"n_restrictions must be at least 1, got {number}; pass the larger model as full, and"
-            " n_restrictions where both have the same features"
-        )
-    less_likely, most = (
-        fit.policy_log_likelihood + fit.dynamics_log_likelihood + fit.hidden_log_likelihood
-        for fit in (restricted, full)
-    )
-    gain = most - less_likely
-    if not gain >= -LOSS * (1.0 + abs(most)):
-        raise SerdError(
-            f"full must be at least as likely as restricted, got a gain of {gain}; swap them if"
-            " full is the smaller model"
-        )
-    statistic = max(0.0, 2.0 * gain)
-    return HypothesisTest(statistic, number, float(scipy.stats.chi2.sf(statistic, number)))
-
-
-def _require_likelihood(fit: FitResult) -> None:
-    own = fit.assumed
-    if not own.by_likelihood:
-        raise SerdError(
-            "a test of likelihoods must have fits that maximised the likelihood, got one by"
-            " another criterion; use fit_mdce_irl_by_likelihood, or fit_mdce_serd with"
-            " prior=UniformPrior()"
-        )
-    proper = [
-        prior for prior in (own.prior, own.belief.prior) if not isinstance(prior, UniformPrior)
-    ]
-    if proper or not fit.converged:
-        state = "converged" if fit.converged else "not converged"
-        raise SerdError(
-            "a test of likelihoods must have fits that converged without a prior, got one that"
-            f" is {state} with {proper or 'none'}; fit with prior=UniformPrior()"
-        )

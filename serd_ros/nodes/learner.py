@@ -246,7 +246,7 @@ class Learning(Activity):
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
-        self._node.get_logger().info(" ".join(filter(None, [outcome.summary(), outcome.belief])))
+        self._node.get_logger().info(outcome.summary())
         if outcome.traps.n_looping_cells:
             self._node.get_logger().warning(outcome.traps.sentence())
         values = {**outcome.values(), "model": self._config.output}

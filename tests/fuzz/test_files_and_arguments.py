@@ -26,7 +26,7 @@ from serd_app.teleop.joy_mapping import load_joy_mapping
 from serd_app.teleop.twist_mux import load_mux
 from serd_cli.commands.demo import DemoSettings
 from serd_cli.processes.workspace import parse_assignment, stack_processes
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.grid_file import load_grid, save_grid
 from serd_files.model_file import load_model

@@ -15,15 +15,13 @@ from serd_app.learning.outcome import fit_of_file, learned_traps, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import scenario_beside
-from serd_core.arrival.arriving_policy import least_time_policy
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import least_time_policy, trap_states
 from serd_core.ascent.ascent import Step
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.grid import Action, Grid, Outcome
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem, with_dwell_times
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
 from serd_ros.nodes.learner import LearnerConfig

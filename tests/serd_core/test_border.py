@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from serd_core import arrays
 
 
 def words(text):
@@ -31,7 +32,7 @@ WRONG = {
         initial_weights reward_weights dynamics policy sampling_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
         time_s state action next_state successors model_of available truth visits probability
-        errors clusters matrix meat experts period
+        errors matrix period
 """),
         NO_ARRAYS,
     ),
@@ -40,18 +41,16 @@ WRONG = {
         NOT_POSITIVE,
     ),
     **dict.fromkeys(
-        words("confidence slack discount coverage weight p smoothing accuracy gradient_tolerance"),
+        words("confidence slack discount coverage weight gradient_tolerance"),
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        words("n_episodes n_steps n_periods n_decisions n_types most_types n_models n n_folds"),
+        words("n_episodes n_steps n_decisions n_models n n_folds"),
         NO_COUNTS,
     ),
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
     "feature_names": ["x", [1, 2], ["goal", "goal"]],
     "belief": [*KINDS, sc.FreeBelief],
-    "solver": [*KINDS, sc.Newton, None],
-    "linear_solver": [*KINDS, sc.SparseLu],
     "short": NO_NUMBERS,
 }
 #: Words in which sentences name tables that several arguments give.
@@ -73,7 +72,7 @@ def valid(gridworld):
         **dict.fromkeys(words("visits policy sampling_policy"), uniform),
         **dict.fromkeys(words("fit restricted full"), fit),
         **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
-        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions n_types"), 2),
+        **dict.fromkeys(words("n_episodes n_steps n_decisions"), 2),
         "first": [0, 1],
         "second": [0, 1],
         "problem": problem,
@@ -84,6 +83,7 @@ def valid(gridworld):
         "estimate": lambda some: some.action.mean(),
         "start_distribution": np.full(25, 1 / 25),
         "rng": np.random.default_rng(0),
+        "thresholds": np.zeros(2),
         "features": problem.features,
         "feature_names": problem.feature_names,
         **{name: getattr(models, name) for name in words("successors model_of available n_models")},
@@ -103,22 +103,21 @@ CALLS = [
     getattr(sc, name)
     for name in words("""
     fit_mdce_serd fit_pm_serd fit_maxent_irl fit_mdce_irl_by_likelihood fit_mdce_irl_by_entropy
-    fit_policy_matching fit_relative_entropy_irl fit_expert_types choose_expert_types
-    clone_behaviour estimate_dynamics counted_transitions soft_policy optimal_policy
-    boltzmann_policy sample_decisions finite_horizon policy_log_likelihood move_log_likelihood
-    bootstrap decisions_in_periods fit_information standard_errors clustered_outer_product
-    identifiability likelihood_ratio_test confidence_interval laplace outcome_information
-    expected_information_gain fitted_policy validation_log_likelihood dynamics_divergence
-    fixed_transitions from_transitions learned_transitions compare_beliefs
+    fit_policy_matching fit_relative_entropy_irl
+    clone_behaviour estimate_dynamics soft_policy optimal_policy
+    boltzmann_policy sample_decisions policy_log_likelihood move_log_likelihood
+    fit_information standard_errors
+    identifiability laplace outcome_information
+    expected_information_gain fitted_policy validation_log_likelihood
+    fixed_transitions from_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp
-    DirichletPrior CoupledBelief Newton ValueIteration Lbfgs TrustRegion NewtonAscent
+    DirichletPrior CoupledBelief Lbfgs TrustRegion NewtonAscent
     KinkedAscent
 """)
 ]
 
 
 def arguments(call):
-    """(required, all) names of its arguments."""
     parameters = inspect.signature(call).parameters
     return [n for n, p in parameters.items() if p.default is p.empty], list(parameters)
 
@@ -133,8 +132,6 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
     given = {each: valid[each] for each in required if each != name}
     if "initial_weights" in inspect.signature(call).parameters:
         given["initial_weights"] = valid["initial_weights"]
-    if call in (sc.confidence_interval, sc.dynamics_divergence):
-        given["estimate"] = valid["errors" if "errors" in given else "dynamics"]
     if call is sc.from_transitions:
         given |= {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 2))}
     if call is sc.DirichletPrior:
@@ -150,3 +147,42 @@ def test_a_wrong_argument_is_one_line_with_name_rule_value_and_fix(valid, call, 
         assert name in sentence or NAMED.get(name, name) in sentence
         assert " must " in sentence
         assert "; " in sentence
+
+
+@pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
+def test_weights_whose_values_overflow_are_rejected(gridworld, solve):
+    problem, table = gridworld.problem, gridworld.probabilities
+    for size in (1e308, 1e300):
+        for weights in ([0.0, size], [size, -size]):
+            with pytest.raises(
+                sc.SerdError, match=r"rewards\[\d+, \d\] must be finite and at most"
+            ):
+                solve(problem, weights, table)
+    with pytest.raises(sc.SerdError, match="problem must have an mdp and feature_names, got a Mdp"):
+        solve(problem.mdp, [0.0, 1.0], table)
+    assert np.all(np.isfinite(solve(problem, [0.0, 1e298], table).probabilities))
+
+
+LISTED = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
+
+
+def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
+    problem = gridworld.problem
+    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    with pytest.raises(
+        sc.SerdError,
+        match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
+        r" 5.62e\+04 bytes of 3e\+04; use fewer states",
+    ):
+        sc.Mdp(problem.mdp.transitions, 0.9)
+    with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 25 states"):
+        sc.fit_mdce_serd(problem, gridworld.decisions)
+    monkeypatch.setattr(arrays, "memory_limit", lambda: 799)  # entry by entry is more
+    with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
+        sc.Mdp(sc.fixed_transitions((2, 2), *LISTED, np.ones(4)), 0.9)
+
+
+@pytest.mark.parametrize("shape", [(10**12 + 1, 1), (1, 10**12 + 1)], ids=["states", "actions"])
+def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(shape):
+    with pytest.raises(sc.SerdError, match=r"fit into memory.* number states and actions from"):
+        sc.fixed_transitions(shape, [0], [0], [0], [1.0])

@@ -7,8 +7,13 @@ It is the law F_n of docs/arrival.md without dwell times, computed apart from
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.arrival.absorption import probability_of_ever_arriving
-from serd_core.arrival.chain import ArrivalByState, GoalProblem, goal_mask, policy_chain
+from serd_core.arrival.chain import (
+    ArrivalByState,
+    GoalProblem,
+    goal_mask,
+    policy_chain,
+    probability_of_ever_arriving,
+)
 
 
 def arrival_by_state(

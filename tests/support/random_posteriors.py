@@ -7,9 +7,9 @@ from serd_core.arrays import FloatArray, gradient_differences
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
+from serd_core.posterior.hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 

@@ -20,8 +20,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.divergence import DirichletPrior
+from serd_core.priors.prior import GaussianPrior
 
 #: A density over rewards and dynamics.
 PROPER = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.7)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from serd_app.learning.recipe import task_in
+from serd_core.demonstrations.decisions import TimedDecisions
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import require_timed
-from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.scenario.grid import start_states_of
 from serd_sim.scenario.scenario import load_scenario
 from tests.conftest import OUTCOMES

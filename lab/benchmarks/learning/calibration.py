@@ -20,7 +20,7 @@ from lab.posterior.calibration import (
 )
 from lab.posterior.modes import posterior_modes
 from lab.posterior.sampler import sample_posterior
-from serd_core.bayes.draws import PosteriorDraws
+from serd_core.bayes.laplace import PosteriorDraws
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels

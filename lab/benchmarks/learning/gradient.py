@@ -24,13 +24,11 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
+from lab.estimators.value_iteration import ValueIteration
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.ascent import Ascent, Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
-from serd_core.bayes.laplace import laplace
-from serd_core.bellman.bellman_solver import ValueIteration
+from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -126,7 +124,7 @@ def _fits(problem: Problem, decisions: Decisions) -> list[Row]:
 def _summary(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
     """What a command shows of the posterior."""
     draws = laplace_draws(laplace(problem, decisions, fit), np.random.default_rng(0))
-    credible_intervals(draws)
+    np.quantile(draws.outcome_probabilities, [0.05, 0.95], axis=0)
     return posterior_policy(problem, draws)
 
 

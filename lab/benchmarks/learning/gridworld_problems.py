@@ -5,15 +5,11 @@ import numpy as np
 from lab.experiments.gridworld.landscape import generated_landscape
 from lab.experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.linear_solver import LinearSolver
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.policies.solved_policy import MdcePolicy, soft_policy
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
 
@@ -44,10 +40,6 @@ def demonstrations(
     )
 
 
-def objective_of(
-    problem: Problem, decisions: Decisions, linear_solver: LinearSolver | None = None
-) -> Posterior:
-    """The log posterior of MDCE SERD without a prior, solved as in a fit or by a given solver."""
-    linear = linear_solver or Automatic()
-    seen, solver = observe(problem.mdp, decisions), Newton(linear_solver=linear)
-    return Posterior(problem, seen, MdcePolicy(), UniformPrior(), solver, linear)
+def objective_of(problem: Problem, decisions: Decisions) -> Posterior:
+    """The log posterior of MDCE SERD without a prior, solved as in a fit."""
+    return Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())

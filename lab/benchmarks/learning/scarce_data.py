@@ -21,8 +21,7 @@ import typer
 from lab.benchmarks.learning.fresh_worlds import FAMILIES, World
 from lab.benchmarks.report import measured_rows, save
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import laplace_draws, posterior_policy
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics

@@ -16,13 +16,12 @@ from lab.experiments.gridworld.experiment import GridworldConfig, demonstrate, s
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session
 from lab.experiments.running.tables import Row
 from serd_app.report.style import BLUE, PURPLE, RED, new_figure, report_style
-from serd_core.ascent.ascent import Ascent
-from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.ascent import Ascent, Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import GaussianPrior
 from serd_files.settings import setting, setting_of
 
 AscentName = Literal["gradient", "lbfgs", "trust-region"]

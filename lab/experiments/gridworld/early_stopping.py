@@ -28,7 +28,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_serd
 from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.selection.evaluation import split_episodes
 from serd_files.settings import setting, setting_of
 

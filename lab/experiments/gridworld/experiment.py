@@ -26,16 +26,16 @@ from lab.experiments.gridworld.landscape import (
 )
 from lab.experiments.gridworld.learners import EXPERTS, Estimate, LearnerInput
 from lab.experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
+from lab.experiments.running.divergence import dynamics_divergence
 from lab.experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from lab.experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import posterior_policy
+from serd_core.bayes.laplace import posterior_policy
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.evaluation import (
-    dynamics_divergence,
     policy_log_likelihood,
 )
 from serd_files.settings import setting

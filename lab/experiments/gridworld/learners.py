@@ -10,8 +10,7 @@ from lab.estimators.priors import EntropyPrior
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.bayes.draws import PosteriorDraws, laplace_draws
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -26,8 +25,7 @@ from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.priors.prior import GaussianPrior, Prior, UniformPrior
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
 #: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.

@@ -17,10 +17,17 @@ from numpy.typing import ArrayLike
 
 from serd_app.navigation.forecast import HALF, MOST, plan_remarks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.bands import binomial_tail, clopper_pearson
-from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
-from serd_core.arrival.scores import crps_s, detectable_delay, gap_probability, largest_gap
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.arrival.law import (
+    SAME_TIME_S,
+    ArrivalLaw,
+    binomial_tail,
+    clopper_pearson,
+    crps_s,
+    detectable_delay,
+    gap_probability,
+    largest_gap,
+)
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_files.episode_table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy, start_distribution
 

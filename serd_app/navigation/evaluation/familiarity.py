@@ -28,12 +28,12 @@ from serd_app.learning.outcome import outcome_files
 from serd_app.places.kept_scenario import scenario_beside
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from serd_core.selection.evaluation import EpisodeScores, episode_scores, tail_probabilities
 from serd_core.semi_markov.models import require_timed
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.model_file import ModelFile, load_model

@@ -12,8 +12,7 @@ from serd_app.report import style
 from serd_app.report.style import Look, new_figure
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
-from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.law import ArrivalLaw, empirical_arrival_cdf, sampling_band
 
 #: Share at which a curve visibly differs from zero.
 _LEFT_ZERO = 0.005

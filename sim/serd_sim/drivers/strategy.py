@@ -18,16 +18,14 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
-from serd_core.arrival.chain import ArrivalByState
+from serd_core.arrival.arriving_policy import ArrivingPolicy, Traps, arriving_policy
+from serd_core.arrival.chain import ArrivalByState, timed_arrival
 from serd_core.arrival.law import ArrivalLaw, steps_within
-from serd_core.arrival.trap_states import Traps
-from serd_core.bayes.draws import averaged_policy
+from serd_core.bayes.laplace import averaged_policy
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, features_of_flow, with_dwell_times
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
-from serd_core.semi_markov.arrival import timed_arrival
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelFile, Probabilities, load_model, require_grid
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of

@@ -6,7 +6,7 @@ from math import isnan, nan
 from statistics import fmean
 from typing import Any
 
-from serd_core.arrival.bands import clopper_pearson
+from serd_core.arrival.law import clopper_pearson
 from serd_files.table import Row
 from serd_sim.episodes.metrics import EpisodeMetrics
 from serd_sim.robot.contacts import ContactCounts

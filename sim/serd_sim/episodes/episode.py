@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner

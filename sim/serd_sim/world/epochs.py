@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.demonstrations.crossings import CellTracker, Entered
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Grid
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 

@@ -12,6 +12,7 @@ from lab.estimators.forward_gradients import (
     q_gradient_by_lu,
 )
 from lab.estimators.gradient_ascent import GradientAscent
+from lab.estimators.value_iteration import ValueIteration
 from lab.experiments.policy_cost import (
     by_adjoint,
     by_lu,
@@ -19,9 +20,7 @@ from lab.experiments.policy_cost import (
     soft_step,
 )
 from serd_core.ascent.ascent import FunctionObjective
-from serd_core.bellman.bellman_solver import BellmanProblem, ValueIteration
-from serd_core.bellman.equations import HardBellman, SoftBellman
-from serd_core.bellman.newton import Newton
+from serd_core.bellman.bellman_solver import BellmanProblem, HardBellman, Newton, SoftBellman
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.serd import fit_mdce_serd

@@ -12,13 +12,11 @@ from lab.estimators.early_stopping import (
 from lab.estimators.multi_start import multi_start
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import TiedBelief
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import UniformPrior
+from serd_core.priors.divergence import DirichletPrior, KldPrior
+from serd_core.priors.prior import GaussianPrior, UniformPrior
 from serd_core.selection.evaluation import split_episodes, validation_log_likelihood
 from support.small_problems import apart
 

@@ -19,9 +19,8 @@ from serd_app.demonstrations.decision_table import (
 )
 from serd_app.errors import AppError
 from serd_bag.errors import FileError
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import TIMED_COLUMNS, Decisions, TimedDecisions
 from serd_core.grid.grid import Grid
-from serd_core.semi_markov.timed_decisions import TIMED_COLUMNS, TimedDecisions
 
 
 def table(episodes, source="bag"):

@@ -9,7 +9,8 @@ from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.learning.methods import METHODS
 from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
-from serd_core.demonstrations.decisions import HIDDEN
+from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
@@ -21,8 +22,6 @@ from serd_core.grid.navigation import (
 )
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
-from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
 from serd_sim.drivers.strategy import dynamics_of_draws, learned_dynamics
@@ -85,7 +84,7 @@ def means_of(outcome):
 def test_the_methods_by_evidence_learn_durations_where_actions_are_known(decisions):
     hidden = replace(decisions, action=np.full(len(decisions), HIDDEN))
     together = {method for method in METHODS if learns_durations(method, decisions)}
-    assert together == {"mdce_serd_evidence", "mdce_serd_belief_evidence"}
+    assert together == {"mdce_serd_evidence"}
     assert not any(learns_durations(method, hidden) for method in METHODS)
 
 
@@ -198,7 +197,7 @@ def test_places_are_not_taken_where_they_do_not_differ_or_are_not_known(decision
 def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path):
     """A strategy plans with what the fit learned."""
     few = decisions.select_episodes(decisions.episodes[:4])
-    found, path = learned(few, "mdce_serd_belief_evidence"), tmp_path / "model.yaml"
+    found, path = learned(few, "mdce_serd_evidence"), tmp_path / "model.yaml"
     save_yaml_model(path, found.model)
     file = load_model(path)
     assert file == found.model

@@ -16,13 +16,13 @@ from serd_app.learning.knowledge import (
 from serd_app.learning.outcome import outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
-from serd_core.bayes.draws import N_DRAWS
+from serd_core.bayes.laplace import N_DRAWS
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WAITING, WITH_FLOW
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.posterior.parameters import Block
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import GaussianPrior
 from serd_sim.scenario.scenario import load_scenario
 from tests.support.timed_hallway import MEAN_S, TASK, timed_decisions
 

@@ -15,9 +15,8 @@ from serd_app.navigation.evaluation.comparison import (
     starts_of,
 )
 from serd_app.teleop.page.view import overlay_of
-from serd_core.arrival.bands import binomial_tail
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.semi_markov.simulation import sample_timed_decisions
+from serd_core.arrival.law import ArrivalLaw, binomial_tail
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_files.model_file import load_model
 from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.scenario import load_scenario

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from serd_bag.errors import FileError
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import require_timed
-from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.model_file import ModelDraws, load_model
 from serd_sim.drivers.strategy import (
     MOST_DRAWS,

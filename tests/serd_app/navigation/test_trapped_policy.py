@@ -6,7 +6,7 @@ import pytest
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
-from serd_core.semi_markov.arrival import timed_arrival
+from serd_core.arrival.chain import timed_arrival
 from serd_files.grid_file import flow_picture
 from serd_sim.drivers.policy_driver import model_driver
 from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution

@@ -15,14 +15,14 @@ from serd_app.report.inputs import (
 )
 from serd_app.report.write import write_report
 from serd_core.arrival.law import ArrivalLaw
+from serd_core.demonstrations.decisions import TimedDecisions
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_core.priors.divergence import KldPrior
 from serd_core.semi_markov.models import require_timed
-from serd_core.semi_markov.simulation import sample_timed_decisions
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.scenario.grid import navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
 from support.arrival_twin import arrival_by_state

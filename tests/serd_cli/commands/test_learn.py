@@ -11,10 +11,10 @@ from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.settings import MethodName
-from serd_core.bayes.draws import N_DRAWS
+from serd_core.bayes.laplace import N_DRAWS
+from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.grid_file import save_grid
 from serd_files.model_file import load_model
 from serd_files.yaml_config import model_yaml

@@ -13,7 +13,7 @@ from serd_app.demonstrations.decision_table import load_decisions, save_decision
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.demonstrations.decisions import TimedDecisions
 from support.bag_messages import Messages
 from support.commands import printed_in
 from support.foreign_bags import STEP_S, ForeignBag

@@ -8,16 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.arrival.arriving_policy import (
-    NEVER,
     TRAP_PROBABILITY,
     arriving_policy,
     least_time_policy,
+    trap_states,
 )
-from serd_core.arrival.chain import policy_chain
-from serd_core.arrival.trap_states import trap_states
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
-from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.policies.solved_policy import optimal_policy
 from support.arrival_twin import arrival_by_state
 
 N_STEPS = 200
@@ -64,25 +62,6 @@ def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
         assert found.greedy[:5].tolist() == [Action.EAST] * 5
 
 
-def test_the_expected_periods_are_those_of_the_chain_of_its_policy_and_of_no_other_fewer():
-    rng = np.random.default_rng(3)
-    problem = problem_of(np.ones((4, 5)), [19], rng.integers(1, 5, 20))
-    outcomes = rng.dirichlet([1.0, 4.0, 1.0, 1.0, 1.0], 4)
-    found = least_time(problem, outcomes)
-
-    def periods(probabilities):
-        chain = policy_chain(problem.mdp, probabilities, outcomes).toarray()[:19, :19]
-        return np.linalg.solve(np.eye(19) - chain, np.ones(19))
-
-    least = periods(found.probabilities)
-    assert -found.value[:19] == pytest.approx(least, rel=1e-6)
-    moves = problem.grid.neighbours != np.arange(20)[:, None]
-    for _ in range(50):
-        draw = rng.dirichlet(np.ones(5), 20) * moves
-        draw[19] = np.eye(5)[Action.WAIT]
-        assert (periods(draw / draw.sum(axis=1, keepdims=True)) >= least - 1e-6).all()
-
-
 def test_a_detour_of_quick_moves_is_the_way_of_least_time_around_a_slow_one():
     problem = problem_of(np.ones((2, 3)), [2])
     seconds = one_second(problem)
@@ -102,20 +81,6 @@ def test_waiting_is_no_way_even_where_it_is_learned_to_carry_the_robot_along():
     carried = [0.0, 1.0, 0.0, 0.0, 0.0]  # north, where there is no flow
     found = least_time(problem, outcomes_of([0.9, 0.1, 0.0, 0.0, 0.0], carried))
     assert found.greedy[:4].tolist() == [Action.NORTH] * 4
-
-
-def test_cells_that_no_way_leads_out_of_never_arrive_and_leave_the_others_as_they_are():
-    problem = problem_of([[1, 1, 0, 1, 1], [0, 0, 0, 0, 1]], [1])
-    periods = -least_time(problem, outcomes_of(SURE)).value
-    assert periods[:2].tolist() == pytest.approx([1.0, 0.0])
-    assert (periods[2:] > 0.99 * NEVER).all()
-
-
-def test_a_soft_policy_that_arrives_by_chance_is_left_as_it_is():
-    problem, outcomes = problem_of(np.ones((1, 4)), [3]), outcomes_of([0.2, 0.8, 0.0, 0.0, 0.0])
-    learned = soft_policy(problem, np.array([1.6, 0.05]), outcomes)
-    assert trap_states(problem.grid.neighbours, learned.greedy, problem.goal_states).any()
-    assert driven_by(problem, learned, outcomes).policy is learned
 
 
 @settings(deadline=None, max_examples=25)
@@ -140,3 +105,34 @@ def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_tim
     quickest = arrives(fastest.probabilities).within(30)
     lost = np.maximum(driven, quickest) < TRAP_PROBABILITY
     assert np.array_equal(found.traps.unlikely, lost)
+
+
+CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
+LEFT, STAY, RIGHT = 0, 1, 2
+
+
+def test_arrows_that_all_lead_to_the_goal_leave_no_trap() -> None:
+    assert not trap_states(CORRIDOR, np.full(6, RIGHT), np.array([5])).any()
+    # A goal is none even where its arrow leads away.
+    assert not trap_states(CORRIDOR, np.full(6, LEFT), np.array([0, 5])).any()
+
+
+def test_actions_that_are_drawn_lead_to_the_goal_by_some_chance_or_by_none() -> None:
+    probabilities = np.tile([0.6, 0.4, 0.0], (6, 1))
+    probabilities[3:, RIGHT] = 1e-9
+    trapped = trap_states(CORRIDOR, probabilities, np.array([5]))
+    assert trapped.tolist() == [True, True, True, False, False, False]
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 10_000), n_states=st.integers(1, 20))
+def test_it_agrees_with_walking_along_the_arrows(seed: int, n_states: int) -> None:
+    goal, *successor = np.random.default_rng(seed).integers(n_states, size=n_states + 1)
+    successor = np.array(successor)
+    trapped = trap_states(successor[:, None], np.zeros(n_states, dtype=int), np.array([goal]))
+    for first in range(n_states):
+        state = first
+        for _ in range(n_states):
+            if state != goal:
+                state = int(successor[state])
+        assert trapped[first] == (state != goal)

@@ -51,14 +51,9 @@ def test_no_ascent_takes_more_steps_than_it_may(kind, max_steps):
     assert found.message == "not converged: out of steps"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_limits_and_starts_that_no_ascent_can_meet_are_refused(kind):
-    with pytest.raises(sc.SerdError, match="gradient_tolerance must not be negative or NaN, got n"):
-        kind(gradient_tolerance=np.nan)
-    with pytest.raises(sc.SerdError, match="max_steps must not be negative or NaN, got -1"):
-        kind(max_steps=-1)
+def test_a_start_that_no_ascent_can_meet_is_refused():
     with pytest.raises(sc.SerdError, match="parameter 1 of 2 became nan; start from smaller weigh"):
-        kind().maximise(QUADRATIC, np.array([0.0, np.nan]))
+        sc.Lbfgs().maximise(QUADRATIC, np.array([0.0, np.nan]))
 
 
 def test_the_trust_region_climbs_out_of_upward_curvature_and_leaves_flat_directions_alone():

@@ -1,8 +1,6 @@
 """Ascent over kinks: maxima where no gradient vanishes are found and certified."""
 
 import numpy as np
-import pytest
-import scipy.optimize
 
 from serd_core.ascent.ascent import AT_A_KINK, STOPPED, FunctionObjective
 from serd_core.ascent.kinked import (
@@ -45,50 +43,6 @@ def test_a_maximum_on_a_curved_kink_is_found_where_the_trust_region_gives_up():
         assert stopped.message == STOPPED
         assert not stopped.converged
         assert stopped.n_steps == last
-
-
-def top_of_planes(slopes, heights, bowl, start):
-    """The ascent over the smallest of several planes less a bowl."""
-
-    def objective(vector):
-        planes = slopes @ vector + heights
-        lowest = int(np.argmin(planes))
-        value = float(planes[lowest] - 0.5 * vector @ bowl @ vector)
-        return value, slopes[lowest] - bowl @ vector
-
-    return KinkedAscent().maximise(FunctionObjective(objective), start)
-
-
-@pytest.mark.parametrize("n_planes", [4, 20])
-def test_the_top_of_a_tent_of_many_planes_is_found(n_planes):
-    rng = np.random.default_rng(n_planes)
-    slopes = rng.normal(size=(n_planes, 3))
-    slopes -= slopes.mean(axis=0)  # so that the planes rise towards the origin from everywhere
-    found = top_of_planes(slopes, 0.0, 0.1 * np.eye(3), rng.normal(size=3))
-    assert found.converged
-    np.testing.assert_allclose(found.vector, 0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize("seed", [0, 24])
-def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
-    """Seed 24 climbed to within 2e-13, and went on there in steps that gain nothing."""
-    rng = np.random.default_rng(seed)
-    slopes = rng.normal(size=(6, 3))
-    slopes -= slopes.mean(axis=0)
-    heights, root = 0.1 * rng.normal(size=6), rng.normal(size=(3, 3))
-    bowl = root @ root.T * 0.3 + 0.01 * np.eye(3)
-    found = top_of_planes(slopes, heights, bowl, rng.normal(size=3))
-    assert found.converged
-    assert found.message == AT_A_KINK
-    # The same as a quadratic programme in (x, t): t below every plane.
-    best = scipy.optimize.minimize(
-        lambda z: 0.5 * z[:3] @ bowl @ z[:3] - z[3],
-        np.append(np.zeros(3), heights.min()),
-        constraints=[{"type": "ineq", "fun": lambda z: slopes @ z[:3] + heights - z[3]}],
-        method="SLSQP",
-        options={"ftol": 1e-14, "maxiter": 500},
-    )
-    assert found.objective == pytest.approx(-best.fun, abs=1e-6)
 
 
 def test_a_wrong_gradient_is_no_convergence():

@@ -7,21 +7,19 @@ import scipy.special
 import scipy.stats
 
 import serd_core as sc
-from serd_core.bayes.draws import draws_at
-from serd_core.bayes.laplace import laplace_at, log_posterior_of
+from serd_core.bayes.laplace import draws_at, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
-from support.small_problems import PROPER, apart, fit_of, one_choice
+from support.small_problems import PROPER, apart, fit_of
 
 BY_EVIDENCE, REWARDS = sc.PriorByEvidence(), sc.GaussianPrior(2.0, sc.Block.REWARD)
 
 
 @pytest.fixture(scope="module")
 def by_evidence(gridworld):
-    """The fit of the gridworld with its strengths by evidence."""
     return sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
 
 
@@ -31,18 +29,6 @@ def approximated(problem, decisions, **options):
         options.setdefault("initial_weights", np.zeros(len(problem.feature_names)))
     fit = sc.fit_mdce_serd(problem, decisions, **options)
     return fit, sc.laplace(problem, decisions, fit)
-
-
-def test_the_evidence_agrees_with_numerical_integration():
-    _, found = approximated(*one_choice(9, 4), prior=PROPER)
-
-    def choices(w):
-        normal = np.exp(-0.5 * (w / 2.0) ** 2) / (2.0 * np.sqrt(2.0 * np.pi))
-        return normal * scipy.special.expit(w) ** 9 * scipy.special.expit(-w) ** 4
-
-    by_reward = np.log(scipy.integrate.quad(choices, -40, 40)[0])
-    outcomes = scipy.special.betaln(8 + 0.7, 5 + 0.7) - scipy.special.betaln(0.7, 0.7)
-    assert found.log_evidence == pytest.approx(by_reward + outcomes, abs=0.03)
 
 
 @pytest.mark.parametrize("same_successor", [False, True])
@@ -72,17 +58,6 @@ def test_the_evidence_of_dynamics_that_choices_inform_is_close_to_the_integral(s
     assert found.log_evidence == pytest.approx(exact, abs=0.15)
 
 
-def test_a_belief_around_the_truth_does_not_bias_it():
-    """Choices that depend on no dynamics leave the truth where counts have it, and the belief."""
-    case = one_choice(9, 4)
-    fit, found = approximated(*case, belief=sc.BeliefAroundTruth(0.8), prior=PROPER)
-    counted = np.array([[8 + 0.7, 5 + 0.7]]) / (13 + 1.4)
-    np.testing.assert_allclose(fit.outcome_probabilities, counted, atol=1e-6)
-    np.testing.assert_allclose(fit.believed_outcome_probabilities, counted, atol=1e-6)
-    _, alone = approximated(*case, prior=PROPER)
-    assert found.log_evidence == pytest.approx(alone.log_evidence, abs=1e-6)
-
-
 def test_counted_transitions_have_their_exact_evidence(random_problem):
     """Where choices do not depend on the dynamics: a Dirichlet-multinomial distribution."""
     problem, _ = random_problem(3)
@@ -104,7 +79,7 @@ def test_counted_transitions_have_their_exact_evidence(random_problem):
     assert evidence.log_evidence - by_policy == pytest.approx(exact, abs=1e-6)
 
 
-def test_units_and_constants_of_features_and_names_of_actions_do_not_matter(gridworld, by_evidence):
+def test_units_of_features_and_names_of_actions_do_not_matter(gridworld, by_evidence):
     problem, decisions, fit = gridworld.problem, gridworld.decisions, by_evidence
     found = sc.laplace(problem, decisions, fit)
     errors = np.sqrt(np.diag(found.covariance))[:2]
@@ -116,11 +91,6 @@ def test_units_and_constants_of_features_and_names_of_actions_do_not_matter(grid
     away = same.reward_weights * factors - fit.reward_weights
     assert np.all(np.abs(away) <= 1e-6 * errors)
     assert again.log_evidence == pytest.approx(found.log_evidence, abs=1e-6)
-    shifted = replace(problem, features=problem.features + np.array([1e6, 0.0]))
-    moved = sc.fit_mdce_serd(shifted, decisions, prior=sc.PriorByEvidence(3.0, 1.0))
-    unmoved = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(3.0, 1.0))
-    assert moved.converged
-    np.testing.assert_allclose(moved.reward_weights, unmoved.reward_weights, rtol=1e-5)
     model = problem.mdp.transitions
     columns = (table[:, order] for table in (model.successors, model.model_of, model.available))
     renamed = replace(decisions, action=np.argsort(order)[decisions.action])
@@ -128,20 +98,6 @@ def test_units_and_constants_of_features_and_names_of_actions_do_not_matter(grid
     turned = replace(problem, mdp=mdp, features=problem.features[:, order])
     named = sc.fit_mdce_serd(turned, renamed, prior=BY_EVIDENCE)
     np.testing.assert_allclose(named.reward_weights, fit.reward_weights, rtol=1e-7)
-
-
-def test_gauge_and_models_that_no_one_uses_do_not_change_the_evidence(gridworld, by_evidence):
-    problem, decisions, at = gridworld.problem, gridworld.decisions, by_evidence.parameters
-    shifted = at.truth + np.repeat(np.arange(9.0), 5)
-    moved = replace(by_evidence, parameters=replace(at, truth=shifted, belief=shifted))
-    first, second = (sc.laplace(problem, decisions, each) for each in (by_evidence, moved))
-    assert second.log_evidence == pytest.approx(first.log_evidence, abs=1e-8)
-    more = replace(problem.mdp, transitions=replace(problem.mdp.transitions, n_models=10))
-    values = [
-        approximated(each, decisions, prior=REWARDS + sc.DirichletPrior(0.3))[1].log_evidence
-        for each in (problem, replace(problem, mdp=more))
-    ]
-    assert values[1] == pytest.approx(values[0], abs=1e-8)
 
 
 def test_strengths_are_where_the_evidence_is_highest(gridworld, by_evidence):
@@ -187,17 +143,8 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
     np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, atol=1e-9)
     error = np.sqrt(found.covariance[0, 0])
     assert draws.reward.std() == pytest.approx(error, rel=0.06)
-    high = sc.credible_intervals(draws).reward[1]
+    high = np.quantile(draws.reward, 0.95, axis=0)
     np.testing.assert_allclose(high, fit.reward_weights + 1.645 * error, atol=0.15 * error)
-
-
-def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld, by_evidence):
-    problem = gridworld.problem
-    found = sc.laplace(problem, gridworld.decisions, by_evidence)
-    draws = sc.laplace_draws(found, np.random.default_rng(0), 6)
-    numbers = zip(draws.reward, draws.believed_outcome_probabilities, strict=True)
-    mean = np.mean([sc.soft_policy(problem, *each).probabilities for each in numbers], axis=0)
-    np.testing.assert_allclose(sc.posterior_policy(problem, draws), mean, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -241,24 +188,10 @@ def test_a_direction_that_bends_up_is_named_and_points_on_the_way_are_rejected(
 
 
 def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
-    case, around = (gridworld.problem, gridworld.decisions), sc.BeliefAroundTruth()
-    listed = sc.learned_transitions((2, 1), [0, 0, 1], [0, 0, 0], [0, 1, 1])
-    sparse = sc.TabularProblem(sc.Mdp(listed, 0.5), np.ones((2, 1, 1)), ("one",))
+    case = gridworld.problem, gridworld.decisions
     for fit, given, options, sentence in (
         (sc.fit_mdce_serd, case, {"belief": sc.CoupledBelief(1.0)}, "prior that is no density"),
         (sc.fit_pm_serd, case, {}, "policy model with a temperature"),
-        (
-            sc.fit_mdce_serd,
-            (sparse, apart(0, 0, [0, 1])),
-            {"dynamics": np.zeros(1)},
-            "PriorByEvidence is a prior of OutcomeModels, got Sparse",
-        ),
-        (
-            sc.fit_mdce_serd,
-            case,
-            {"belief": around, "prior": PROPER, "initial_weights": np.zeros(2)},
-            "deviation of BeliefAroundTruth must be a number",
-        ),
     ):
         with pytest.raises(sc.SerdError, match=sentence):
             fit(*given, **{"prior": BY_EVIDENCE} | options)

@@ -1,7 +1,5 @@
 """What informed each outcome model, and what one more demonstration would add."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.integrate
@@ -67,16 +65,6 @@ def test_choices_by_a_belief_of_its_own_inform_nothing_of_the_truth():
     np.testing.assert_allclose(found.shared, 0.0, atol=1e-9)
 
 
-def test_information_does_not_depend_on_the_scale_of_features():
-    problem, decisions = two_ways(0.95, n_features=2), apart(0, 0, np.arange(20) < 15)
-    other = replace(problem, features=problem.features * [1e5, 1e-4])
-    default = {"prior": None, "initial_weights": None}
-    ours, theirs = (known(each, decisions, **default) for each in (problem, other))
-    for name in ("from_transitions", "from_choices", "shared", "lower", "upper"):
-        found, expected = getattr(ours, name), getattr(theirs, name)
-        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-9)
-
-
 @pytest.mark.parametrize("mass", [0.5, 0.95])
 def test_intervals_hold_the_mass_they_state(mass):
     found = known(two_ways(0.0), apart(0, 0, np.arange(200) < 150), mass)
@@ -106,23 +94,6 @@ def test_the_gain_of_one_decision_of_a_logistic_model_with_counted_outcomes():
     assert gain[0] == pytest.approx(0.5 * np.log1p(by_weight) + 0.5 * np.log1p(by_outcome))
     # The other state has no outcome to learn, and actions of equal reward show the weight is 0.
     assert gain[1] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_the_gain_is_the_information_of_sampled_demonstrations(make_gridworld):
-    """A naive twin: the outer product of scores of many demonstrations from one cell."""
-    case = make_gridworld(side=3, n_episodes=10, n_steps=8)
-    problem, start, n_episodes = case.problem, 4, 4000
-    fit = sc.fit_mdce_serd(problem, case.decisions, initial_weights=np.ones(2), prior=PROPER)
-    found = sc.laplace(problem, case.decisions, fit)
-    policy, table = sc.fitted_policy(problem, fit), fit.outcome_probabilities
-    drawn = sampled(problem, policy, table, n_episodes, 6, 0, np.eye(9)[start])
-    outer = sc.fit_information(problem, drawn, fit).outer_product / n_episodes
-    root = found.coordinates.table @ found.root
-    added = root.T @ outer @ root
-    expected = 0.5 * np.linalg.slogdet(np.eye(len(added)) + added)[1]
-    gain = sc.expected_information_gain(found, longest=6)
-    assert gain[start] == pytest.approx(expected, rel=0.02)
-    assert np.all(sc.expected_information_gain(found, longest=10) > gain)
 
 
 def test_states_that_end_an_episode_add_nothing():

@@ -17,7 +17,6 @@ def state(column, row):
 
 
 def cell_crossings(grid, time_s, position_m, hysteresis_m=0.0):
-    """States and times of the cells of a way."""
     tracker, entered = CellTracker(grid, hysteresis_m), []
     for at_s, (x_m, y_m) in zip(time_s, position_m, strict=True):
         entered += tracker.see(at_s, x_m, y_m)
@@ -72,13 +71,6 @@ def test_a_tracker_takes_positions_one_by_one_and_begins_anew_after_a_reset():
     tracker.reset()
     assert tracker.state == -1
     assert list(tracker.see(4.0, 5.5, 2.5)) == [(4.0, state(5, 2))]
-
-
-def test_a_place_exactly_at_the_end_of_the_hysteresis_is_not_beyond_it():
-    tracker = CellTracker(GRID, 0.1)
-    tracker.see(0.0, 0.5, 0.5)
-    assert list(tracker.see(1.0, 1.1, 1.04)) == []
-    assert [each.state for each in tracker.see(2.0, 1.2, 1.15)] == [state(1, 0), state(1, 1)]
 
 
 @settings(deadline=None, max_examples=60)

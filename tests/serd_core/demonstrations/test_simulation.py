@@ -2,11 +2,14 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.decisions import state_action_counts
+from serd_core.demonstrations.decisions import Decisions, start_distribution, state_action_counts
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.simulation import (
+    feature_counts,
+    trajectories_of,
+)
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
+from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.mdp.mdp import Mdp
 from support.small_problems import sampled
 
@@ -43,21 +46,67 @@ def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
     assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
 
 
-ENDED = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9).mdp
-GIVEN = {"mdp": ENDED, "policy": np.ones((2, 1)), "start_distribution": [1.0, 0.0]}
+def test_a_start_is_needed_where_all_states_are_final():
+    mdp = sc.from_transitions(np.eye(2)[:, None], np.ones((2, 1)), discount=0.9).mdp
+    size = {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
+    assert len(sc.sample_decisions(mdp, np.ones((2, 1)), None, [1.0, 0.0], **size)) == 0
+    with pytest.raises(sc.SerdError, match=r"mdp must have a state that is not final .* got 2 fin"):
+        sc.sample_decisions(mdp, np.ones((2, 1)), **size)
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        *[({"n_episodes": n}, "n_episodes must be a whole number of at") for n in (0, True, 3.0)],
-        ({"n_steps": "5"}, "n_steps must be a whole number of at least 1, got '5'"),
-        ({"mdp": None}, "mdp must be a Mdp object, got None; use for example problem.mdp"),
-        ({"start_distribution": None}, "mdp must have a state that is not final .* got 2 final"),
-    ],
-)
-def test_wrong_arguments_are_refused_by_name(change, sentence):
-    given = GIVEN | {"n_episodes": 1, "n_steps": 1, "rng": np.random.default_rng(0)}
-    assert len(sample_decisions(**given)) == 0
-    with pytest.raises(SerdError, match=sentence):
-        sample_decisions(**given | change)
+def one_way(dropped: tuple[int, ...] = (), period_s: float = 2.0) -> Decisions:
+    """From 0 to 6 in six decisions of episode 5, some of which are missing."""
+    state = np.arange(6)
+    every = Decisions(
+        np.full(6, 5), 10 + period_s * state, state, np.zeros(6, int), state + 1, "by hand"
+    )
+    return every.select(~np.isin(state, dropped))
+
+
+def with_rows(decisions: Decisions, **columns) -> Decisions:
+    return Decisions(**decisions.columns() | columns)
+
+
+def test_rows_in_any_order_are_the_same_trajectories(gridworld):
+    decisions = gridworld.decisions
+    mixed = decisions.select(np.random.default_rng(0).permutation(len(decisions)))
+    one, other = trajectories_of(decisions), trajectories_of(mixed)
+    for name in ("episode", "start", "end", "length"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_allclose(
+        feature_counts(gridworld.problem, mixed), feature_counts(gridworld.problem, decisions)
+    )
+
+
+@pytest.mark.parametrize("dropped", [(2,), (2, 3)])
+def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
+    decisions = one_way(dropped)
+    tracks = trajectories_of(decisions)
+    np.testing.assert_array_equal(tracks.start, [0, dropped[-1] + 1])
+    np.testing.assert_array_equal(tracks.end, [2, 6])
+    np.testing.assert_array_equal(tracks.episode, [5, 5])
+    np.testing.assert_array_equal(tracks.step, [0, 1, *range(6 - dropped[-1] - 1)])
+    np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
+
+
+def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
+    """Both pieces are samples of their own, so the fit is that of the pieces as episodes."""
+    decisions = gridworld.decisions
+    same = decisions.episode[1:] == decisions.episode[:-1]
+    inside = np.flatnonzero(same[1:] & same[:-1] & (decisions.state != decisions.next_state)[1:-1])
+    rest = decisions.select(np.arange(len(decisions)) != inside[5] + 1)
+    pieces = with_rows(rest, episode=trajectories_of(rest).of_decision)
+    assert len(trajectories_of(rest)) == len(decisions.episodes) + 1
+    fits = [
+        fit_maxent_irl(gridworld.problem, rows, initial_weights=np.zeros(2)).reward_weights
+        for rows in (rest, pieces)
+    ]
+    np.testing.assert_allclose(fits[0], fits[1], rtol=1e-6)
+
+
+def test_a_trajectory_goes_on_where_states_follow_whatever_the_times():
+    paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
+    tracks = trajectories_of(paused)
+    assert (len(tracks), tracks.start[0], tracks.end[0], tracks.length[0]) == (1, 0, 6, 6)
+    timeless = with_rows(one_way((2,)), time_s=np.zeros(5))
+    np.testing.assert_array_equal(trajectories_of(timeless).start, [0, 3])

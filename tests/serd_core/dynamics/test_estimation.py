@@ -6,6 +6,7 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import serd_core as sc
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics import estimation
 from serd_core.dynamics.estimation import (
@@ -138,6 +139,19 @@ def test_an_estimate_that_cannot_be_certified_is_refused_with_a_way_out(monkeypa
 def test_decisions_that_the_problem_rules_out_are_named(minimum_example, rows, sentence):
     with pytest.raises(SerdError, match=sentence):
         estimate_dynamics(minimum_example, decisions_of(rows))
+
+
+def test_known_transitions_have_no_dynamics_to_estimate():
+    known = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0.9)
+    for call, sentence in (
+        (lambda: estimate_dynamics(known, apart(0, 0, [1])), "must be OutcomeModels here, got Sp"),
+        (
+            lambda: sc.fit_mdce_serd(known, apart(0, 0, [1]), dynamics=[0.5]),
+            "must be None",
+        ),
+    ):
+        with pytest.raises(SerdError, match=sentence):
+            call()
 
 
 #: Three outcomes, seen 30 times as 0 or 1, 12 times as 1 or 2, twice as 0 and 5 times as 2.

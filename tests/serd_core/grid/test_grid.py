@@ -49,13 +49,6 @@ def test_a_step_and_its_opposite_come_back_unless_blocked(mask):
         assert np.all(step == DIRECTION_VECTORS[action][::-1])
 
 
-@settings(deadline=None, max_examples=50)
-@given(walkable_masks)
-def test_the_centre_of_every_state_lies_in_that_state(mask):
-    grid = Grid(origin_m=(3.0, -4.0), cell_size_m=0.7, walkable=mask)
-    np.testing.assert_array_equal(grid.states_at(grid.centers_m), np.arange(grid.n_states))
-
-
 def test_points_outside_in_walls_or_not_finite_have_no_state():
     grid = small_grid()
     points = [[-0.25, 2.25], [-1.1, 2.1], [0.0, 2.75], [np.nan, 2.1], [np.inf, 2.1], [1e300, 2.1]]

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
@@ -9,7 +7,6 @@ from serd_core.grid.navigation import (
     FEATURE_NAMES,
     MODEL_NAMES,
     NO_FLOW,
-    SOCIAL_NORM,
     build_navigation_problem,
     features_of_flow,
 )
@@ -53,12 +50,6 @@ def test_the_model_depends_on_how_the_action_lies_to_the_flow():
     assert {MODEL_NAMES[model_of[4, action]] for action in (N, S, E, W)} == {"across_flow"}
 
 
-def test_goal_states_absorb_and_only_wait():
-    problem = corridor()
-    assert problem.mdp.available[6].tolist() == [True, False, False, False, False]
-    np.testing.assert_array_equal(np.flatnonzero(problem.mdp.absorbing), [6])
-
-
 def test_features_follow_section_5_1_3():
     problem = corridor()
     goal, norm, inverse = np.moveaxis(problem.features, 2, 0)
@@ -81,25 +72,6 @@ def test_where_no_people_walk_there_is_no_social_norm_to_keep():
         " flow of people there is none",
     ):
         corridor(flow=np.full(8, NO_FLOW), features=FEATURE_NAMES)
-
-
-@given(st.lists(st.sampled_from([-1, 1, 2, 3, 4]), min_size=8, max_size=8))
-def test_a_wait_has_the_social_norm_where_a_move_can_keep_it_and_nowhere_else(flow):
-    problem = corridor(flow=np.array(flow))
-    has_flow = np.array(flow) != NO_FLOW
-    assert (SOCIAL_NORM in problem.feature_names) == has_flow.any()
-    if has_flow.any():
-        norm = problem.features[:, :, problem.feature_names.index(SOCIAL_NORM)]
-        assert norm[:, Action.WAIT].tolist() == has_flow.tolist()
-        assert norm[:, 1:].max(axis=1).tolist() == has_flow.tolist()
-        assert norm.sum(axis=1).tolist() == has_flow.tolist()
-
-
-def test_features_are_chosen_by_name_and_in_the_order_asked_for():
-    problem = corridor(features=("social_norm", "goal"))
-    assert problem.feature_names == ("social_norm", "goal")
-    assert problem.features.shape == (8, 5, 2)
-    assert problem.features[6, 0, 1] == 1
 
 
 @pytest.mark.parametrize(

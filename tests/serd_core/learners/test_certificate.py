@@ -1,50 +1,17 @@
 """`converged` holds at a maximum only, and its message names what is missing."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import serd_core as sc
+from serd_core.ascent.ascent import FunctionObjective, Lbfgs
 from serd_core.learners import certificate
-from support.small_problems import apart, fit_of
+from serd_core.learners.certificate import judged_weights, open_directions
+from support.small_problems import apart
 
 LIKELY = sc.fit_mdce_irl_by_likelihood
-
-
-def test_a_small_feature_does_not_pass_for_a_small_gradient(gridworld):
-    """With values of 1e-8 the gradient at the start is within the tolerance of the ascent."""
-    factors = np.array([1e-8, 1.0])
-    scaled = replace(gridworld.problem, features=gridworld.problem.features * factors)
-    fit = fit_of(gridworld, [0.0, 0.0], fit=LIKELY)
-    same = fit_of(replace(gridworld, problem=scaled), [0.0, 0.0], fit=LIKELY)
-    assert fit.converged
-    assert same.converged
-    np.testing.assert_allclose(same.reward_weights * factors, fit.reward_weights, rtol=1e-3)
-
-
-@pytest.mark.parametrize("value", [7e-9, 7.0])
-def test_a_feature_that_no_decision_depends_on_is_named(gridworld, value):
-    """A feature that is constant adds a constant to all values and changes no choice."""
-    features = gridworld.problem.features.copy()
-    features[:, :, 1] = value
-    constant = replace(gridworld, problem=replace(gridworld.problem, features=features))
-    fit = fit_of(constant, [0.0, 0.0], fit=LIKELY)
-    assert not fit.converged
-    assert re.search("nothing determines .*reward goal", fit.message)
-    assert len(fit.undetermined) == 1
-
-
-def test_an_outcome_model_that_no_pair_has_may_be_anything(gridworld):
-    problem = gridworld.problem
-    models = replace(problem.mdp.transitions, n_models=10)
-    larger = replace(problem, mdp=replace(problem.mdp, transitions=models))
-    prior = sc.KldPrior(0.1, np.full((10, 5), 0.2))
-    fit = fit_of(replace(gridworld, problem=larger), [0.0, 0.0], prior=prior)
-    assert fit.converged
-    assert fit.undetermined == ()
-    np.testing.assert_allclose(fit.outcome_probabilities[9], 0.2)
 
 
 #: Converged wherever it starts.
@@ -101,7 +68,6 @@ SCALE = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
 
 
 def by_relative_entropy(problem, decisions, threshold=0.0, **start):
-    """The fit by samples of a uniform policy."""
     uniform, rng = np.full((10, 3), 1 / 3), np.random.default_rng(9)
     samples = sc.sample_decisions(problem.mdp, uniform, n_episodes=1500, n_steps=15, rng=rng)
     thresholds = np.full(len(problem.feature_names), threshold)
@@ -175,3 +141,68 @@ def test_the_scale_that_rewards_and_temperature_have_in_common_is_named():
     assert not fit.converged
     assert "log temperature" in fit.undetermined[0]
     assert "reward one" in fit.undetermined[0]
+
+
+NAMES = ("first", "second", "third")
+ROWS = np.random.default_rng(0).normal(size=(40, 2))
+SEPARABLE = ROWS @ [1.0, -2.0] > 0
+NOISY = ROWS @ [1.0, -2.0] + np.random.default_rng(1).logistic(size=40) > 0
+
+
+def logistic(rows, labels, precision=0.0):
+    """Mean log-likelihood of a logistic model with a normal prior, and where its ascent ends."""
+    signed = np.where(np.array(labels)[:, None], 1.0, -1.0) * np.array(rows, dtype=float)
+
+    def evaluate(w):
+        margin = signed @ w
+        value = -np.mean(np.logaddexp(0.0, -margin)) - 0.5 * precision * w @ w
+        return value, signed.T @ (1 / (1 + np.exp(margin))) / len(signed) - precision * w
+
+    objective = FunctionObjective(evaluate)
+    return objective, Lbfgs().maximise(objective, np.zeros(signed.shape[1]))
+
+
+@pytest.mark.parametrize(
+    ("labels", "precision"), [(NOISY, 0.0), (SEPARABLE, 1.0), (SEPARABLE, 1e-6)]
+)
+def test_a_maximum_has_no_open_direction_and_a_prior_bounds_separable_data(labels, precision):
+    objective, end = logistic(ROWS, labels, precision)
+    found = open_directions(objective, end.vector)
+    assert len(found.growing) == len(found.flat) == 0
+
+
+@pytest.mark.parametrize("weights", [(0.0, 0.0), (2.0, -1.0)])
+def test_what_nothing_depends_on_is_flat(weights):
+    """A number that is in no row, and two that are in all rows as their sum."""
+    objective, end = logistic(np.column_stack([ROWS, ROWS @ weights]), NOISY)
+    found = open_directions(objective, end.vector)
+    assert len(found.growing) == 0
+    (way,) = found.flat
+    known = np.array([*weights, -1.0]) / np.linalg.norm([*weights, -1.0])
+    assert abs(way @ known) == pytest.approx(1.0, abs=1e-6)
+    judged, undetermined = judged_weights(objective, end, np.ones(3), NAMES, "leave it out")
+    assert judged.message == f"not converged: nothing determines {undetermined[0]}; leave it out"
+    assert "third" in undetermined[0]
+
+
+def test_kinks_and_other_maxima_are_no_open_directions():
+    kink = FunctionObjective(lambda x: (-float(np.abs(x).sum()), -np.sign(x)))
+    assert len(open_directions(kink, np.zeros(2), kinked=True).growing) == 0
+
+    def higher_farther_on(x):
+        value = float(-np.sum((x**2 - 25.0) ** 2) / 100 + 0.1 * x.sum())
+        return value, -4 * x * (x**2 - 25.0) / 100 + 0.1
+
+    two = FunctionObjective(higher_farther_on)
+    end = Lbfgs().maximise(two, np.full(1, -6.0))
+    assert end.converged
+    found = open_directions(two, end.vector)
+    assert len(found.growing) == len(found.flat) == 0
+
+
+def test_an_ascent_that_was_stopped_or_is_far_from_its_end_stays_as_it_is():
+    objective, _ = logistic(ROWS, SEPARABLE)
+    stopped = Lbfgs().maximise(objective, np.zeros(2), lambda step: step.number == 2)
+    short = Lbfgs(max_steps=1).maximise(objective, np.zeros(2))
+    for end in (stopped, short):
+        assert judged_weights(objective, end, np.ones(2), NAMES[:2], "stop") == (end, ())

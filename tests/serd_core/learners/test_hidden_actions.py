@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Grid
 from serd_core.learners.start import dynamics_of_hidden_actions
 from support.small_problems import apart, sampled
@@ -78,6 +77,9 @@ def test_where_states_reveal_actions_the_optimum_is_that_of_shown_actions(fit, b
         np.testing.assert_allclose(learned, shown.outcome_probabilities, atol=1e-6)
 
 
+ENDS = [0.005, 0.995]
+
+
 def test_rewards_and_dynamics_are_recovered_from_states_alone():
     """Intervals of 99 % hold the truth, and are not so wide as to hold everything."""
     problem, weights = terrain_world(7), np.array([4.0, 2.0])
@@ -86,10 +88,9 @@ def test_rewards_and_dynamics_are_recovered_from_states_alone():
     fit = sc.fit_mdce_serd(problem, hidden)
     assert fit.converged
     draws = sc.laplace_draws(sc.laplace(problem, hidden, fit), np.random.default_rng(0), 600)
-    found = sc.credible_intervals(draws, 0.99)
     for truth, (lower, upper) in (
-        (weights, found.reward),
-        (TERRAINS[:, 1], found.outcome_probabilities[:, :, 1]),
+        (weights, np.quantile(draws.reward, ENDS, axis=0)),
+        (TERRAINS[:, 1], np.quantile(draws.outcome_probabilities[:, :, 1], ENDS, axis=0)),
     ):
         assert np.all((lower < truth) & (truth < upper))
         assert np.all(upper - lower < truth)
@@ -125,13 +126,6 @@ def test_a_fit_starts_at_counted_dynamics_or_where_intended_outcomes_are_likely(
     np.testing.assert_allclose(alone[0], start[1])
     with pytest.raises(sc.SerdError, match="dynamics must be given as a start"):
         sc.fit_mdce_serd(ring(), apart([0], sc.HIDDEN, [1]))
-
-
-def test_hidden_moves_that_no_action_explains_are_found():
-    decisions = apart(0, sc.HIDDEN, [1, 3])
-    np.testing.assert_array_equal(explained(ring().mdp, decisions), [True, False])
-    with pytest.raises(sc.SerdError, match=r"decisions\[1\] reaches state 3 .* by any action"):
-        sc.fit_mdce_serd(ring(), decisions, dynamics=np.full((2, 2), 0.5))
 
 
 @pytest.mark.parametrize("prior", [sc.UniformPrior(), sc.PriorByEvidence()])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
+from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel
 from support.small_problems import sampled
@@ -98,13 +98,3 @@ def test_at_the_optimum_the_model_expects_the_features_of_the_demonstrations(gri
     expected = model.partition(fit.reward_weights, starts, int(length))[1]
     wanted = feature_counts(problem, decisions).mean(axis=0)
     np.testing.assert_allclose(expected, wanted, atol=1e-5)
-
-
-def test_an_unavailable_action_has_no_part_where_the_future_is_worth_nothing():
-    rng = np.random.default_rng(0)
-    table = rng.dirichlet(np.ones(4), size=(4, 3))
-    table[0, 2] = 0.0
-    problem = sc.from_transitions(table, rng.normal(size=(4, 3, 2)), discount=0.0)
-    policy = sc.soft_policy(problem, [1.0, 1.0]).probabilities
-    decisions = sc.sample_decisions(problem.mdp, policy, n_episodes=9, n_steps=5, rng=rng)
-    assert sc.fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2)).converged

@@ -40,14 +40,6 @@ def test_the_loss_weighs_visited_states_and_has_the_gradient_of_differences():
         assert np.sum(at(q)[1] * unit) == pytest.approx(numeric, abs=1e-8)
 
 
-def test_the_weights_of_a_boltzmann_expert_are_recovered(make_gridworld):
-    case = make_gridworld(side=5, n_episodes=1)
-    decisions = boltzmann_decisions(case, 1 / 0.7, 2000, 40)
-    known = {"inverse_temperature": 0.7, "dynamics": case.probabilities}
-    fit = sc.fit_policy_matching(case.problem, decisions, initial_weights=np.ones(2), **known)
-    np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.05)
-
-
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
     def started(weights):
         return fit_of(
@@ -63,17 +55,6 @@ def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature
     sides = [(started(start + s).objective, started(start - s).objective) for s in step]
     numeric = np.max(np.abs(np.diff(sides))) / 2e-5
     assert started(start).gradient_norm == pytest.approx(numeric, rel=1e-5)
-
-
-def test_rewards_dynamics_and_temperature_are_recovered_up_to_scale(make_gridworld):
-    case = make_gridworld(side=5, n_episodes=1)
-    decisions = boltzmann_decisions(case, 2.0, 2000, 40)
-    start = {"initial_weights": np.ones(2), "prior": sc.KldPrior(1e-3) + SCALE}
-    fit = sc.fit_pm_serd(case.problem, decisions, **start)
-    assert fit.converged
-    assert fit.temperature == pytest.approx(1.0, abs=1e-6)
-    np.testing.assert_allclose(fit.reward_weights / fit.temperature, case.weights / 2.0, atol=0.1)
-    np.testing.assert_allclose(fit.outcome_probabilities, case.probabilities, atol=0.03)
 
 
 def test_a_fit_that_ends_on_a_kink_is_certified(make_gridworld):

@@ -67,6 +67,7 @@ def test_goals_without_dynamics_or_with_other_features_are_rejected(gridworld):
         ([pair], "dynamics must be given for a model with 45 parameters"),
         ([*simulated([0]), pair], r"goals must share their features \('step', 'dark'\)"),
         ([], "goals must be at least one, got none"),
+        (pair, r"goals must list pairs .* pass \[\(problem,"),
     ):
         with pytest.raises(sc.SerdError, match=sentence):
             sc.fit_several_goals(goals)

@@ -3,17 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import sample_decisions
+import serd_core as sc
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.transition_model import transitions_of
+from serd_core.dynamics.transition_model import transitions_at, transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import state_action_occupancy
-from serd_core.learners.policy_matching import fit_policy_matching
-from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
+from serd_core.mdp.mdp import Mdp, checked_distribution
 from serd_core.mdp.problem import TabularProblem
-from serd_core.selection.evaluation import policy_log_likelihood
 
 ALL = [[True, True], [True, True]]
 
@@ -36,15 +32,6 @@ def test_features_of_unavailable_actions_may_be_anything_and_count_nowhere():
     features = np.array([[[1.0], [2.0]], [[3.0], [np.nan]]])
     problem = TabularProblem(mdp, features, ("one",))
     np.testing.assert_array_equal(problem.features[..., 0], [[1.0, 2.0], [3.0, 0.0]])
-    zero = np.zeros(1, dtype=int)
-    fit = fit_policy_matching(
-        problem,
-        Decisions(zero, zero, zero, zero + 1, zero),
-        initial_weights=np.zeros(1),
-        dynamics=np.ones((1, 1)),
-        ascent=Lbfgs(max_steps=1),
-    )
-    assert np.isfinite(fit.gradient_norm)
     features[0, 1] = np.nan
     with pytest.raises(SerdError, match=r"features\[0, 1, 0\] must be finite, got nan"):
         TabularProblem(mdp, features, ("one",))
@@ -64,44 +51,12 @@ def distribution(values):
         *[(lambda g=g: mdp_of(ALL, g), r"in \[0, 1\), got") for g in (-0.1, 1.0, np.nan, np.inf)],
         (lambda: distribution([0.5, 0.6]), "starts must sum to 1, got a sum of 1.1; normalise it"),
         (lambda: distribution([1.5, -0.5]), r"starts\[1\] must not be negative, got -0.5"),
-        (lambda: distribution([1.0, np.nan]), r"starts\[1\] must be finite, got nan"),
-        (lambda: distribution([1.0]), r"starts must have shape \(2\), got \(1,\)"),
     ],
 )
 def test_what_is_no_process_and_no_distribution_is_refused_with_the_place(call, sentence):
     with pytest.raises(SerdError, match=sentence):
         call()
     np.testing.assert_array_equal(checked_distribution("starts", THIRD, 3), THIRD)
-
-
-@pytest.mark.parametrize(
-    ("value", "sentence"),
-    [
-        (0.7, r"policy\[3\] must sum to 1, got 1.4\d+; normalise over actions"),
-        (-0.2, r"policy\[3, 1\] must be a probability of an available action, got -0.2"),
-        (np.nan, r"policy\[3, 1\] must be finite, got nan"),
-    ],
-)
-def test_every_use_of_a_policy_refuses_a_row_that_is_no_distribution(gridworld, value, sentence):
-    mdp, starts, table = gridworld.problem.mdp, np.full(25, 0.04), gridworld.probabilities
-    policy, size = uniform(mdp), {"n_episodes": 2, "n_steps": 2, "rng": np.random.default_rng(0)}
-    policy[3, 1] = value
-    with pytest.raises(SerdError, match=sentence):
-        policy_log_likelihood(gridworld.problem, gridworld.decisions, policy)
-    with pytest.raises(SerdError, match=sentence):
-        state_action_occupancy(mdp, transitions_of(mdp.transitions, table), policy, starts)
-    with pytest.raises(SerdError, match=sentence):
-        sample_decisions(mdp, policy, table, starts, **size)
-
-
-def test_actions_that_are_not_available_have_no_probability(minimum_example):
-    mdp = minimum_example.mdp
-    share = uniform(mdp)
-    np.testing.assert_array_equal(checked_policy("policy", share, mdp), share)
-    state, action = np.argwhere(~mdp.available)[0]
-    share[state, action] = 0.1
-    with pytest.raises(SerdError, match=rf"policy\[{state}, {action}\] must be a probability of"):
-        checked_policy("policy", share, mdp)
 
 
 @settings(deadline=None, max_examples=30)
@@ -122,3 +77,57 @@ def test_visits_are_the_sum_of_the_distributions_over_time(random_problem, seed,
         summed += discount**step * present
         present = present @ chain
     np.testing.assert_allclose(visits.sum(axis=1), summed, atol=1e-9)
+
+
+def test_the_feature_of_a_terminal_state_counts_once():
+    """One step to the end: Q = 0 + 0.5 * w for the step that arrives, whatever follows."""
+    table = np.zeros((2, 1, 2))
+    table[:, 0, 1] = 1.0
+    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1])
+    np.testing.assert_allclose(sc.soft_policy(problem, [3.0]).value, [1.5, 3.0])
+    assert problem.mdp.final.tolist() == [False, True]
+    assert problem.mdp.transitions.n_parameters == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"transitions": np.ones((2, 1, 3))}, r"must have shape \(states, actions, states\)"),
+        ({"transitions": {"state": [0]}}, "transitions must be an array of numbers"),
+        ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
+        ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
+        ({"features": np.zeros((2, 0))}, "at least one feature, got none"),
+        ({"terminal": [2]}, r"terminal\[0\] must be a state from 0 to 1, got 2"),
+    ],
+)
+def test_wrong_tables_are_rejected_with_a_sentence(change, message):
+    given = {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 1)), "discount": 0.9}
+    with pytest.raises(sc.SerdError, match=message):
+        sc.from_transitions(**given | change)
+
+
+PLACES = [0, 1], [0, 0], [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (((2, 1), *PLACES, [1, 0.5]), "state 1, action 0 .* sums to 0.5"),
+        (((2, 1), *PLACES, [1.0]), r"probability must have shape \(2\)"),
+        (((0, 1), [], [], [], []), "n_pairs must be at least one state"),
+        (((2, 1), [0], [0], [2], [1]), r"next_state\[0\] must be a next"),
+        ((2, *PLACES, np.ones(2)), r"n_pairs must have shape \(2\), got"),
+        (((2.5, 1), *PLACES, np.ones(2)), r"n_pairs\[0\] must be a whole"),
+    ],
+)
+def test_wrong_entries_are_rejected_with_a_sentence(given, sentence):
+    with pytest.raises(sc.SerdError, match=sentence):
+        sc.fixed_transitions(*given)
+
+
+def test_entries_in_any_order_give_the_same_matrix():
+    model = sc.fixed_transitions((2, 2), [1, 0, 0], [0, 1, 1], [1, 1, 0], [1.0, 0.25, 0.75])
+    dense = transitions_at(model, np.zeros(0)).matrix.toarray()
+    np.testing.assert_allclose(dense, [[0, 0], [0.75, 0.25], [0, 1], [0, 0]])
+    np.testing.assert_array_equal(model.available, [[False, True], [True, False]])
+    np.testing.assert_array_equal(model.absorbing, [False, True])

@@ -8,20 +8,23 @@ from hypothesis import strategies as st
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
-from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
+from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy
+from serd_core.posterior import hessian as module
 from serd_core.posterior.beliefs import (
-    BeliefAroundTruth,
     CoupledBelief,
     FixedBelief,
     FreeBelief,
     TiedBelief,
 )
-from serd_core.posterior.hidden_actions import drawn_actions, expected_counts
 from serd_core.posterior.parameters import Block
-from serd_core.posterior.posterior import Posterior, require_possible
-from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.priors.divergence import KldPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.posterior.posterior import (
+    Posterior,
+    drawn_actions,
+    expected_counts,
+    require_possible,
+)
+from serd_core.priors.divergence import DirichletPrior, KldPrior
+from serd_core.priors.prior import GaussianPrior
 from support.random_posteriors import (
     assert_gradient_is_of_the_objective,
     assert_hessian_is_of_the_gradient,
@@ -34,7 +37,6 @@ BELIEFS = [
     TiedBelief(),
     FreeBelief(),
     CoupledBelief(weight=0.7),
-    BeliefAroundTruth(0.8),
     FixedBelief(),
 ]
 POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
@@ -132,3 +134,19 @@ def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
         mean = np.mean([getattr(each, name) for each in drawn], axis=0)
         np.testing.assert_allclose(mean, getattr(expected, name), atol=5 * 3 / np.sqrt(n))
         assert all(getattr(each, name).sum() == seen.n_decisions for each in drawn)
+
+
+def test_chunks_of_states_and_blocks_that_are_left_out_change_nothing(random_problem, monkeypatch):
+    problem, table = random_problem(3)
+    rng = np.random.default_rng(3)
+    observations = observe(problem.mdp, uniform_decisions(problem, table, rng))
+    prior = KldPrior(0.3, reference=table) + GaussianPrior(2.0, Block.REWARD)
+    posterior = Posterior(problem, observations, MdcePolicy(), prior)
+    parameters = random_parameters(problem, MdcePolicy(), rng)
+    found, reward = posterior.evaluate(parameters), parameters.place(Block.REWARD)
+    whole = module.posterior_hessian(posterior, parameters, found)
+    alone = module.posterior_hessian(posterior, parameters, found, learns_dynamics=False)
+    np.testing.assert_allclose(alone[reward, reward], whole[reward, reward], rtol=1e-12)
+    monkeypatch.setattr(module, "CHUNK", 1)
+    in_chunks = module.posterior_hessian(posterior, parameters, found)
+    np.testing.assert_allclose(in_chunks, whole, rtol=1e-12, atol=1e-12)

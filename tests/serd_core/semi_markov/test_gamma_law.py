@@ -64,13 +64,6 @@ def test_density_and_survival_are_those_of_scipy(laws):
     np.testing.assert_allclose(found[seen], np.log(tail[seen]), rtol=1e-9, atol=1e-11)
 
 
-def test_survival_is_finite_far_in_both_tails():
-    found = log_survival(np.array([-30.0, 8.0]), np.zeros(2), np.full(2, 3.0))
-    assert found.value[0] == pytest.approx(0.0, abs=1e-12)
-    assert np.all(np.isfinite(found))
-    assert found.value[1] < -1e4
-
-
 def test_discount_is_the_mean_of_powers_and_that_of_one_time_for_large_shapes():
     rng = np.random.default_rng(2)
     times = rng.gamma(2.0, 1.5, 400_000)

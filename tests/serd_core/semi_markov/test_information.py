@@ -9,22 +9,18 @@ import scipy.special
 import scipy.stats
 
 import serd_core as sc
-from serd_core.bayes.laplace import inverse_root
 from serd_core.demonstrations.observations import observe
-from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.coordinates import LogPosterior, free_numbers
+from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
-from serd_core.semi_markov.dwell_prior import DwellPrior
+from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.gamma_law import fisher_information, log_density
-from tests.serd_core.semi_markov.test_models import differences
 from tests.support.semi_markov import (
     AGAINST,
     CASES,
     GOAL,
     OUTCOMES,
     PLACES,
-    WAIT,
     WITH,
     demonstrations,
     ring,
@@ -156,81 +152,18 @@ def fitted(request):
     return timed, decisions, sc.fit_mdce_serd(timed, decisions, dynamics=start)
 
 
-def test_scores_are_the_gradients_of_single_decisions(fitted):
+def test_the_outer_product_is_that_of_the_gradients_of_single_decisions(fitted):
     timed, decisions, fit = fitted
-    information = sc.fit_information(timed, decisions, fit)
-    shown = np.flatnonzero(~decisions.hidden)
-    assert decisions.censored[shown].any()
-    assert len(information.scores) > len(shown)
-    for place in range(0, len(shown), 5):
-        one = observe(timed.mdp, decisions.select(shown[[place]]))
+    assert decisions.censored[~decisions.hidden].any()
+    total = 0.0
+    for place in range(len(decisions)):
+        one = observe(timed.mdp, decisions.select([place]))
         at = Posterior(timed, one, MdcePolicy(), UniformPrior()).evaluate(fit.parameters)
-        expected = sc.TiedBelief().pull_back(at.gradient, fit.parameters)
-        np.testing.assert_allclose(information.scores[place], expected, atol=1e-8)
-
-
-def test_scores_add_up_to_the_gradient_of_the_likelihood(fitted):
-    timed, decisions, fit = fitted
+        score = sc.TiedBelief().pull_back(at.gradient, fit.parameters)
+        total = total + np.outer(score, score)
     information = sc.fit_information(timed, decisions, fit)
-    seen = observe(timed.mdp, decisions)
-    counts = np.ones(len(information.scores))
-    counts[len(counts) - len(seen.hidden.count) :] = seen.hidden.count
-    likelihood = Posterior(timed, seen, MdcePolicy(), UniformPrior())
-    space = free_numbers(timed, sc.TiedBelief(), fit.parameters)
-    objective, at = LogPosterior(likelihood, space), space.of(fit.parameters)
-    gradient = differences(lambda free: objective.evaluate(free)[0], at)
-    size = np.abs(information.scores).max()
-    np.testing.assert_allclose(counts @ information.scores, gradient, atol=1e-7 * size)
-    scores = counts[:, None] * information.scores
-    np.testing.assert_allclose(information.outer_product, scores.T @ information.scores)
-    assert information.n_decisions == counts.sum()
-
-
-def test_the_observed_information_is_that_of_differences_and_of_laplace(fitted):
-    timed, decisions, fit = fitted
-    information = sc.fit_information(timed, decisions, fit)
-    prior = fit.assumed.whole_prior
-    posterior = Posterior(timed, observe(timed.mdp, decisions), MdcePolicy(), prior)
-    space = free_numbers(timed, sc.TiedBelief(), fit.parameters)
-    objective = LogPosterior(posterior, space)
-    slopes = differences(lambda free: objective.evaluate(free)[1], space.of(fit.parameters))
-    size = np.abs(slopes).max()
-    np.testing.assert_allclose(information.observed, -slopes, atol=1e-7 * size)
-    names = timed.mdp.transitions.parameter_names
-    assert information.names[2:] == tuple(f"dynamics {name}" for name in names)
-    found = sc.laplace(timed, decisions, fit)
-    table = found.coordinates.table
-    whole = table.T @ information.observed @ table
-    of_prior = LogPosterior(posterior, found.coordinates).prior_information(found.mode)
-    root, _ = inverse_root(whole, of_prior, found.coordinates.describe)
-    np.testing.assert_allclose(root, found.root, atol=1e-6)
-    # Laplace's approximation is in no direction wider than the prior, a standard error may be.
-    errors = sc.standard_errors(timed, information)
-    expected = np.sqrt(np.diag(table @ np.linalg.inv(whole) @ table.T))
-    laws = slice(timed.mdp.transitions.means.start + 2, None)
-    np.testing.assert_allclose(errors.free[laws], expected[laws], rtol=1e-6)
-    np.testing.assert_allclose(errors.reward, expected[:2], rtol=1e-6)
-    assert np.all(np.diag(found.covariance) < expected**2 * (1.0 + 1e-6))
-
-
-def test_errors_of_outcomes_are_those_of_their_probabilities(learned):
-    timed, decisions, fit, found = learned
-    information, table = sc.fit_information(timed, decisions, fit), found.coordinates.table
-    errors = sc.standard_errors(timed, information)
-    slopes = timed.mdp.transitions.moves.local_jacobian(fit.parameters.truth) @ table[2:]
-    covariance = slopes @ np.linalg.inv(table.T @ information.observed @ table) @ slopes.T
-    expected = np.sqrt(np.diag(covariance)).reshape(OUTCOMES.shape)
-    np.testing.assert_allclose(errors.outcome_probabilities, expected, rtol=1e-6)
-    directions = sc.identifiability(information).null
-    moved = {name for direction in directions for name, _ in direction.loadings}
-    assert f"dynamics log mean dwell {AGAINST}" in moved
-    assert not {f"dynamics log mean dwell {law}" for law in (WITH, WAIT)} & moved
-    meat = sc.clustered_outer_product(timed, information, decisions)
-    episodes = [decisions.episode == each for each in decisions.episodes]
-    sums, n = np.array([information.scores[rows].sum(axis=0) for rows in episodes]), len(episodes)
-    np.testing.assert_allclose(meat, n / (n - 1) * sums.T @ sums, rtol=1e-9, atol=1e-9)
-    with pytest.raises(sc.SerdError, match="must be those of the information"):
-        sc.clustered_outer_product(timed, information, decisions.select(np.arange(50)))
+    np.testing.assert_allclose(information.outer_product, total, atol=1e-8 * np.abs(total).max())
+    assert information.n_decisions == len(decisions) - np.sum(decisions.censored & decisions.hidden)
 
 
 def test_a_fit_of_rewards_alone_knows_nothing_of_dwell_times(learned):

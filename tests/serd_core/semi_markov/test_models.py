@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.dynamics.transition_model import Transitions
-from serd_core.policies.solved_policy import solution_at
 from tests.support.semi_markov import (
     AGAINST,
     CASES,
@@ -44,24 +42,6 @@ def test_derivatives_of_the_table_are_those_of_differences(laws, paced):
     np.testing.assert_allclose(model.local_curvature(theta, slope), curvature, atol=1e-8)
 
 
-def test_values_are_those_of_the_equation_with_times_drawn():
-    timed, truth = timed_ring()
-    model, gamma = timed.mdp.transitions, timed.mdp.discount
-    table = model.local_probabilities(truth)
-    solution = solution_at(timed, WEIGHTS, Transitions(model, table))
-    rng = np.random.default_rng(4)
-    kernel = OUTCOMES.copy()
-    for m, mean in enumerate((1.0, 3.0, 0.8)):
-        kernel[m] *= np.mean(gamma ** rng.gamma(5.0, mean / 5.0, 400_000))
-    outcomes = ring().mdp.transitions
-    following = solution.value[outcomes.successors]
-    expected = ring().features @ WEIGHTS + np.sum(kernel[outcomes.model_of] * following, axis=2)
-    moving = np.arange(1, PLACES)
-    np.testing.assert_allclose(solution.q[moving], expected[moving], rtol=5e-4)
-    # In the goal, which nothing leaves, a decision takes one second.
-    assert solution.value[0] == pytest.approx(WEIGHTS[0] / (1.0 - gamma))
-
-
 def test_laws_of_rows_have_given_durations_where_nothing_moves_and_means_at_their_pace():
     pace = np.linspace(-0.5, 0.5, PLACES)
     timed, truth = timed_ring("and patience", pace)
@@ -83,17 +63,6 @@ def test_laws_of_rows_have_given_durations_where_nothing_moves_and_means_at_thei
     assert np.all(kernel[~given] > expected[~given])
 
 
-def test_short_moves_keep_the_certificate_of_the_solution():
-    timed, truth = timed_ring()
-    truth[timed.mdp.transitions.means] = np.log(0.05)
-    table = timed.mdp.transitions.local_probabilities(truth)
-    assert table.sum(axis=1).max() > 1.0
-    found = sc.soft_policy(timed, WEIGHTS, table)
-    again = sc.soft_policy(timed, WEIGHTS, table, solver=sc.Newton(accuracy=1e-6))
-    assert found.converged
-    assert np.abs(again.value - found.value).max() <= again.error_bound + found.error_bound
-
-
 def test_dwell_times_that_are_all_equal_have_a_law_of_their_mean():
     timed, truth = timed_ring()
     drawn = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=np.inf)
@@ -105,7 +74,7 @@ def test_dwell_times_that_are_all_equal_have_a_law_of_their_mean():
 
 TIMED, TRUTH = timed_ring()
 MODEL = TIMED.mdp.transitions
-CHANCE = sc.Mdp(sc.learned_transitions((2, 1), [0, 0, 1], [0, 0, 0], [0, 1, 1]), 0.9)
+CHANCE = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [1, 1], [1.0, 1.0]), 0.9)
 SPARSE = sc.TabularProblem(CHANCE, np.zeros((2, 1, 1)), ("none",))
 TOO_MUCH = np.full(MODEL.local_probabilities(TRUTH).shape, 0.4)
 MIXED, GAP = [[0, 0, -1], [1, 1, 1], [2, 2, 2]], [[0, 0, 0], [2, 2, 2], [2, 2, 2]]

@@ -23,8 +23,8 @@ from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.settings import StudySettings
 from lab.experiments.study.study import TRAIN_AREA, Study, StudyWorld
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.chain import timed_arrival
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.semi_markov.arrival import timed_arrival
 from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.scenario.scenario import Scenario

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.experiments.running.divergence import dynamics_divergence
 from lab.experiments.running.tables import Row
 from lab.experiments.study.fits.methods import (
     ASSUMPTIONS,
@@ -23,7 +24,6 @@ from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.selection.evaluation import (
-    dynamics_divergence,
     policy_log_likelihood,
     split_episodes,
 )

@@ -14,8 +14,7 @@ from serd_app.learning import methods as product
 from serd_app.learning.fit_data import FitData
 from serd_app.learning.methods import MethodResult
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.bayes.draws import laplace_draws, posterior_policy
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.policy_matching import clone_behaviour

@@ -20,7 +20,7 @@ from lab.experiments.study.recordings.reference import reference_table
 from lab.experiments.study.study import Study
 from serd_app.report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
-from serd_core.arrival.trap_states import trap_states
+from serd_core.arrival.arriving_policy import trap_states
 
 
 @dataclass(frozen=True)

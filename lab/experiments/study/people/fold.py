@@ -16,10 +16,9 @@ from lab.experiments.study.people.people import Asked, People, evenly
 from lab.experiments.study.people.recordings import Run
 from lab.experiments.study.people.settings import FoldSettings
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.law import ArrivalLaw
-from serd_core.arrival.scores import crps_s
+from serd_core.arrival.law import ArrivalLaw, crps_s
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.errors import SerdError
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 
 CONSTANT_VELOCITY = "constant velocity"
 _SLOWEST_MPS, _SOONEST_S = 0.2, 1e-3

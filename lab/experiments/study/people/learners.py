@@ -17,18 +17,23 @@ from lab.experiments.study.people.place import Place
 from serd_app.learning.recipe import dynamics_of, with_moves_as_actions
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.arriving_policy import least_time_policy
-from serd_core.arrival.chain import ArrivalByState, policy_chain
+from serd_core.arrival.chain import (
+    ArrivalByState,
+    RenewalChain,
+    policy_chain,
+    renewal_arrival,
+    timed_arrival,
+)
 from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import INTENDED_OUTCOMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.semi_markov.arrival import RenewalChain, renewal_arrival, timed_arrival
-from serd_core.semi_markov.dwell_prior import MEDIAN_SHAPE, WIDE
+from serd_core.semi_markov.dwell_likelihood import MEDIAN_SHAPE, WIDE
 from serd_core.semi_markov.models import require_timed, semi_markov_problem
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.model_file import LearnedDynamics
 
 #: Quantiles that stand for a distribution.

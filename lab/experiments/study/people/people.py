@@ -11,7 +11,7 @@ from lab.experiments.study.people.recordings import Run, Walker, read_runs
 from lab.experiments.study.people.settings import PeopleSettings
 from serd_app.demonstrations.decision_table import concatenate
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_core.demonstrations.decisions import TimedDecisions
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,9 @@ from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations.decisions import HIDDEN
+from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import Track, Trajectories, read_trajectories
 from serd_sim.errors import SimError

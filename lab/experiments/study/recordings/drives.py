@@ -12,9 +12,9 @@ from enum import IntEnum
 
 from lab.experiments.study.recordings.experts import EXPERTS
 from serd_app.demonstrations.decision_table import concatenate
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.semi_markov.timed_decisions import TimedDecisions
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
 from serd_sim.planning.catalogue import make_planner

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from serd_core.demonstrations.decisions import COLUMNS
 from serd_core.demonstrations.observations import observe
 from tests.support.semi_markov import demonstrations, ring, timed_ring
 
@@ -72,6 +73,6 @@ def test_dwell_times_are_required_and_survive_a_round_trip(change, message):
     assert again.censored.tolist() == [True, False]
     with pytest.raises(sc.SerdError, match=message):
         timed_decisions(**change)
-    plain = sc.decisions_from_columns(timed_decisions().columns()).select([0, 2])
+    plain = sc.Decisions(*(TABLE[name] for name in COLUMNS)).select([0, 2])
     with pytest.raises(sc.SerdError, match="decisions must have dwell times for moves that take"):
         observe(timed_ring()[0].mdp, plain)

@@ -88,10 +88,7 @@ class Band:
         return max(self.below, self.above)
 
     def filled(self, data: FloatArray) -> FloatArray:
-        """(rows, S) band, by columns in memory, for data in the order of the pattern.
-
-        The first `below` of its rows are room for row exchanges.
-        """
+        """(rows, S) band, by columns in memory, for data in the order of the pattern."""
         n_rows = 2 * self.below + self.above + 1
         flat = np.zeros(n_rows * len(self.order))
         flat[self.place] = data

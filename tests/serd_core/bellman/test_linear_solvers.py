@@ -3,20 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.bellman.bellman_solver import BellmanProblem
-from serd_core.bellman.equations import SoftBellman
-from serd_core.bellman.linear.automatic import Automatic
-from serd_core.bellman.linear.krylov import Krylov
-from serd_core.bellman.linear.linear_solver import WithFallback
-from serd_core.bellman.linear.lu import BandedLu, SparseLu
-from serd_core.bellman.newton import Newton
-from serd_core.dynamics.transition_model import transitions_of
+import serd_core as sc
+from serd_core.bellman import linear_solvers
+from serd_core.bellman.linear_solvers import BandedFactor, KrylovSystem, LuFactor, kind_of
 from serd_core.errors import SerdError
 from support import graphs
-
-WIDE = Automatic(largest_lu_states=0, widest_band=0)
-SOLVERS = [SparseLu(), BandedLu(), Krylov(), WIDE]
-EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 
 
 def random_system(random_problem, seed):
@@ -46,13 +37,13 @@ def test_the_pattern_holds_the_matrix_of_the_definition(random_problem, seed):
         )
 
 
-@EACH_SOLVER
+@pytest.mark.parametrize("kind", [LuFactor, BandedFactor, KrylovSystem])
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 10_000))
-def test_solutions_are_those_of_the_dense_solver(random_problem, solver, seed):
+def test_solutions_are_those_of_the_dense_solver(random_problem, kind, seed):
     pattern, data, dense = random_system(random_problem, seed)
     right_side = np.random.default_rng(seed).normal(size=(len(dense), 3))
-    system = solver.prepare(pattern, data)
+    system = kind(pattern, data)
     np.testing.assert_array_equal(system.solve(np.zeros(len(dense))), 0)
     np.testing.assert_allclose(
         system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
@@ -64,27 +55,26 @@ def test_solutions_are_those_of_the_dense_solver(random_problem, solver, seed):
     )
 
 
-@pytest.mark.parametrize("solver", [Krylov(), BandedLu(), WIDE], ids=repr)
-def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
+@pytest.mark.parametrize("kind", [KrylovSystem, BandedFactor])
+def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, kind, monkeypatch):
     case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
-    mdp, rewards = case.problem.mdp, case.problem.features @ case.weights
-    transitions = transitions_of(mdp.transitions, case.probabilities)
-    posed = BellmanProblem(SoftBellman(), rewards, transitions, mdp)
-    exact = Newton(linear_solver=SparseLu()).solve(posed)
-    other = Newton(linear_solver=solver).solve(posed)
-    assert other.converged
-    np.testing.assert_allclose(other.value, exact.value, rtol=1e-10)
+    given, found = (case.problem, case.weights, case.probabilities), []
+    for each in (LuFactor, kind):
+        monkeypatch.setattr(linear_solvers, "kind_of", lambda *_, each=each: each)
+        found.append(sc.soft_policy(*given))
+    assert found[1].converged
+    np.testing.assert_allclose(found[1].value, found[0].value, rtol=1e-10)
 
 
 GRAPHS = [
-    ("ring", 10_000, BandedLu(), BandedLu()),
-    ("grid", 2_500, BandedLu(), BandedLu()),
-    ("grid", 4_900, SparseLu(), SparseLu()),
-    ("grid", 5_041, Krylov(), SparseLu()),
-    ("random graph", 400, SparseLu(), SparseLu()),
-    ("random graph", 2_500, Krylov(), Krylov()),
-    ("tree", 4_900, Krylov(), Krylov()),
-    ("cube", 3_375, SparseLu(), SparseLu()),
+    ("ring", 10_000, BandedFactor, BandedFactor),
+    ("grid", 2_500, BandedFactor, BandedFactor),
+    ("grid", 4_900, LuFactor, LuFactor),
+    ("grid", 5_041, KrylovSystem, LuFactor),
+    ("random graph", 400, LuFactor, LuFactor),
+    ("random graph", 2_500, KrylovSystem, KrylovSystem),
+    ("tree", 4_900, KrylovSystem, KrylovSystem),
+    ("cube", 3_375, LuFactor, LuFactor),
 ]
 
 
@@ -97,32 +87,28 @@ def test_the_choice_follows_the_graph_and_the_number_of_right_hand_sides(
     graph, n_states, for_one, for_many
 ):
     pattern = pattern_of(graph, n_states)
-    assert Automatic().choose(pattern) == Automatic().for_systems(right_sides=10).choose(pattern)
-    assert Automatic().choose(pattern) == for_one
-    assert Automatic().for_systems(right_sides=11).choose(pattern) == for_many
+    kinds = [kind_of(pattern, n) for n in (1, 10, 11)]
+    assert kinds == [for_one, for_one, for_many]
 
 
 def test_a_singular_band_is_refused(make_gridworld):
     pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.transitions.policy_pattern
     with pytest.raises(SerdError, match="must be invertible, but pivot 1 of its band is 0"):
-        BandedLu().prepare(pattern, np.zeros(len(pattern.column)))
+        BandedFactor(pattern, np.zeros(len(pattern.column)))
 
 
-def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
+def test_a_factor_stands_by_where_krylov_does_not_get_there(make_gridworld, monkeypatch):
     case = make_gridworld(side=12, discount=0.9999, n_episodes=1, n_steps=1)
     mdp = case.problem.mdp
     entries = mdp.transitions.entries(case.probabilities)
     pattern = mdp.transitions.policy_pattern
     data = pattern.system_data(mdp.available / 5.0, entries, 0.9999)
     right_side = np.random.default_rng(0).normal(size=144)
-    weak = Krylov(max_iterations=2, max_runs=1).prepare(pattern, data)
-    with pytest.raises(SerdError, match="Krylov must reach a relative residual of 1e-11, got"):
-        weak.solve(right_side)
-    exact = SparseLu().prepare(pattern, data)
-    helped = WithFallback(weak, SparseLu(), pattern, data)
-    assert helped.solver_of_next(Krylov()) == Krylov()
-    np.testing.assert_allclose(helped.solve(right_side), exact.solve(right_side))
-    np.testing.assert_allclose(
-        helped.solve(right_side, transposed=True), exact.solve(right_side, transposed=True)
-    )
-    assert helped.solver_of_next(Krylov()) == SparseLu()
+    monkeypatch.setattr(linear_solvers, "MAX_ITERATIONS", 2)
+    monkeypatch.setattr(linear_solvers, "MAX_RUNS", 1)
+    helped, exact = KrylovSystem(pattern, data), LuFactor(pattern, data)
+    for transposed in (False, True):
+        np.testing.assert_allclose(
+            helped.solve(right_side, transposed=transposed),
+            exact.solve(right_side, transposed=transposed),
+        )

@@ -14,7 +14,7 @@ policy's log-likelihood has by rewards, believed dynamics and temperature
     T_Qtheta   = gamma dP dV,                        T_thetatheta = gamma d2P V
 
 where y = gamma P^T lambda is the state part of the adjoint. Moves whose action is hidden count as
-expected, and add the covariance of their scores (`serd_core.posterior.hidden_actions`).
+expected, and add the covariance of their scores (`serd_core.posterior.posterior`).
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_memory
 from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
-from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     Transitions,
@@ -36,18 +35,14 @@ from serd_core.dynamics.transition_model import (
     transitions_at,
 )
 from serd_core.mdp.mdp import Mdp
-from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue
+from serd_core.posterior.posterior import Posterior, PosteriorValue, covariance_of_scores
 
 #: Tables of the size of a derivative that exist at a time.
 COPIES = 4
 #: Numbers of dQ/dtheta that exist at a time in the sum over states; they stay in the cache.
 CHUNK = 250_000
-#: Share of the sizes of all terms that the states left out of that sum have together.
-EPSILON = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +84,6 @@ def sensitivities(
     transitions: Transitions,
     solution: BellmanSolution,
     local_jacobian: FloatArray,
-    solver: LinearSolver,
 ) -> Sensitivities:
     """Derivatives by reward weights, then dynamics parameters."""
     model, discount = transitions.model, mdp.discount
@@ -112,7 +106,7 @@ def sensitivities(
         features if model.available.all() else np.where(model.available[..., None], features, 0.0)
     )
     by_reward = np.einsum("sa,saf->sf", policy, usable)
-    system = policy_system(transitions, policy, discount, solver)
+    system = policy_system(transitions, policy, discount, n_derivatives)
     by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))
     return Sensitivities(by_value, usable, by_local, local_jacobian, transitions, discount)
 
@@ -133,18 +127,12 @@ def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) ->
     return np.asarray((centred * share).T @ centred)
 
 
-def dynamics_terms(
-    found: Sensitivities, adjoint: Adjoint, theta: FloatArray, kept: BoolArray
-) -> FloatArray:
-    """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta.
-
-    kept: (S,) states that count.
-    """
+def dynamics_terms(found: Sensitivities, adjoint: Adjoint, theta: FloatArray) -> FloatArray:
+    """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta."""
     model, n_features = found.transitions.model, found.features.shape[2]
-    entries = np.flatnonzero(np.repeat(kept, np.diff(model.row_start[:: model.n_actions])))
-    weights = found.discount * adjoint.reward_gradient.ravel()[model.row[entries]]
+    weights = found.discount * adjoint.reward_gradient.ravel()[model.row]
     carrier = scipy.sparse.csr_array(
-        (weights, (model.local_index[entries], model.successor[entries])),
+        (weights, (model.local_index, model.successor)),
         shape=(len(found.local_jacobian), model.n_states),
     )
     cross = found.local_jacobian.T @ (carrier @ found.by_value)
@@ -154,15 +142,6 @@ def dynamics_terms(
     if found.local_jacobian.shape[1]:
         table[n_features:, n_features:] += model.local_curvature(theta, adjoint.local_gradient)
     return table
-
-
-def with_weight(sizes: FloatArray) -> BoolArray:
-    """(S,) the states without those of least size, which rounding of the sum of sizes hides."""
-    order = np.argsort(sizes)
-    hidden = np.cumsum(sizes[order]) <= EPSILON * sizes.sum()
-    kept = np.ones(len(sizes), dtype=np.bool_)
-    kept[order[hidden]] = False
-    return kept
 
 
 def posterior_hessian(
@@ -199,10 +178,7 @@ def posterior_hessian(
 def vector_hessian(
     belief: Belief, blocks: FloatArray, gradient: Parameters, parameters: Parameters
 ) -> FloatArray:
-    """(m, m) the same by the numbers that the belief leaves free.
-
-    The temperature moves by its logarithm, which bends: d2 T / d(log T)^2 = T.
-    """
+    """(m, m) the same by the numbers that the belief leaves free."""
     jacobian = belief.jacobian(parameters)
     table = jacobian.T @ blocks @ jacobian
     n_policy = len(parameters.policy)
@@ -226,9 +202,7 @@ def sensitivities_at(
         local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
     else:
         local_jacobian = np.zeros((believed.local_probabilities.size, 0))
-    n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
-    solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
-    return sensitivities(mdp, posterior.features, believed, at.solution, local_jacobian, solver)
+    return sensitivities(mdp, posterior.features, believed, at.solution, local_jacobian)
 
 
 def _add_policy_part(
@@ -245,10 +219,9 @@ def _add_policy_part(
     if model.equation.curved:
         # Experts of a soft equation choose by the policy of its solution.
         weights += at.adjoint.state_gradient
-    kept = with_weight(np.abs(weights) + np.abs(at.adjoint.reward_gradient).sum(axis=1))
-    inner = dynamics_terms(found, at.adjoint, parameters.belief, kept)
+    inner = dynamics_terms(found, at.adjoint, parameters.belief)
     size = len(inner)
-    states = np.flatnonzero(kept)
+    states = np.arange(len(policy))
     for chunk in np.array_split(states, 1 + len(states) * policy.shape[1] * size // CHUNK):
         inner += covariance_sum(policy[chunk], found.by_q_of(chunk), weights[chunk])
     # Reward and belief are the first two blocks of the row.
@@ -266,10 +239,7 @@ def _add_policy_part(
 def transition_scores(
     posterior: Posterior, parameters: Parameters, at: PosteriorValue, found: Sensitivities
 ) -> FloatArray:
-    """(G, blocks) scores of the observed transitions, in the order of `Observations.key`.
-
-    The score is the gradient of log pi(a | s) + log P(s' | s, a) by all parameters.
-    """
+    """(G, blocks) scores of the observed transitions, in the order of `Observations.key`."""
     model, key = posterior.problem.mdp.transitions, at.expected.observations.key
     state, action = np.divmod(key // model.n_states, model.n_actions)
     scores = choice_scores(posterior, parameters, at, found, state, action)
@@ -299,8 +269,6 @@ def choice_scores(
 
 def outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
     """(n, N) gradients of log P(s' | s, a) of (n,) transitions, by the dynamics."""
-    group, place = np.unique(model.groups.places(key), return_inverse=True)
-    wanted = np.zeros(len(model.groups), dtype=np.bool_)
-    wanted[group] = True
-    slopes = transition_jacobian(model, truth, wanted)
-    return np.asarray(slopes / transition_probabilities(model, truth)[group, None])[place]
+    group = model.groups.places(key)
+    slopes = transition_jacobian(model, truth, group)
+    return np.asarray(slopes / transition_probabilities(model, truth)[group, None])

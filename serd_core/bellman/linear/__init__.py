@@ -1,1 +1,0 @@
-"""Solvers of the linear systems of Newton's method and of gradients."""

@@ -1,1 +1,0 @@
-"""Derivatives of values, policies and posteriors by rewards and dynamics."""
