@@ -16,8 +16,8 @@ import numpy as np
 import typer
 
 from serd_app.demonstrations.recorded import demonstrations_of_all, read_recordings
-from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.drives.drive import RecordedDrive
+from serd_app.drives.mapping import BagMapping
 from serd_app.errors import AppError
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_cli.errors import UsageError

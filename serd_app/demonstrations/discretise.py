@@ -10,13 +10,23 @@ is counted.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
-from serd_app.drives.recorded_drive import SILENCE, RecordedDrive
+from serd_app.demonstrations.decision_table import concatenate_renumbered
+from serd_app.drives.drive import (
+    CUT_OFF,
+    DISCARDED,
+    RETURN,
+    SILENCE,
+    EpisodeSpan,
+    RecordedDrive,
+)
+from serd_app.drives.sessions import read_drives
+from serd_bag.errors import BagError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import Action, Grid
 from serd_core.semi_markov.timed_decisions import TimedDecisions
@@ -115,6 +125,51 @@ class DividedEpisode(NamedTuple):
 
 #: By a digest of all that an episode is divided by.
 DividedEpisodes = dict[bytes, DividedEpisode]
+
+
+def demonstrations_of_bag(
+    bag: str | Path, grid: Grid, patience_s: float, wait_s: float, *, hidden: bool = False
+) -> tuple[TimedDecisions, DiscretisationReport]:
+    """Those of a bag, and what was left out; BagError where there is nothing to use.
+
+    patience_s, wait_s: see `DecisionEpochs`. hidden: without intents, from poses and episodes
+    alone.
+    """
+    drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
+    if hidden:
+        drives = [drive.with_hidden_actions for drive in drives]
+    decisions, report = demonstrations_of_drives(drives, grid, patience_s, wait_s)
+    if not len(decisions):
+        raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
+    return decisions, report
+
+
+def demonstrations_of_drives(
+    drives: Sequence[RecordedDrive],
+    grid: Grid,
+    patience_s: float,
+    wait_s: float,
+    *,
+    seen: set[bytes] | None = None,
+    agents: bool = False,
+) -> tuple[TimedDecisions, DiscretisationReport]:
+    """Those of all drives of one recording, at least one, and what was left out.
+
+    seen: `episode_rows` of earlier episodes, to which those of the drives are added; an episode
+    that was seen in every decision counts once. agents: the drives are of different agents, of whom
+    two may decide the same at the same times, so that those of the same places alone are repeated.
+    """
+    seen = set() if seen is None else seen
+    known = frozenset(seen)
+    tables, reports = [], []
+    for drive in drives:
+        track = drive.pose_time_s.tobytes() + drive.position_m.tobytes()
+        seen_here = set(known if track in known else ()) if agents else seen
+        decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen_here)
+        seen |= seen_here | ({track} if agents else set())
+        tables.append(decisions)
+        reports.append(report)
+    return concatenate_renumbered(tables), joined_reports(reports)
 
 
 def decisions_from_drive(

@@ -11,16 +11,17 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from serd_app.demonstrations.candidates import mapping_of_poses
 from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
-from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.demonstrations.suggestion.candidates import mapping_of_poses
-from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
-from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.drives.recorded_people import Sighting, sightings_of_all
-from serd_app.drives.recording import Recording, read_recording
-from serd_app.drives.table_drives import is_table
+from serd_app.demonstrations.discretise import (
+    DiscretisationReport,
+    demonstrations_of_drives,
+    joined_reports,
+)
+from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings, save_flow
+from serd_app.drives.drive import RecordedDrive
+from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.recording import Recording, is_table, read_recording
 from serd_app.errors import AppError
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.files import delete_file
@@ -52,11 +53,10 @@ class Recordings:
         of_bags = (each for each in self.mappings if isinstance(each, BagMapping))
         return next(of_bags, BagMapping())
 
-    def sightings(self) -> list[list[Sighting]]:
-        """People in each recording."""
-        paths, people = [each.bag for each in self.all], self.people
-        topic, frame = people.people_topic, people.frame
-        return sightings_of_all(paths, topic, frame=frame, tolerant=self.tolerant)
+    def flow(self, grid: Grid) -> FlowField | None:
+        """In which direction people walk in them; None where there are none."""
+        topic, frame = self.people.people_topic, self.people.frame
+        return flow_from_recordings(self.all, grid, topic, frame=frame, tolerant=self.tolerant)
 
 
 def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | None:
@@ -180,12 +180,11 @@ def demonstrations_of_all(
     seen: set[bytes] = set()
     found = []
     for each in recordings:
-        agents = each.crowd is not None or is_table(each.bag)
-        here, report = demonstrations_of_drives(
-            each.drives, grid, patience_s, wait_s, seen=seen, agents=agents
+        decisions, report = demonstrations_of_drives(
+            each.drives, grid, patience_s, wait_s, seen=seen, agents=is_table(each.bag)
         )
         tracks = tuple(track for drive in each.drives for track in _tracks_of(drive, grid))
-        found.append(RecordedDemonstrations(each, here.decisions, report, tracks))
+        found.append(RecordedDemonstrations(each, decisions, report, tracks))
     return found
 
 

@@ -1,7 +1,6 @@
 """Episodes of a drive without marks: cut at gaps, at goals, at stops and where a round trip turns.
 
-Gap: no pose for longer than the longest gap. Button: an episode ends when it is pressed. Goal: an
-episode ends on entering a goal's circle, the next begins on leaving it. Goal area: likewise, and
+Gap: no pose for longer than the longest gap. Goal: an episode ends on entering the goal area, and
 the way back, from the area to the place farthest from where it was left, is no demonstration. Stop:
 an episode ends where the robot comes to stand for `stop_s` or longer, the next begins when it moves
 on. Round trip: where a robot comes back to its start, each lap is cut at its place farthest from
@@ -16,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from serd_app.drives.episode_spans import RETURN, EpisodeSpan
-from serd_app.drives.mapped.mapping import DriveMapping
-from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_app.drives.drive import LONGEST_GAP_S, RETURN, EpisodeSpan
+from serd_app.drives.mapping import DriveMapping
 from serd_core.arrays import BoolArray, FloatArray
 from serd_sim.scenario.polygon import Point, contains
 
 UNMARKED, ARRIVED = "unmarked", "arrived"
-GAP, BUTTON, GOAL, STOP, TURN = "gap", "button", "goal", "stop", "turn"
+GAP, GOAL, STOP, TURN = "gap", "goal", "stop", "turn"
 _OUTCOMES = {"": UNMARKED, GAP: UNMARKED, RETURN: RETURN}
 #: Without one in the mapping, the longest gap is so many usual steps between poses.
 _GAP_STEPS = 5.0
@@ -53,29 +51,17 @@ class _Piece:
 
 
 def unmarked_spans(
-    time_s: FloatArray,
-    position_m: FloatArray,
-    longest_gap_s: float,
-    mapping: DriveMapping,
-    pressed_s: FloatArray | None = None,
+    time_s: FloatArray, position_m: FloatArray, longest_gap_s: float, mapping: DriveMapping
 ) -> tuple[tuple[EpisodeSpan, ...], Counter[str]]:
-    """The episodes in order, numbered from 0, and how many of them end at what.
-
-    pressed_s: (N,) increasing, when the button was pressed.
-    """
+    """The episodes in order, numbered from 0, and how many of them end at what."""
     pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
 
     def cut(rule: Callable[..., Iterator[_Piece]], *settings: Any) -> list[_Piece]:
         return [part for piece in pieces for part in rule(piece, *settings)]
 
-    if pressed_s is not None:
-        pieces = cut(_at_presses, pressed_s)
-    has_goal = bool(mapping.goals_m)
-    if mapping.goals_m:
-        pieces = cut(_at_goals, mapping)
-    elif mapping.goal_area_m:
+    if mapping.goal_area_m:
         pieces = cut(_at_goal_area, mapping.goal_area_m)
-        has_goal = any(piece.ended_by == GOAL or piece.from_goal for piece in pieces)
+    has_goal = any(piece.ended_by == GOAL or piece.from_goal for piece in pieces)
     if mapping.stop_s is not None:
         pieces = cut(_at_stops, mapping.stop_s)
     if mapping.round_trips and not has_goal:
@@ -102,30 +88,11 @@ def _at_gaps(piece: _Piece, longest_gap_s: float) -> Iterator[_Piece]:
         yield piece.part(start, stop, "" if stop == len(piece.time_s) else GAP)
 
 
-def _at_presses(piece: _Piece, pressed_s: FloatArray) -> Iterator[_Piece]:
-    inside = pressed_s[(pressed_s > piece.time_s[0]) & (pressed_s < piece.time_s[-1])]
-    rows = np.searchsorted(piece.time_s, inside)
-    edges = [0, *np.unique(rows).tolist(), len(piece.time_s) - 1]
-    for start, stop in pairwise(edges):
-        last = stop == edges[-1]
-        yield piece.part(start, stop + 1, piece.ended_by if last else BUTTON)
-
-
-def _at_goals(piece: _Piece, mapping: DriveMapping) -> Iterator[_Piece]:
-    goals = np.array(mapping.goals_m)
-    away_m = np.linalg.norm(piece.position_m[:, None] - goals, axis=2).min(axis=1)
-    yield from _outside(piece, away_m > mapping.goal_radius_m)
-
-
 def _at_goal_area(piece: _Piece, area_m: tuple[Point, ...]) -> Iterator[_Piece]:
-    for each in _outside(piece, ~contains(area_m, piece.position_m)):
-        yield replace(each, from_goal=each.time_s[0] > piece.time_s[0])
-
-
-def _outside(piece: _Piece, outside: BoolArray) -> Iterator[_Piece]:
-    for start, stop in _runs(outside):
+    for start, stop in _runs(~contains(area_m, piece.position_m)):
         last = stop == len(piece.time_s)
-        yield piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+        part = piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+        yield replace(part, from_goal=start > 0)
 
 
 def _without_return(piece: _Piece) -> Iterator[_Piece]:

@@ -58,7 +58,7 @@ def learn_from_table(
     )
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
-    outcome = learn(files.task, files.demonstrations, settings, on_progress)
+    outcome = learn(files.task, files.decisions, settings, on_progress)
     grid = files.task.problem.grid
     save_outcome(output, outcome, grid)
     missing = ""
@@ -68,13 +68,13 @@ def learn_from_table(
     page = None
     if report is not None:
         page = write_page(ReportSources(output, scenario, [table]), report).page
-    certainty = certainty_of(outcome.problem, files.demonstrations.decisions, outcome.fit)
+    certainty = certainty_of(outcome.problem, files.decisions, outcome.fit)
     return Learned(files, outcome, certainty, output, page, missing)
 
 
 def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
     """AppError where the goal leaves too few decisions."""
-    n_left = len(files.demonstrations.decisions)
+    n_left = len(files.decisions)
     if files.n_after_goal and n_left < minimum_decisions:
         goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
         raise AppError(

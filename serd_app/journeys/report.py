@@ -117,7 +117,7 @@ def _recorded(
     """What demonstrations give: decisions, how usual they are, what was left out, arrivals."""
     if found is None:
         return {"demonstrations": decisions_of({}, "")}
-    until_goal = found.files.demonstrations.decisions
+    until_goal = found.files.decisions
     return {
         "demonstrations": found.decisions,
         "familiarity": found,

@@ -13,8 +13,7 @@ from serd_app.demonstrations.decision_table import (
     until_goal,
     usual_goal_states,
 )
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.grid.flow_field import load_flow
+from serd_app.demonstrations.flow_field import load_flow
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
@@ -50,7 +49,7 @@ class LearningFiles:
     """
 
     task: LearningTask
-    demonstrations: Demonstrations
+    decisions: TimedDecisions
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
@@ -110,7 +109,7 @@ def read_learning_files(
             own_flow=source != "scenario",
             scenario_yaml=_scenario_yaml(known, problem, kept, record),
         ),
-        demonstrations=Demonstrations(kept),
+        decisions=kept,
         flow_from=source,
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from serd_app.demonstrations.grid.flow_field import FlowField
+from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,

@@ -88,7 +88,7 @@ def suggest(bag: Bag, output: Mapping = Path("mapping.yaml"), as_json: AsJson = 
     what was found and assumed.
     """
     require_suffix(output, ".yaml")
-    from serd_app.demonstrations.suggestion.suggest import suggest_mapping
+    from serd_app.demonstrations.suggest import suggest_mapping
 
     found = suggest_mapping(bag)
     text = found.yaml(output)

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
 from serd_app.demonstrations.recorded import report_of_table
-from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.comparison import predicted_law, recorded_times

@@ -11,7 +11,7 @@ from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, print_json, progress_console
 
 if TYPE_CHECKING:
-    from serd_app.demonstrations.suggestion.suggest import Suggestion
+    from serd_app.demonstrations.suggest import Suggestion
 
 #: Of a column of names: rich narrows these first where the table is wider than the terminal.
 _LEAST_TEXT_WIDTH = 12

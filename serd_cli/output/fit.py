@@ -81,7 +81,7 @@ def print_learned(learned: Learned) -> None:
 
 
 def _learned_from(files: LearningFiles) -> str:
-    decisions = files.demonstrations.decisions
+    decisions = files.decisions
     left_out = f", {files.left_out()} left out" if files.left_out() else ""
     across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from rich.text import Text
 
-from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.drives.episode_spans import DISCARDED
-from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.demonstrations.discretise import demonstrations_of_drives
+from serd_app.drives.drive import DISCARDED
+from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_bag.files import atomic_write_text

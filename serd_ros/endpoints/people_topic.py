@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from serd_app.drives.frame_graph import plain_name
+from serd_app.drives.transforms import plain_name
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type
 from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from serd_app.drives.episode_spans import START, EpisodeMark
+from serd_app.drives.drive import START, EpisodeMark
 from serd_app.teleop.page.access import PageAccess, read_token
 from serd_app.teleop.page.server import PageServer
 from serd_app.teleop.page.view import ModelOverlay, overlay_message, overlay_of, point, world_state

@@ -5,7 +5,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from serd_app.drives.episode_spans import END
+from serd_app.drives.drive import END
 from serd_app.errors import TeleopError
 from serd_app.teleop.session import EpisodeEvent, EpisodeTally, Session
 from serd_ros.convert.diagnostics import from_episode_message

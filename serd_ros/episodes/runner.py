@@ -6,7 +6,7 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from serd_app.drives.episode_spans import END, START
+from serd_app.drives.drive import END, START
 from serd_core.grid.grid import Action
 from serd_files.episode_table import EpisodeResult
 from serd_files.table import write_rows

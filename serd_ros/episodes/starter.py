@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.drives.drive import EpisodeMark
 from serd_bag.errors import FileError
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import to_episode_message

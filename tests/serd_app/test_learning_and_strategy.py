@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
+from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
@@ -61,7 +61,7 @@ def outcome():
         rng=np.random.default_rng(4),
     )
     reports = []
-    return learn(task, Demonstrations(decisions), CONFIG, reports.append), reports
+    return learn(task, decisions, CONFIG, reports.append), reports
 
 
 def test_every_fit_reports_its_steps_and_the_weight_best_on_validation_is_used(outcome):
@@ -113,8 +113,8 @@ def first_episodes(number):
     everything = demonstrations_of_bag(
         SHIPPED, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s
     )[0]
-    table = everything.decisions
-    return Demonstrations(table.select_episodes(table.episodes[:number]))
+    table = everything
+    return table.select_episodes(table.episodes[:number])
 
 
 def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_come_back():
@@ -176,7 +176,7 @@ def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
     dwell_s = np.random.default_rng(3).gamma(20.0, 1 / 20, len(state))
     ended = np.zeros(len(state), dtype=bool)
     columns = (episode, time_s, state, action, following)
-    return Demonstrations(TimedDecisions(*columns, dwell_s=dwell_s, censored=ended))
+    return TimedDecisions(*columns, dwell_s=dwell_s, censored=ended)
 
 
 def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_trap(tmp_path):

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
 from serd_app.demonstrations.decision_table import save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_app.learning.learning_files import read_learning_files
 from serd_bag.reader import BagReader
@@ -45,7 +45,7 @@ def table_without_source(path: Path) -> list[str]:
 
 
 def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, bag, tmp_path):
-    save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
+    save_decisions(tmp_path / "offline.csv", demonstrations(bag))
     received = tmp_path / "received.csv"
     learner = nodes.start_stack(
         "replay_and_learn",
@@ -69,7 +69,7 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
 def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
     nodes, probe, bag, tmp_path
 ):
-    decisions, models = demonstrations(bag).decisions, []
+    decisions, models = demonstrations(bag), []
     probe.node.create_subscription(String, "model", models.append, qos.LATCHED)
     folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
     folder.save_decisions(decisions)

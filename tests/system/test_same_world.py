@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_app.drives.episode_spans import START
+from serd_app.drives.drive import START
 from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.pose import from_pose

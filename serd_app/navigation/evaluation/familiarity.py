@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from serd_app.demonstrations.discretise import joined_reports
-from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
+from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
     Place,
     demonstrations_of_all,
@@ -21,7 +21,7 @@ from serd_app.demonstrations.recorded import (
     read_recordings,
     save_demonstrations,
 )
-from serd_app.drives.mapped.mapping import DriveMapping
+from serd_app.drives.mapping import DriveMapping
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files
@@ -158,7 +158,7 @@ def familiarity_of(
     """
     file = load_model(model)
     files, discretised = _files(model, file, trajectories, mapping, scenario)
-    task, decisions = files.task, files.demonstrations.decisions
+    task, decisions = files.task, files.decisions
     decisions = decisions.select(~decisions.censored)  # of which no outcome is known
     grid = task.problem.grid
     require_same_scale(model, file, trajectories[0], grid.cell_size_m)
@@ -251,7 +251,7 @@ def _discretise(
             f"{_in_words(trajectories)} holds no decision on the grid of {model}: {report}; is it"
             " of the same place?"
         )
-    flow = flow_from_recordings(recordings.all, recordings.sightings(), grid)
+    flow = recordings.flow(grid)
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
     assumed = list(dict.fromkeys(line for each in recordings.all for line in each.assumed))
     more = [f"and {len(assumed) - _MOST_ASSUMED} more"] if len(assumed) > _MOST_ASSUMED else []

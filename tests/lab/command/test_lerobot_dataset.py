@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lab.command.lerobot import save_lerobot
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.drives.drive import EpisodeSpan, RecordedDrive
 from serd_core.grid.grid import Action
 
 parquet = pytest.importorskip("pyarrow.parquet")

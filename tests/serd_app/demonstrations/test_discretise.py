@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_app.demonstrations import discretise
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import (
     LOST,
     NO_COMMAND,
@@ -16,10 +15,10 @@ from serd_app.demonstrations.discretise import (
     REPEATED,
     DiscretisationReport,
     decisions_from_drive,
+    demonstrations_of_bag,
     joined_reports,
 )
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE, RecordedDrive
+from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan, RecordedDrive
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.writer import BagWriter
@@ -288,7 +287,7 @@ def recorded_bag(tmp_path, messages):
 def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     recorded_bag.close()
     gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
-    decisions = gathered.decisions
+    decisions = gathered
     np.testing.assert_allclose(decisions.time_s, [100.0, 101.2, 103.2, 105.2], atol=1e-6)
     assert decisions.state.tolist() == [0, 1, 2, 3]
     assert decisions.next_state.tolist() == [1, 2, 3, 3]
@@ -310,7 +309,7 @@ def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
     recorded_bag.write("/intent", messages.intent(106.05, bad, 0.0), 102)
     recorded_bag.close()
     gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
-    assert rows(gathered.decisions) == rows(sound)
+    assert rows(gathered) == rows(sound)
     assert (report.n_bad_poses, report.dropped[NOT_FINITE]) == (2, 1)
     assert str(report).endswith("; 2 poses not finite")
 

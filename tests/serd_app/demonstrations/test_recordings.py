@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from serd_app.demonstrations.flow_field import recorded_sightings
 from serd_app.demonstrations.recorded import read_recordings
+from serd_bag.reader import BagReader
 from serd_core.demonstrations.decisions import HIDDEN
 from support.foreign_bags import START_S, ForeignBag, Robot, key_presses
 from support.people_messages import CLOUD, PeopleMessages
@@ -27,7 +29,7 @@ def test_people_of_a_bag_of_poses_alone_are_brought_into_the_frame_of_the_poses(
     found = read_recordings([path], mapping=None, scenario=None)
     assert found.people.frame == "site"
     assert (found.drives[0].intent_action == HIDDEN).all()
-    (sightings,) = found.sightings()
+    sightings = recorded_sightings(BagReader(path), found.people.people_topic, frame="site")
     places_m = np.concatenate([each.people.position_m[:, :2] for each in sightings])
     shift_m = np.interp(seen_s, drift[:, 0], drift[:, 1])
     np.testing.assert_allclose(places_m, PLACE_M + np.c_[shift_m, 0 * shift_m], atol=1e-3)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.learning.methods import METHODS
 from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
@@ -75,7 +74,7 @@ def decisions():
 
 def learned(decisions, method, **options):
     settings = LearningSettings(method=method, discount=0.97, prior_weights=(1.0,), **options)
-    return learn(TASK, Demonstrations(decisions), settings)
+    return learn(TASK, decisions, settings)
 
 
 def means_of(outcome):

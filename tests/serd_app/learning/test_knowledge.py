@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.learning.knowledge import (
     certainty_of,
     knowledge_lines,
@@ -36,11 +35,11 @@ def decisions():
 
 @pytest.fixture(scope="module")
 def outcome(decisions):
-    return learn(TASK, Demonstrations(decisions), LearningSettings())
+    return learn(TASK, decisions, LearningSettings())
 
 
 def certainty_with(decisions, **settings):
-    fit = learn(TASK, Demonstrations(decisions), LearningSettings(**settings))
+    fit = learn(TASK, decisions, LearningSettings(**settings))
     return certainty_of(fit.problem, decisions, fit.fit)
 
 
@@ -140,7 +139,7 @@ def test_a_fit_without_a_posterior_of_the_dynamics_has_none(decisions):
 
 def test_where_no_law_was_learned_nothing_is_printed_of_any(decisions):
     hidden = replace(decisions, action=np.full(len(decisions), -1))
-    found = learn(TASK, Demonstrations(hidden), LearningSettings(method="mdce_serd_evidence"))
+    found = learn(TASK, hidden, LearningSettings(method="mdce_serd_evidence"))
     assert found.knowledge.durations == ()
     assert not any("dwell times" in line for line in knowledge_lines(found.knowledge, PROBLEM))
     assert found.durations[0].startswith("a move takes on average, counted: with flow ")

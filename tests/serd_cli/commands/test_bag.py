@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping
 from serd_bag.formats.mcap.writer import McapWriter
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.grid.flow_field import load_flow
+from serd_app.demonstrations.flow_field import load_flow
 from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
 from serd_cli.output.demonstrations import short_names
 from serd_core.grid.grid import Action

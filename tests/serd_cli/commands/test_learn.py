@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
+from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.drives.mapped.mapping import TableMapping
+from serd_app.drives.mapping import TableMapping
 from serd_app.errors import AppError
 from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_bag.errors import FileError
@@ -82,7 +82,7 @@ def test_several_recordings_are_scored_together_and_decisions_alone(model, tmp_p
     found = familiarity_of(model, [table])
     assert found.discretised == ""
     whole = load_decisions(table)
-    n_censored = int(found.files.demonstrations.decisions.censored.sum())
+    n_censored = int(found.files.decisions.censored.sum())
     assert len(found.decisions) + n_censored + found.files.n_after_goal == len(whole)
     assert f"decisions left out: {found.files.left_out()}" in found.sentence()
     with pytest.raises(AppError, match="a table of decisions must be compared alone"):

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.journeys.learn import Learned
 from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import LearningFiles
@@ -20,12 +19,12 @@ from tests.support.timed_hallway import TASK, timed_decisions
 
 @pytest.fixture(scope="module")
 def learned():
-    demonstrations = Demonstrations(timed_decisions())
-    outcome = learn(TASK, demonstrations, LearningSettings())
-    certainty = certainty_of(outcome.problem, demonstrations.decisions, outcome.fit)
-    episodes = demonstrations.decisions.episodes
+    decisions = timed_decisions()
+    outcome = learn(TASK, decisions, LearningSettings())
+    certainty = certainty_of(outcome.problem, decisions, outcome.fit)
+    episodes = decisions.episodes
     goal = tuple(TASK.problem.grid.centers_m[TASK.problem.goal_states[0]].tolist())
-    files = LearningFiles(TASK, demonstrations, "scenario", (goal,), 0, 0, 0, (), episodes)
+    files = LearningFiles(TASK, decisions, "scenario", (goal,), 0, 0, 0, (), episodes)
     return files, outcome, certainty
 
 

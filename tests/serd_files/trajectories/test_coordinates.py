@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.drives.mapped.mapping import TableMapping
+from serd_app.drives.mapping import TableMapping
 from serd_bag.errors import FileError
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.drives.mapped.mapping import TableMapping
-from serd_app.drives.table_drives import drives_of_table, is_table
+from serd_app.drives.mapping import TableMapping
+from serd_app.drives.recording import drives_of_table, is_table
 from serd_bag.errors import FileError
 from serd_files.trajectories.columns import TableColumns
 from serd_files.yaml_config import yaml_model

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import Marker
 
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.drives.drive import EpisodeMark
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert import command, diagnostics, markers, sensors

@@ -9,7 +9,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from serd_app.drives.episode_spans import END
+from serd_app.drives.drive import END
 from serd_app.navigation.navigator import load_arrivals
 from serd_files.episode_table import load_episodes
 from serd_ros.convert.diagnostics import UNCOUNTED, from_episode_message, to_diagnostics

@@ -9,8 +9,8 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.drives.drive import EpisodeMark
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import CheckpointFolder, LearnerMemory
 from serd_bag.errors import FileError
@@ -129,7 +129,7 @@ def test_a_call_to_learn_is_answered_by_whether_there_are_decisions_enough(
     hallway = load_scenario("hallway")
     grid, folder = grid_of(hallway), CheckpointFolder(tmp_path / "m_learner", hallway)
     found, _ = demonstrations_of_bag(shipped, grid, hallway.patience_s, hallway.wait_s)
-    decisions = found.decisions
+    decisions = found
     folder.save_decisions(decisions.select(np.arange(n_decisions or len(decisions))))
     folder.save(folder.new())
     given = {"output": str(tmp_path / "m.yaml"), "learn_on": "call"}

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.discretise import NO_COMMAND, decisions_from_drive
-from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapped.actions import (
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.drives.actions import (
     PoseTrack,
     actions_of_ways,
     hidden_intents,
     intents_of_velocities,
     posed_intents,
 )
-from serd_app.drives.mapped.drive import mapped_drive_in
-from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE
+from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan
+from serd_app.drives.mapped import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
@@ -49,8 +48,9 @@ def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(
         hold_s=hold_s,
         **more,
     )
-    assert found.hold_s == math.inf
-    return list(zip(found.time_s.round(6).tolist(), found.action.tolist(), strict=True))
+    assert found["intent_hold_s"] == math.inf
+    at_s, action = found["intent_time_s"].round(6), found["intent_action"]
+    return list(zip(at_s.tolist(), action.tolist(), strict=True))
 
 
 @pytest.mark.parametrize(
@@ -96,12 +96,12 @@ def test_a_command_that_is_held_through_a_turn_means_the_heading_of_the_next_sec
 
 def test_each_episode_has_an_intent_at_its_start():
     spans = SPAN, EpisodeSpan(1, 4.0, 6.0, "arrived")
-    assert hidden_intents(spans).time_s.tolist() == [0.0, 4.0]
+    assert hidden_intents(spans)["intent_time_s"].tolist() == [0.0, 4.0]
     track = PoseTrack(*[np.array([0.0, 6.0])] * 2, np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0]]))
     moving = posed_intents(BagMapping(action_from="motion"), track, spans)
-    assert moving.time_s.tolist() == [0.0, 4.0]
-    assert moving.action.tolist() == [EAST] * 2
-    assert len(posed_intents(BagMapping(action_from="motion"), track, ()).time_s) == 0
+    assert moving["intent_time_s"].tolist() == [0.0, 4.0]
+    assert moving["intent_action"].tolist() == [EAST] * 2
+    assert len(posed_intents(BagMapping(action_from="motion"), track, ())["intent_time_s"]) == 0
 
 
 def test_waypoints_mean_the_direction_to_them():
@@ -162,37 +162,10 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(drive_of, mess
         drive_of([*rows, *odom_at(messages, np.arange(0.0, 3.0, 0.5))], in_map)
 
 
-@pytest.mark.parametrize(
-    ("kind", "field", "states"),
-    [
-        ("std_msgs/msg/Empty", "", [0]),
-        ("std_msgs/msg/Bool", "data", [False, True, True, False]),
-        ("sensor_msgs/msg/Joy", "buttons.1", [[1, 0], [0, 1], [0, 1], [0, 0]]),
-    ],
-)
-def test_each_press_of_a_button_ends_an_episode(drive_of, messages, kind, field, states):
-    def made(state):
-        if not kind.endswith("Joy"):
-            return messages.make(kind, state)
-        axes, buttons = np.zeros(0, dtype=np.float32), np.array(state, dtype=np.int32)
-        return messages.make(kind, messages.header(0.0), axes, buttons)
-
-    at_s = 53.0 - 0.1 * (len(states) > 1)
-    rows = [
-        ("/button", at_s + 0.1 * row, messages.encode(made(state), kind))
-        for row, state in enumerate(states)
-    ]
-    mapping = with_keys(DRIVEN, button_topic="button", button_field=field)
-    drive = drive_of([*drive_east(messages), *rows], mapping, {"/button": kind})
-    edges_s = [(span.start_s, span.end_s) for span in drive.episodes]
-    np.testing.assert_allclose(edges_s, [(50.0, 53.0), (53.0, 58.0)])
-    assert drive.cuts == {"button": 1}
-
-
 def test_poses_given_in_several_frames_are_each_brought_from_their_own(
     drive_of, messages, monkeypatch
 ):
-    monkeypatch.setattr("serd_app.drives.mapped.drive._AT_ONCE", 7)
+    monkeypatch.setattr("serd_app.drives.mapped._AT_ONCE", 7)
     rows = [*drive_east(messages, "odom"), *odom_at(messages, range(50, 59))]
     mixed = [
         (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
@@ -410,11 +383,7 @@ def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(drive_of, mess
     [
         ({"hold_s": 1.0, "action_from": "motion"}, "hold_s must be left out unless action_from is"),
         ({"waypoint_reached_m": 1.0}, "waypoint_reached_m must be left out unless action_from is"),
-        ({"button_field": "buttons.0"}, "button_field must come with a button_topic"),
-        ({"button_topic": "joy", "episode_topic": "episode"}, "button_topic must be left out with"),
-        ({"goal_area_m": ((0, 0), (1, 1))}, "goal_area_m must have at least 3 corners, got 2"),
-        ({"goals_m": ((0, 0),), "goal_area_m": ((0, 0), (1, 0), (1, 1))},
-         "goals_m and goal_area_m must not both be given"),
+        ({"goal_area_m": ((0, 0), (1, 1))}, "must have at least 3 corners, got 2"),
     ],
 )  # fmt: skip
 def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from serd_files.settings import setting
 from serd_files.trajectories.columns import TableColumns
@@ -34,14 +34,10 @@ class DriveMapping(StrictModel):
         unit="s",
         gt=0,
     )
-    goals_m: tuple[tuple[float, float], ...] = setting(
-        (), "centres of circles in each of which an episode ends; the next begins outside", unit="m"
-    )
-    goal_radius_m: float = setting(0.5, "radius of these circles", unit="m", gt=0)
     goal_area_m: tuple[tuple[float, float], ...] = setting(
         (),
         "corners of an area in which a lap ends. The way back from it, up to the place farthest"
-        " away, is no demonstration. With `--scenario` its goal area unless goals_m are given",
+        " away, is no demonstration. With `--scenario` its goal area by default",
         unit="m",
     )
     stop_s: float | None = setting(
@@ -51,16 +47,16 @@ class DriveMapping(StrictModel):
         True, "whether a drive that comes back to its start is cut at its place farthest from it"
     )
 
-    @model_validator(mode="after")
-    def _one_kind_of_goal(self) -> "DriveMapping":
-        if self.goals_m and self.goal_area_m:
-            raise ValueError("goals_m and goal_area_m must not both be given; leave one out")
-        if self.goal_area_m and len(self.goal_area_m) < _LEAST_CORNERS:
+    @field_validator("goal_area_m")
+    @classmethod
+    def _has_corners(
+        cls, area_m: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        if area_m and len(area_m) < _LEAST_CORNERS:
             raise ValueError(
-                f"goal_area_m must have at least {_LEAST_CORNERS} corners, got"
-                f" {len(self.goal_area_m)}; add some, or give goals_m"
+                f"must have at least {_LEAST_CORNERS} corners, got {len(area_m)}; add some"
             )
-        return self
+        return area_m
 
 
 class TableMapping(DriveMapping, TableColumns):
@@ -74,18 +70,6 @@ class TableMapping(DriveMapping, TableColumns):
         "ids or kinds of the agents that demonstrate, * for any text, the others are people; by"
         " default those with robot, agv, amr or ego in them, else all",
     )
-    people: str = setting(
-        "",
-        "table of people beside this one, all of whose agents then demonstrate unless experts names"
-        " some; * is the last number in the name of the table",
-    )
-
-    @classmethod
-    def of_people(cls, mapping: "BagMapping") -> "TableMapping":
-        """The rules of episodes of a bag, for the tracks of its people."""
-        rules = {name: getattr(mapping, name) for name in DriveMapping.model_fields}
-        motion = mapping.action_from == "motion"
-        return cls(**rules, action_from="motion" if motion else "hidden")
 
 
 class BagMapping(DriveMapping):
@@ -120,19 +104,10 @@ class BagMapping(DriveMapping):
     episode_topic: str = setting(
         "", "marks of episodes, as our recorder writes them; empty: episodes are cut by the rules"
     )
-    button_topic: str = setting(
-        "", "topic of a button, each press of which ends an episode: Joy, Bool, Empty, any message"
-    )
-    button_field: str = setting(
-        "", "path of a number or truth value, pressed above 0.5; empty: each message is a press"
-    )
     people_topic: str = setting(
         "pedestrians",
         "people, where there is such a topic: PointCloud2 with x, y, vx, vy, People,"
         " TrackedPersons or Detection3DArray; brought into `frame` by /tf",
-    )
-    experts: Literal["robot", "people"] = setting(
-        "robot", "who demonstrates; people: each person of people_topic, with hidden actions"
     )
     hold_s: float | None = setting(
         0.5, "how long the robot follows a velocity; null: until the next one", unit="s", gt=0
@@ -159,13 +134,6 @@ class BagMapping(DriveMapping):
                     f"{key} must be left out unless action_from is {source}, it is"
                     f" {self.action_from}; correct action_from or delete the key"
                 )
-        if self.button_field and not self.button_topic:
-            raise ValueError("button_field must come with a button_topic; name the topic")
-        if self.button_topic and self.episode_topic:
-            raise ValueError(
-                "button_topic must be left out with episode_topic, whose marks end episodes; delete"
-                " one of them"
-            )
         return self
 
     @property
