@@ -33,24 +33,14 @@ _NAMES = {
 }  # fmt: skip
 _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names}
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
-_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
-_AXES = frozenset(["x", "y", "px", "py", "tx", "ty", "rx", "ry"])
+_AXES = frozenset(["x", "y", "px", "py", "tx", "ty"])
 #: Words for a place, which may precede or follow the axis.
-_PLACE = frozenset(["position", "pos", "pose", "location", "center", "map", "odom", "world",
-                    "global", "local", "field"])  # fmt: skip
-#: Words in names of numbers along x and y that are places of no agent.
-_OTHER = frozenset(["v", "vel", "velocity", "speed", "twist", "linear", "angular", "acc", "cmd",
-                    "acceleration", "force", "q", "orientation", "quaternion", "cov", "std",
-                    "covariance", "error", "direction", "size", "goal", "target", "start", "end",
-                    "destination", "waypoint", "reference", "lidar", "laser", "sensor", "camera",
-                    "marker", "image"])  # fmt: skip
+_PLACE = frozenset(["position", "pos", "pose", "field"])
 _KIND_OF = {
-    **dict.fromkeys(["robot", "mobilerobot", "agv", "amr", "ego"], ROBOT),
-    **dict.fromkeys(["person", "people", "ped", "pedestrian", "human", "walker"], PERSON),
-    **dict.fromkeys(["obstacle", "actor", "p", "h"], PERSON),
+    **dict.fromkeys(["robot", "agv", "amr", "ego"], ROBOT),
+    **dict.fromkeys(["person", "people", "ped", "pedestrian", "human"], PERSON),
 }
-_LISTED = 6
 
 
 class TableColumns(StrictModel):
@@ -106,20 +96,18 @@ class Place(NamedTuple):
 class Columns:
     """Numbers of columns, -1 for ids and episodes where the table has none.
 
-    pairs: by agent; the key is empty where one pair holds the places of all agents. remarks:
-    sentences about columns that are not used.
+    pairs: by agent; the key is empty where one pair holds the places of all agents.
     """
 
     time: int
     agent: int
     episode: int
     pairs: Mapping[str, Pair]
-    remarks: tuple[str, ...] = ()
 
 
 def role_of(name: str) -> str | None:
     """Return what the name of a column stands for: frame, time, agent, episode, x or y."""
-    role = _ROLE_OF.get("_".join(word.lower() for word in _WORD.findall(_plain(name))))
+    role = _ROLE_OF.get("_".join(_words(name)))
     place = None if role else place_of(name)
     return place.axis if place and place.kind == "own" else role
 
@@ -130,25 +118,21 @@ def place_of(name: str) -> Place | None:
     >>> place_of("robot_pose_x").agent, place_of("y [cm]").axis, place_of("yaw")
     ('robot', 'y', None)
     """
-    plain = _plain(name).lower()
-    words = _WORD.findall(plain)
+    words = _words(name)
     axes = [at for at, word in enumerate(words) if word in _AXES]
-    if len(axes) != 1 or not _OTHER.isdisjoint(words):
+    if len(axes) != 1:
         return None
     (at,) = axes
+    rest = [word for word in words if word not in _AXES | _PLACE]
+    letters = "".join(word for word in rest if not word.isdecimal())
+    kind = _KIND_OF.get(letters, "unknown") if letters else "numbered" if rest else "own"
     form = (*words[:at], words[at][:-1], *words[at + 1 :], unit_of(name) or "")
-    rest = _WORD.sub(lambda word: "" if word[0] in _AXES | _PLACE else word[0], plain)
-    agent = re.sub(r"^[\W_]+|[\W_]+$", "", rest)
-    if agent == "r" or (not agent and words[at].startswith("r")):
-        agent = ROBOT
-    letters = re.sub(r"[\W_\d]", "", agent)
-    kind = _KIND_OF.get(letters, "unknown") if letters else "numbered" if agent else "own"
-    return Place(agent, kind, words[at][-1], form)
+    return Place("".join(rest), kind, words[at][-1], form)
 
 
-def _plain(name: str) -> str:
-    """Return the name without its unit, words of camel case divided."""
-    return _CAMEL.sub("_", _UNIT.sub("", name.strip()))
+def _words(name: str) -> list[str]:
+    """Return the words and numbers of a name without its unit."""
+    return _WORD.findall(_UNIT.sub("", name.strip()).lower())
 
 
 def unit_of(name: str) -> str | None:
@@ -211,10 +195,7 @@ def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
         pairs = _by_name(where, cells, has_ids="agent" in found)
     if found["time"] < 0 or not pairs:
         raise _missing(where, names, found, has_pairs=bool(pairs))
-    used = {column for pair in pairs.values() for column in pair}
-    unused = [name for at, name in enumerate(names) if at not in used and place_of(name)]
-    columns = found["time"], found.get("agent", -1), found.get("episode", -1)
-    return Columns(*columns, pairs, _in_words(unused))
+    return Columns(found["time"], found.get("agent", -1), found.get("episode", -1), pairs)
 
 
 def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
@@ -349,15 +330,3 @@ def _missing(
     rest.sort(key=lambda column: "time" not in names[column].lower())
     mapping = mapping_of(names, **dict(zip(needed, rest, strict=False)), **chosen)
     return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")
-
-
-def _in_words(unused: Sequence[str]) -> tuple[str, ...]:
-    """Return a sentence about columns that seem to hold places and are not used, if any are."""
-    if not unused:
-        return ()
-    listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
-    verb = "columns {} are" if len(unused) > 1 else "column {} is"
-    return (
-        f"{verb.format(listed)} not used; 'x:' and 'y:' in a --mapping file name the columns that"
-        " are",
-    )

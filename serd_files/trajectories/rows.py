@@ -109,17 +109,13 @@ def _seconds(
 ) -> tuple[FloatArray, dict[str, str]]:
     """Return the times, NaN where there is none, and what of their unit is assumed.
 
-    Durations and dates are counted from the first one.
+    Dates are counted from the first one.
     """
     import pandas as pd
 
     given, name = cells.frame.iloc[:, column], cells.names[column]
-    if pd.api.types.is_timedelta64_dtype(given):
-        return np.asarray(given.dt.total_seconds().to_numpy(dtype=np.float64)), {}
     numbers = numeric(given)
-    is_date = pd.api.types.is_datetime64_any_dtype(given)
-    is_number = pd.api.types.is_numeric_dtype(given) or np.isfinite(numbers).any()
-    if is_date or not is_number:
+    if not (pd.api.types.is_numeric_dtype(given) or np.isfinite(numbers).any()):
         dates = pd.to_datetime(given, errors="coerce", utc=True, format="mixed")
         since = (dates - dates.min()).dt.total_seconds()
         return np.asarray(since.to_numpy(dtype=np.float64)), {}

@@ -127,7 +127,7 @@ def _save_rows(path: Path) -> None:
 def _save_tracks(path: Path) -> None:
     table = pd.DataFrame([(n % 2, n / 5, 0.5 * n, 1.0) for n in range(12)], columns=[*"itxy"])
     table = table.rename(columns={"i": "id"})
-    _ = table.to_parquet(path) if path.suffix == ".parquet" else table.to_csv(path, index=False)
+    table.to_csv(path, index=False)
 
 
 def _save_unnamed_tracks(path: Path) -> None:
@@ -144,7 +144,6 @@ _FILES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
     "arrivals.csv": (_save_arrivals, load_arrivals),
     "rows.csv": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS)),
     "tracks.csv": (_save_tracks, read_trajectories),
-    "tracks.parquet": (_save_tracks, read_trajectories),
     "unnamed_tracks.csv": (_save_unnamed_tracks, read_trajectories),
     **{
         f"{name}.yaml": (
@@ -172,8 +171,7 @@ def test_a_mutated_file_loads_or_is_refused_in_one_line(name, tmp_path, save_mod
     load(path)
     valid = path.read_bytes()
     cases = mutated_bytes(valid)
-    if path.suffix != ".parquet":
-        cases |= mutated_text(valid.decode(), _PIECES[path.suffix]).map(_encoded)
+    cases |= mutated_text(valid.decode(), _PIECES[path.suffix]).map(_encoded)
     if path.suffix == ".yaml":
         cases |= mutated_yaml(valid.decode()).map(_encoded)
 

@@ -43,8 +43,8 @@ def assert_robot_among_people(found, n_people):
     """One drive, along the path of the robot, among people who are where they were."""
     (drive,) = found.drives
     np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-    assert len(found.crowd.people) == n_people
-    for track, places in zip(found.crowd.people, PEOPLE, strict=False):
+    assert len(found.people) == n_people
+    for track, places in zip(found.people, PEOPLE, strict=False):
         np.testing.assert_allclose(track.position_m, places, atol=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_p
     """The first layout of NavWareSet."""
     found = drives(tmp_path, rows_of_people(PEOPLE[:n_people]))
     assert_robot_among_people(found, n_people)
-    people = [track.agent for track in found.crowd.people]
+    people = [track.agent for track in found.people]
     assert people == [f"person {number + 1}" for number in range(n_people)]
     assert any(f"robot demonstrates among {n_people} people" in each for each in found.assumed)
 
@@ -63,22 +63,17 @@ def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_p
     [
         "robot_x robot_y x y",
         "Robot_X Robot_Y X Y",
-        "robotX robotY pos_x pos_y",
         "agv.position.x agv.position.y x y",
-        "mobile_robot_x mobile_robot_y x y x2 y2",
         "robot_pose_x robot_pose_y px_0 py_0 px_1 py_1",
         "x_robot y_robot x_human1 y_human1 x_human2 y_human2",
         "x y ped_x ped_y",
         "pos_x pos_y x1 y1 x2 y2",
-        "rx ry x y",
-        "rx ry h1x h1y h2x h2y",
         "robot.position.x robot.position.y person_1.position.x person_1.position.y",
     ],
 )
 def test_the_robot_is_the_one_that_the_columns_name(tmp_path, names):
     found = drives(tmp_path, wide(names))
     assert_robot_among_people(found, len(names.split()) // 2 - 1)
-    assert not any("not used" in sentence for sentence in found.assumed)
 
 
 @pytest.mark.parametrize(
@@ -134,23 +129,19 @@ def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
     np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
 
 
-def test_columns_that_are_not_of_people_are_left_out_or_named(tmp_path):
+def test_columns_that_are_not_of_people_are_left_out(tmp_path):
     table = wide("x y").assign(id=1, x1=0.0, y1=0.0)  # beside ids, numbers behind x are none
     assert [track.agent for track in read(tmp_path, table).tracks] == ["1"]
     repeated = wide("robot_x robot_y ped_x ped_y").assign(x=ROBOT[:, 0], y=ROBOT[:, 1])
-    found = drives(tmp_path, repeated)
-    assert_robot_among_people(found, 1)
-    assert found.assumed[0].startswith("columns x, y are not used")
+    assert_robot_among_people(drives(tmp_path, repeated), 1)
     table = wide("robot_x robot_y x y").assign(spot_x=9.0, goal_x=9.0, vel_x=0.6, it_x=1)
-    (sentence,) = [each for each in drives(tmp_path, table).assumed if "not used" in each]
-    assert sentence.startswith("columns spot_x, it_x are not used; 'x:' and 'y:'")
+    assert_robot_among_people(drives(tmp_path, table), 1)
 
 
 def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_drives(tmp_path):
     table = rows_of_people(PEOPLE).assign(ego_x=1.0, ego_y=RNG.normal(size=3 * N_STEPS))
     found = drives(tmp_path, table, "{x: robot_x, y: robot_y}")
     assert_robot_among_people(found, 3)
-    assert found.assumed[0].startswith("columns ego_x, ego_y are not used")
     table = wide("spot_x spot_y ped1_x ped1_y ped2_x ped2_y")
     assert_robot_among_people(drives(tmp_path, table, "{x: spot_x, y: spot_y}"), 2)
     table = rows_of_people(PEOPLE).rename(columns={"column": "who", "timestamp": "when"})
@@ -158,16 +149,6 @@ def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_d
     assert_robot_among_people(found, 3)
     with pytest.raises(FileError, match=r"agent person is in two places .*\(agent:\)"):
         drives(tmp_path, table.rename(columns={"when": "timestamp"}))
-
-
-def test_the_robot_in_a_table_of_people_is_no_person(tmp_path):
-    rows_of_people(PEOPLE[:2]).to_csv(tmp_path / "people.csv", index=False)
-    found = drives(tmp_path, wide("robot_x robot_y"), "people: people.csv")
-    assert_robot_among_people(found, 2)
-    assert "people.csv: its robots are left out, as table.csv has them" in found.assumed
-    wide("robot_x robot_y").to_csv(tmp_path / "people.csv", index=False)
-    with pytest.raises(FileError, match="must hold people, it holds robots alone; correct people:"):
-        drives(tmp_path, wide("robot_x robot_y"), "people: people.csv")
 
 
 def test_of_two_columns_of_times_one_must_be_named_but_a_time_is_preferred_to_frames(tmp_path):
