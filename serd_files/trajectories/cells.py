@@ -37,9 +37,9 @@ _IN_NS = {"time_unit": "ns", "unit": "m"}
 _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
     (("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"), {"time_unit": "s", "unit": "m"}),
     (("%time",), _IN_NS),
-    (("timestamp", "robot_x", "robot_y", "x", "y", "column"), {"agent": "column", **_IN_NS}),
-    (("timestamp", "robot_x", "robot_y", "x1", "y1"), _IN_NS),
 )
+#: Columns of the robot of NavWareSet, beside x, y of people by column, or x1, y1, x2, y2, ...
+_NAVWARE = ("timestamp", "robot_x", "robot_y")
 _RATE = re.compile(r"frame\s*-?rate\D{0,5}(\d+(?:\.\d+)?)", re.IGNORECASE)
 _IN_M = re.compile(r"\bin m\b")
 
@@ -143,11 +143,32 @@ def _rate(comments: Sequence[str]) -> float | None:
 
 def _of_names(cells: Cells, comments: Sequence[str]) -> Cells:
     """Return the cells with what their names and comments state."""
+    if set(_NAVWARE) <= set(cells.names):
+        return _navware(cells)
     for header, stated in _NAMED_LAYOUTS:
         if set(header) <= set(cells.names):
             return replace(cells, stated=stated)
     has_time = any(role_of(name) == "time" for name in cells.names)
     return replace(cells, stated={} if has_time else {"fps": _rate(comments)})
+
+
+def _navware(cells: Cells) -> Cells:
+    """Return a row per agent and time of a table in which each row repeats the robot."""
+    import pandas as pd
+
+    frame = cells.frame.set_axis(list(cells.names), axis=1)
+    robot = frame[list(_NAVWARE)].drop_duplicates("timestamp").assign(id="robot")
+    parts = [robot.set_axis(["timestamp", "x", "y", "id"], axis=1)]
+    if {"x", "y", "column"} <= set(frame.columns):
+        people = frame[["timestamp", "x", "y", "column"]].dropna()
+        parts.append(people.assign(id=[f"person {each:g}" for each in people.pop("column")]))
+    for name in frame.columns:
+        if name[:1] == "x" and (number := name[1:]).isdecimal() and f"y{number}" in frame.columns:
+            person = frame[["timestamp", name, f"y{number}"]].dropna()
+            person.columns = pd.Index(["timestamp", "x", "y"])
+            parts.append(person.assign(id=f"person {number}"))
+    rows = pd.concat(parts, ignore_index=True)
+    return Cells(rows, tuple(rows.columns), _IN_NS)
 
 
 def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:

@@ -75,9 +75,8 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     points, own_clocks = on_one_clock(points)
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays, n_strays = _without_strays(points)
-    points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns.episode >= 0)
-    kinds = _kinds(cells) if columns.pairs.keys() == {""} else []
-    tracks = _tracks(points, rows, kinds)
+    points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
+    tracks = _tracks(points, rows, _kinds(cells))
     if not tracks:
         raise _no_agents(path, rows)
     left_out = [*assumed, *jumps, *strays]
@@ -98,11 +97,10 @@ def _no_agents(path: Path, rows: Rows) -> FileError:
 
 def _candidates(cells: Cells, columns: Columns) -> list[str]:
     """Return mappings of the columns that may hold the ids of a table without them."""
-    used = {columns.time, columns.episode, *(at for pair in columns.pairs.values() for at in pair)}
     return [
         mapping_of(cells.names, agent=column)
         for column, name in enumerate(cells.names)
-        if column not in used and role_of(name) is None
+        if column not in columns.values() and role_of(name) is None
     ]
 
 
@@ -271,9 +269,8 @@ def _tracks(points: "pd.DataFrame", rows: Rows, kinds: list[list[str]]) -> tuple
 
 def _kinds(cells: Cells) -> list[list[str]]:
     """Return the class of each row's agent, by each column of classes."""
-    found = []
-    for column, name in enumerate(cells.names):
-        plain, given = name.strip().lower(), cells.frame.iloc[:, column]
-        if plain in _KINDS:
-            found.append([str(value) for value in given])
-    return found
+    return [
+        [str(value) for value in cells.frame.iloc[:, column]]
+        for column, name in enumerate(cells.names)
+        if name.strip().lower() in _KINDS
+    ]

@@ -19,7 +19,7 @@ def test_here_python_and_all_required_packages_work():
     ("missing", "subject", "state", "finding", "fix"),
     [
         ("numpy", "packages", "fails", "without numpy", "make setup"),
-        ("imageio_ffmpeg", "extras", "optional", "not complete: movie", "pip install 'serd[movie"),
+        ("imageio-ffmpeg", "extras", "optional", "not complete: movie", "pip install 'serd[movie"),
     ],
 )
 def test_missing_packages_are_named_with_what_mends_it(

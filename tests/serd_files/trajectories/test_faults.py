@@ -160,8 +160,6 @@ def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, 
         assert person.position_m[10] == pytest.approx([6.8, 2.0])
 
 
-WIDE = RUNS.pivot(index=["run", "t"], columns="id", values=["x", "y"]).reset_index()
-WIDE.columns = ["run", "t", "ped1_x", "robot_x", "ped1_y", "robot_y"]
 ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
 
 
@@ -172,8 +170,6 @@ ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
         (ALONE.drop(columns="run"), ["1", "2", "3"], True),
         (RUNS[RUNS.run == 0], ["ped", "robot"], False),
         (RUNS.assign(t=RUNS.t + 100.0 * RUNS.run), None, False),
-        (WIDE, None, True),
-        (WIDE.drop(columns="run"), None, True),
     ],
 )
 def test_episodes_are_named_by_a_column_or_begin_where_times_go_back(
