@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from serd_bag.errors import FileError, shortened
 from serd_bag.files import atomic_write_text, read_text
 from serd_bag.nearest import hint
-from serd_files.moved_names import where_or_near, without_what_had_no_effect
+from serd_files.moved_names import where_or_near
 from serd_files.yaml_text import read_yaml, write_yaml
 
 
@@ -51,7 +51,6 @@ def yaml_model(text: str, model_class: type[Model], *, name: str) -> Model:
         kind = type(values).__name__
         raise FileError(f"{name}: must hold keys and values ('key: value'), got a {kind}")
     _require_format(values, model_class, name)
-    values = without_what_had_no_effect(values)
     try:
         # By way of JSON, because pydantic's strict mode takes no list for a tuple otherwise.
         return model_class.model_validate_json(json.dumps(values), strict=True)

@@ -39,7 +39,7 @@ JOURNEY = (
     ("serd_app.navigation.navigator", "waypoint"),
     ("serd_sim.planning.local_planner", "velocity"),
     ("serd_sim.world.world", "pose, time of arrival"),
-    ("serd_app.navigation.evaluation.comparison", "predicted beside measured"),
+    ("serd_app.navigation.comparison", "predicted beside measured"),
 )
 JOURNEY_START = "bag"
 #: What the picture of a stack with the bridge shows beside it.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.evaluation.comparison import Comparison, compare
+from serd_app.navigation.comparison import Comparison, compare
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_app.report.pictures import save_arrival_picture

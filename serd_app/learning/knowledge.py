@@ -1,5 +1,5 @@
 """What a fit knows: standard errors, what the decisions alone do not determine; precision of each
-outcome model and law of dwell times, its source, and what demonstration would add most.
+outcome model and law of dwell times, and its source.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import PosteriorDraws
-from serd_core.bayes.information import expected_information_gain, outcome_information
+from serd_core.bayes.information import outcome_information
 from serd_core.bayes.laplace import Laplace, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Grid, Outcome
+from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
@@ -76,23 +75,13 @@ class DurationRow:
 
 
 @dataclass(frozen=True)
-class GainRow:
-    """What a demonstration that starts in a cell is expected to add."""
-
-    x_m: float
-    y_m: float
-    gain_nats: float
-
-
-@dataclass(frozen=True)
 class Knowledge:
-    """outcomes: by model, then by outcome; gains: of every cell, in the order of the states.
+    """outcomes: by model, then by outcome.
 
     durations: by model; none where the fit learned by decisions that take the same time.
     """
 
     outcomes: tuple[OutcomeRow, ...]
-    gains: tuple[GainRow, ...]
     durations: tuple[DurationRow, ...] = ()
 
     @property
@@ -100,16 +89,6 @@ class Knowledge:
         """The rows of each outcome model."""
         groups = groupby(self.outcomes, key=lambda row: row.model)
         return {model: tuple(rows) for model, rows in groups}
-
-    @property
-    def gain_nats(self) -> FloatArray:
-        """(S,) of all cells."""
-        return np.array([row.gain_nats for row in self.gains])
-
-    @property
-    def next_start(self) -> GainRow:
-        """Where a demonstration is expected to add most."""
-        return max(self.gains, key=lambda row: row.gain_nats)
 
 
 def posterior_of(
@@ -126,7 +105,6 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
     """None where the dynamics were not learned."""
     try:
         found = outcome_information(posterior, MASS)
-        gain = expected_information_gain(posterior)
     except SerdError:
         return None
     outcomes = tuple(
@@ -146,9 +124,7 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
         for m, model in enumerate(problem.model_names)
         for outcome in Outcome
     )
-    points = zip(problem.grid.centers_m.tolist(), gain.tolist(), strict=True)
-    gains = tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points)
-    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)))
+    return Knowledge(outcomes, tuple(_durations(problem, posterior, found.draws)))
 
 
 def _durations(
@@ -185,7 +161,7 @@ def _durations(
 
 
 def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[str]:
-    """Lines per outcome model that applies somewhere, and where to demonstrate next."""
+    """Lines per outcome model that applies somewhere."""
     used = [problem.model_names[m] for m in problem.used_models]
     for model in used:
         row = known.by_model[model][Outcome.FORWARD]
@@ -211,32 +187,20 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f"most confounded: how long a move {most.model.replace('_', ' ')} takes and the weight"
             f" of {most.confounded_with.replace('_', ' ')}, correlation {most.correlation:+.2f}"
         )
-    best = known.next_start
-    yield (
-        f"a demonstration from {best.x_m:g},{best.y_m:g} is expected to teach most:"
-        f" {best.gain_nats:.2f} nats"
-    )
 
 
 def save_knowledge(files: Mapping[str, Path], known: Knowledge) -> None:
     """Write all tables."""
     write_rows(files["posterior"], OutcomeRow, known.outcomes)
     write_rows(files["durations"], DurationRow, known.durations)
-    write_rows(files["gain"], GainRow, known.gains)
 
 
-def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
-    """What `save_knowledge` wrote for this grid; None where the fit had no posterior."""
+def load_knowledge(files: Mapping[str, Path]) -> Knowledge | None:
+    """What `save_knowledge` wrote; None where the fit had no posterior."""
     if not files["posterior"].exists():
         return None
     outcomes = read_rows(files["posterior"], OutcomeRow)
-    gains = read_rows(files["gain"], GainRow)
-    if len(gains) != grid.n_states:
-        raise SerdError(
-            f"{files['gain']} must have a row for each of {grid.n_states} cells, got {len(gains)}"
-            "; learn again"
-        )
-    return Knowledge(outcomes, gains, read_rows(files["durations"], DurationRow))
+    return Knowledge(outcomes, read_rows(files["durations"], DurationRow))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,8 +208,7 @@ class Certainty:
     """errors: with the prior's part, None where `problem` states why there are none.
 
     identifiability: of the likelihood alone, None where the fit has none. open_rewards: features,
-    open_dynamics: outcomes and laws of dwell times by model that it leaves open; open_temperature:
-    likewise.
+    open_dynamics: outcomes and laws of dwell times by model that it leaves open.
     """
 
     errors: StandardErrors | None
@@ -253,7 +216,6 @@ class Certainty:
     identifiability: Identifiability | None = None
     open_rewards: tuple[str, ...] = ()
     open_dynamics: tuple[tuple[int, str], ...] = ()
-    open_temperature: bool = False
 
 
 def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
@@ -279,7 +241,6 @@ def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResul
         found,
         tuple(fit.feature_names[row] for row in rows if row < n_features),
         tuple(sorted((_named(problem, each) for each in sorted(dynamics)), key=itemgetter(0))),
-        any(row >= n_features + 2 * n_dynamics for row in rows),
     )
 
 

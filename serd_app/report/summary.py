@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from serd_app.navigation.evaluation.comparison import (
+from serd_app.navigation.comparison import (
     Agreement,
     Starts,
     agreement,
@@ -32,8 +32,7 @@ class Summary:
     states in which the policy takes the way of least expected time, as the learned one does not
     arrive; n_trap_states: those from which no policy does. recorded_times_s: of arrival of the
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
-    is not stated, none where it is. familiarity, compared: how usual demonstrations are for the
-    model, as numbers and as a sentence.
+    is not stated, none where it is.
     """
 
     n_demonstrations: int
@@ -59,8 +58,6 @@ class Summary:
     no_prediction_because: tuple[str, ...]
     fault_share: float | None
     faults: str
-    familiarity: dict[str, object] | None
-    compared: str
     converged: bool
     n_steps: int
     objective: float
@@ -88,7 +85,7 @@ class Summary:
 
 def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
-    fit, discretised, compared = inputs.fit, inputs.discretised, inputs.familiarity
+    fit, discretised = inputs.fit, inputs.discretised
     n_given = inputs.n_demonstrations
     recorded = inputs.recorded
     return Summary(
@@ -97,8 +94,6 @@ def summary_of(inputs: ReportInputs) -> Summary:
         n_compared_decisions=len(inputs.demonstrations),
         fault_share=None if discretised is None else discretised.fault_share,
         faults="" if discretised is None else discretised.faults,
-        familiarity=None if compared is None else compared.as_json(),
-        compared="" if compared is None else compared.sentence(),
         n_trap_states=int(trapped_states(inputs).sum())
         if inputs.driven is None
         else len(inputs.driven.traps.states),

@@ -6,22 +6,14 @@ The page is one HTML file with embedded pictures and without resources from outs
 import base64
 import json
 from collections.abc import Mapping
-from dataclasses import astuple, fields
 from pathlib import Path
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from serd_app.navigation.evaluation.familiarity import ScoredEpisode
 from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
-from serd_app.report.figures.charts import OUTCOME_LABELS, draw_outcomes
-from serd_app.report.figures.hallway import draw_hallway
 from serd_app.report.figures.maps import (
-    draw_flow_map,
-    draw_gain,
     draw_policy_map,
-    draw_surprises,
     draw_visitation,
 )
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
@@ -29,20 +21,14 @@ from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import (
     Summary,
     headline_of,
-    known_decisions,
     summary_of,
     trapped_states,
 )
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
-from serd_core.demonstrations.decisions import HIDDEN, state_counts
-from serd_core.grid.grid import Action
-from serd_core.grid.navigation import NO_FLOW
-from serd_files.table import csv_text
+from serd_core.demonstrations.decisions import state_counts
+from serd_core.grid.grid import Outcome
 
-#: Most surprising decisions and unusual episodes that are listed.
-_LISTED = 12
-_COMPARED = "compared.csv"
 _OWN_FILES: tuple[FileLink, ...] = (
     FileLink("summary.json", "every number of this page"),
     FileLink("figures/", "all figures as PNG and SVG"),
@@ -62,10 +48,6 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
         save_figure(folder / "figures" / f"{name}.png", figure)
-    if inputs.familiarity is not None:
-        names = [field.name for field in fields(ScoredEpisode)]
-        table = csv_text(names, map(astuple, inputs.familiarity.episodes))
-        atomic_write_text(folder / _COMPARED, table)
     numbers = json.dumps(summary.as_json(), indent=2, allow_nan=False)
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
@@ -76,10 +58,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
 def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
-    own = _OWN_FILES
-    if inputs.familiarity is not None:
-        own += (FileLink(_COMPARED, "how usual each demonstration is for the model"),)
-    return inputs.files + tuple(link for link in own if link.path not in given)
+    return inputs.files + tuple(link for link in _OWN_FILES if link.path not in given)
 
 
 def _figures(inputs: ReportInputs) -> dict[str, Figure]:
@@ -87,30 +66,14 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     scenario, problem = inputs.scenario, inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
-    if inputs.knowledge is not None:
-        found["gain"] = draw_gain(scenario, grid, inputs.knowledge.gain_nats)
-    if inputs.snapshot is not None:
-        found["hallway"] = draw_hallway(scenario, inputs.snapshot)
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
         found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
-    if inputs.forecasts and (problem.flow != NO_FLOW).any():
-        order = np.where(problem.flow != NO_FLOW, 1.0, 0.0)
-        found["flow"] = draw_flow_map(grid, problem.flow, order, scenario=scenario)
-    if inputs.familiarity is not None:
-        compared = inputs.familiarity
-        found["surprises"] = draw_surprises(grid, compared.decisions, compared.surprising, scenario)
     whose = "" if inputs.driven is None else " of the learned policy"
     policy, traps = inputs.policy, trapped_states(inputs)
     found["policy"] = draw_policy_map(
         scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
     )
-    return found | _charts(inputs)
-
-
-def _charts(inputs: ReportInputs) -> dict[str, Figure]:
-    fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
-    found: dict[str, Figure] = {}
     recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
     if inputs.episodes:
         times_s = inputs.arrival_times_s
@@ -118,13 +81,6 @@ def _charts(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
-    found["outcomes"] = draw_outcomes(
-        tuple(problem.model_names[m] for m in used),
-        fit.initial_outcome_probabilities[used],
-        fit.outcome_probabilities[used],
-        known_decisions(inputs)[used],
-        inputs.knowledge,
-    )
     return found
 
 
@@ -150,13 +106,11 @@ def render_page(
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
-        outcome_labels=OUTCOME_LABELS,
+        outcome_labels=[outcome.name.lower() for outcome in Outcome],
         models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
         links=links,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
-        surprises=surprise_rows(inputs),
-        unusual=() if inputs.familiarity is None else inputs.familiarity.episodes[:_LISTED],
     )
 
 
@@ -168,7 +122,6 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
             f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
         ),
         *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
-        *([("Compared with the model", summary.compared)] if summary.compared else []),
         *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
         *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
@@ -227,28 +180,6 @@ def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
 
 def _by(time_s: float | None) -> str:
     return "not in time" if time_s is None else seconds_in_words(time_s)
-
-
-def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]]:
-    """Episode, time in it, place, action and tail probability of the least likely decisions."""
-    found = inputs.familiarity
-    if found is None:
-        return []
-    decisions, grid = found.decisions, found.problem.grid
-    episodes, first = np.unique(decisions.episode, return_index=True)
-    began_s = dict(zip(episodes.tolist(), decisions.time_s[first].tolist(), strict=True))
-    rows = np.argsort(found.tails, kind="stable")[:_LISTED]
-    rows = rows[found.surprising[rows]]
-    return [
-        (
-            int(decisions.episode[row]),
-            float(decisions.time_s[row] - began_s[int(decisions.episode[row])]),
-            "{:.2f}, {:.2f}".format(*grid.centers_m[decisions.state[row]]),
-            "hidden" if action == HIDDEN else Action(action).name.lower(),
-            f"{found.tails[row]:.1e}",
-        )
-        for row, action in zip(rows, decisions.action[rows].tolist(), strict=True)
-    ]
 
 
 def _seconds(value: float | None) -> str:

@@ -1,5 +1,5 @@
-"""It shows policy, value, flow, outcomes and forecast, and how usual
-demonstrations are for the model (compared.csv has a row for each).
+"""It shows policy, value, outcomes and forecast, and where demonstrations
+decided.
 
 serd report model.yaml --demonstrations decisions.csv
 
@@ -14,11 +14,7 @@ from serd_cli.options import AsJson, arg, opt, option, present
 
 Model = Annotated[Path, arg("file of a learned model")]
 Demonstrations = Annotated[
-    list[Path] | None,
-    opt("table of decisions, or bag or table of trajectories to score, repeat", callback=present),
-]
-Mapping = Annotated[
-    Path | None, opt("YAML file as for 'serd demos', not for decisions", callback=present)
+    Path | None, opt("table of decisions that 'serd demos' wrote", callback=present)
 ]
 Episodes = Annotated[
     Path | None, opt("episodes.csv that 'serd navigate --output' wrote", callback=present)
@@ -30,7 +26,6 @@ Starts = Annotated[list[str] | None, opt("x,y (m) of a forecast's start, repeat"
 def report(
     model: Model,
     demonstrations: Demonstrations = None,
-    mapping: Mapping = None,
     episodes: Episodes = None,
     scenario: OtherScenario = "",
     start: Starts = None,
@@ -47,9 +42,7 @@ def report(
     from serd_sim.scenario.goal import point_of
 
     starts_m = tuple(point_of(each, what="start") for each in start or ())
-    sources = ReportSources(
-        model, scenario, demonstrations or (), mapping, episodes, starts_m, policy
-    )
+    sources = ReportSources(model, scenario, demonstrations, episodes, starts_m, policy)
     done = write(sources, output)
     if as_json:
         print_json({**done.summary.as_json(), "report": str(done.page)})

@@ -16,17 +16,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.text import Text
 
 from serd_app.teleop.page.access import PageAccess, read_token
-from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import node_command
 from serd_cli.processes.stack_run import run_alone
 from serd_cli.processes.workspace import ros_environment
-from serd_files.moved_names import where
 from serd_ros.graph.graph import full_namespace
 from serd_ros.process.progress import Progress
 from serd_ros.settings import WatchPageConfig
@@ -35,7 +32,6 @@ from serd_sim.scenario.scenario import load_scenario
 
 @with_settings(WatchPageConfig)
 def watch(
-    bag: Annotated[Path | None, typer.Argument(hidden=True)] = None,
     namespace: Annotated[
         str, opt("of the robot that is shown, as robot1; / for topics without one")
     ] = "",
@@ -43,8 +39,6 @@ def watch(
     **options: Any,
 ) -> None:
     """Parse the options and run the page until it is stopped."""
-    if bag is not None:
-        raise UsageError(f"BAG must be left out, got {bag}; {where('argument', 'watch BAG')}")
     options["scenario"] = resolved_scenario(options["scenario"])
     if options["token_file"]:
         options["token_file"] = str(Path(options["token_file"]).resolve())

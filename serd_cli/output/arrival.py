@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from serd_app.journeys.navigate import Navigated, drive, finished_episodes
-from serd_app.navigation.evaluation.comparison import Comparison, reasons_text
+from serd_app.navigation.comparison import Comparison, reasons_text
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_bag.quantities import counted

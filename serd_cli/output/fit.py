@@ -18,7 +18,7 @@ from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
 from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import WorkProgress, console, finite, progress_console, table_of
+from serd_cli.output.terminal import WorkProgress, console, finite, table_of
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 
@@ -51,8 +51,6 @@ def fit_progress() -> Iterator[ProgressCallback]:
 def print_learned(learned: Learned) -> None:
     """The fit as tables, what it was made of, and what the data leave open."""
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
-    if learned.missing:
-        progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files), soft_wrap=True)
     table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(outcome.fit.feature_names):
@@ -140,8 +138,7 @@ def _remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
     """Why there are no standard errors, and which numbers the prior alone determines."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
-    numbers = ["log temperature"] if certainty.open_temperature else []
-    numbers += [in_words(f"reward {name}") for name in sorted(certainty.open_rewards)]
+    numbers = [in_words(f"reward {name}") for name in sorted(certainty.open_rewards)]
     for model, group in groupby(certainty.open_dynamics, key=itemgetter(0)):
         if model in problem.used_models:
             names = ", ".join(name for _, name in group)

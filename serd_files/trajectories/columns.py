@@ -124,9 +124,9 @@ def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
         for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
-    for role in ("time", "x", "y"):
-        if role not in given:
-            _require_one(where, cells, role)
+    for needed in ("time", "x", "y"):
+        if needed not in given:
+            _require_one(where, cells, needed)
     by_name = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
     found = {"agent": -1, "episode": -1} | by_name | given
     if "time" not in found and "frame" in found:

@@ -14,10 +14,8 @@ from serd_app.report.figures.map_axes import (
     draw_vectors,
     outline_traps,
 )
-from serd_app.report.style import Look
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
 from serd_sim.scenario.scenario import Scenario
@@ -46,49 +44,6 @@ def draw_visitation(
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(decisions_per_state.sum())} decisions{n_tracks}")
-    return figure
-
-
-def draw_gain(scenario: Scenario | None, grid: Grid, gain_nats: FloatArray) -> Figure:
-    """What a demonstration from each cell (S,) is expected to add, the best start marked."""
-    with style.report_style():
-        norm = Normalize(0, max(gain_nats.max(), 1e-9))
-        figure, axes, cells = cell_map(grid, scenario, gain_nats, norm, style.VISITS_MAP)
-        star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
-        axes.plot(*grid.centers_m[int(gain_nats.argmax())], "*", color=style.BLUE, **star)
-        colour_bar_below(figure, axes, cells, "expected information in nats")
-        axes.set_title("a demonstration from the star teaches most", loc="left")
-    return figure
-
-
-def draw_surprises(
-    grid: Grid, decisions: Decisions, surprising: BoolArray, scenario: Scenario | None = None
-) -> Figure:
-    """Decisions per cell in shades of blue, and those surprising (N,) as red arrows to the cell
-    reached; a circle where it is the same cell. Wider where there are several."""
-    visits = np.bincount(decisions.state, minlength=grid.n_states).astype(np.float64)
-    moves = np.stack([decisions.state, decisions.next_state], axis=1)[surprising]
-    distinct, count = np.unique(moves, axis=0, return_counts=True)
-    state, following = distinct.T
-    with style.report_style():
-        norm = Normalize(0, max(visits.max(), 1))
-        figure, axes, cells = cell_map(grid, scenario, visits, norm, style.VALUE_MAP)
-        shift = grid.centers_m[following] - grid.centers_m[state]
-        moved = following != state
-        size = np.minimum(1.0 + np.log2(count), 4.0)
-        for each in np.unique(size[moved]):
-            here = moved & (size == each)
-            look = {"color": style.RED, "zorder": 5, "gid": "surprising moves"}
-            from_m, shift_m = grid.centers_m[state[here]], 0.8 * shift[here]
-            draw_vectors(axes, from_m, shift_m, width=0.012 * each, **look)
-        ring: Look = {"facecolors": "none", "edgecolors": style.RED, "linewidths": 1.4, "zorder": 5}
-        x_m, y_m = grid.centers_m[state[~moved]].T
-        axes.scatter(x_m, y_m, s=25 * size[~moved], gid="surprising waits", **ring)
-        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
-        axes.set_title(
-            f"{int(surprising.sum())} of {counted(len(decisions), 'decision')} surprising\n"
-            "(red: to the cell reached, circle: none)"
-        )
     return figure
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_app.navigation.evaluation.comparison import (
+from serd_app.navigation.comparison import (
     reasons_against_prediction,
     reasons_text,
     starts_of,

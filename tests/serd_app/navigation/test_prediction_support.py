@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from serd_app.navigation.evaluation.comparison import (
+from serd_app.navigation.comparison import (
     RecordedTimes,
     Starts,
     compare,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.navigation.evaluation.comparison import RecordedTimes
+from serd_app.navigation.comparison import RecordedTimes
 from serd_app.report.figures.arrival import draw_forecasts
 from serd_app.report.inputs import Forecast
 from serd_app.report.summary import headline_of, summary_of

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.navigation.evaluation.comparison import Agreement, agreement
+from serd_app.navigation.comparison import Agreement, agreement
 from serd_app.report.inputs import FileLink, PhaseTiming
 from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.navigation.evaluation.comparison import compare, predicted_law
+from serd_app.navigation.comparison import compare, predicted_law
 from serd_app.navigation.navigator import load_arrivals
 from serd_app.navigation.settings import DriveSettings
 from serd_cli.output.arrival import remarks

@@ -59,7 +59,7 @@ def test_the_robot_of_navwareset_drives_among_people_by_row_or_by_column(
 
 def test_x_and_y_have_the_units_of_their_own_names_or_both_none(tmp_path):
     table = wide("x[cm] y[mm]")
-    table[["x[cm]", "y[mm]"]] *= 100.0, 1000.0
+    table["x[cm]"], table["y[mm]"] = 100.0 * table["x[cm]"], 1000.0 * table["y[mm]"]
     np.testing.assert_allclose(read(tmp_path, table).tracks[0].position_m, ROBOT, atol=1e-9)
     with pytest.raises(FileError, match=r"must state the units of x and y or of none; .*: cm}"):
         read(tmp_path, wide("x[cm] y"))

@@ -36,7 +36,7 @@ def test_intents_are_subscribed_unless_actions_are_hidden(tmp_path, actions):
 @pytest.mark.parametrize(
     ("given", "error", "sentence"),
     [
-        ({"actions": "hidden", "method": "policy_matching"}, AppError, "are hidden, got policy_ma"),
+        ({"actions": "hidden", "method": "mdce_irl"}, AppError, "are hidden, got mdce_irl"),
         ({"output": ""}, FileError, "it is a folder; name a file"),
         ({"decisions": "m.csv"}, NodeError, "must not be written over the model's files"),
         ({"decisions": "m.grid.csv"}, NodeError, "must not be written over the model's files"),
