@@ -21,7 +21,7 @@ from PIL import Image
 from lab import RESULTS
 from lab.experiments.running.provenance import FILE_NAME, code_commit, installed_versions
 from serd_bag.files import atomic_write_bytes, read_bytes, read_text
-from serd_files.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_config import read_yaml, write_yaml
 
 #: Where the documents show them; below the root, as `RESULTS`.
 DOCUMENTS = Path("docs/results")

@@ -30,6 +30,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
     ("option", "--mapping"): _DEMOS,
+    ("option", "--topic"): "nav2_map_server's map_saver writes the file of a map topic",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
     ("key", "decision_period_s"): (
@@ -38,10 +39,12 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("key", "period_s"): f"{_EVENTS}; delete the key",
     ("key", "lookahead_cells"): f"{_WAYPOINT}; delete the key",
     ("key", "patience_periods"): "it is called patience_decisions",
+    ("key", "use_stamped"): "each topic has its own key stamped; delete the key",
     ("key", "button_topic"): "goal_area_m and stop_s cut episodes; delete the key",
     ("key", "button_field"): "goal_area_m and stop_s cut episodes; delete the key",
     ("key", "goals_m"): "goal_area_m has the corners of the area in which an episode ends",
     ("key", "goal_radius_m"): "goal_area_m has the corners of the area in which an episode ends",
+    ("key", "waypoint_reached_m"): "actions are no longer read from waypoints; delete the key",
     ("key", "people"): "one table holds robot and people, by ids; put their rows into it",
     ("key", "experts"): "the robot of a bag demonstrates; people demonstrate in a table",
 }

@@ -26,10 +26,8 @@ from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.report.figures.arrival import draw_comparison
 from serd_app.report.figures.maps import draw_policy_map, draw_visitation
 from serd_app.report.style import png_bytes
-from serd_app.teleop.page.access import PageAccess
-from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.server import PageAccess, PageServer
 from serd_app.teleop.page.view import (
-    overlay_message,
     overlay_of,
     point,
     scene_of,
@@ -42,7 +40,7 @@ from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.crossings import CellTracker
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.grid import Action
-from serd_files.episode_table import load_episodes
+from serd_files.table import load_episodes
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.drivers.strategy import Strategy, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
@@ -181,7 +179,7 @@ def draw_watch_page(path: Path, kept: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
     strategy = _strategy(kept)
     scene = watched_scene_of(HALLWAY, grid_of(HALLWAY))
-    layers = overlay_message(overlay_of(strategy))
+    layers = overlay_of(strategy)
     with _shown_page(scene, {"there": False, "mode": ""}, layers) as browser:
         browser.find_element("css selector", "[data-layer=policy]").click()
         _screenshot(browser).save(path)

@@ -6,19 +6,18 @@ They are recognised by type and name; whether they fit one another is tested in 
 import re
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from serd_app.demonstrations.fitted_grid import cell_size_at_m, grid_around
 from serd_app.drives.actions import MappedActions, PoseTrack
-from serd_app.drives.drive import EPISODE, INTENT, RecordedDrive, source_of
+from serd_app.drives.drive import RecordedDrive, source_of
 from serd_app.drives.mapped import MappedMessages, MappedPoses
 from serd_app.drives.mapping import BagMapping
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
-from serd_bag.topic import RawMessage, Topic, topics_named
+from serd_bag.topic import RawMessage, Topic
 
 _MOST = 6
 _FEWEST_POSES = 10
@@ -157,18 +156,6 @@ class Candidates:
         except BagError as error:
             self.rejected.append(str(error).removeprefix(f"{self._source}: "))
             return None
-
-
-def mapping_of_poses(bag: Path) -> BagMapping | None:
-    """By the likeliest pose of a bag without commands and intents; None for any other bag."""
-    reader = BagReader(bag, tolerant=True)
-    if topics_named(reader.topics, INTENT):
-        return None
-    collected = Candidates(reader)
-    if collected.actions or not collected.poses:
-        return None
-    marks = EPISODE if len(topics_named(reader.topics, EPISODE)) == 1 else ""
-    return collected.poses[0].alone.model_copy(update={"episode_topic": marks})
 
 
 def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:

@@ -23,8 +23,8 @@ COLUMNS = (
     Column("state", int),
     Column("action", int),
     Column("next_state", int),
-    Column("dwell_s", float, optional=True),
-    Column("censored", int, optional=True),
+    Column("dwell_s", float),
+    Column("censored", int),
     Column("source", str),
 )
 _LABEL = ", episodes"
@@ -40,11 +40,6 @@ def save_decisions(path: str | Path, decisions: TimedDecisions) -> None:
 def load_decisions(path: str | Path) -> TimedDecisions:
     """Read what `save_decisions` wrote; FileError names the line and the column of a fault."""
     rows = read_table(path, COLUMNS)
-    if rows and not rows[0].keys() >= set(TIMED_COLUMNS):
-        raise FileError(
-            f"{path}: must have the columns dwell_s and censored, which earlier versions did not"
-            " write; run 'serd demos' again"
-        )
     try:
         return TimedDecisions(
             **{

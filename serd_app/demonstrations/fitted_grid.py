@@ -42,10 +42,6 @@ def grid_around(position_m: FloatArray, cell_size_m: float) -> Grid:
 
     Cell borders lie on whole multiples of the cell size, so that grids of several bags agree.
     """
-    if not len(position_m):
-        raise BagError("position_m must hold at least one position to fit a grid, got none")
-    if not cell_size_m > 0:
-        raise BagError(f"cell_size_m must be above 0, got {cell_size_m}")
     places = np.asarray(position_m, dtype=np.float64)
     _require_one_place(places, cell_size_m)
     low = np.floor(places.min(axis=0) / cell_size_m) - 1

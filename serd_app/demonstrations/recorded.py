@@ -11,12 +11,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from serd_app.demonstrations.candidates import mapping_of_poses
 from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
     demonstrations_of_drives,
-    joined_reports,
 )
 from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings, save_flow
 from serd_app.drives.drive import RecordedDrive
@@ -36,10 +34,10 @@ from serd_sim.scenario.scenario import Scenario
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """all: one of each bag or table; mappings: None for a table or a bag of our recorder."""
+    """all: one of each bag or table; mapping: None for tables or bags of our recorder."""
 
     all: tuple[Recording, ...]
-    mappings: tuple[DriveMapping | None, ...]
+    mapping: DriveMapping | None
     tolerant: bool
 
     @property
@@ -47,16 +45,12 @@ class Recordings:
         """Those of all recordings."""
         return [drive for each in self.all for drive in each.drives]
 
-    @property
-    def people(self) -> BagMapping:
-        """The mapping that names topic and frame of people: the first of a bag."""
-        of_bags = (each for each in self.mappings if isinstance(each, BagMapping))
-        return next(of_bags, BagMapping())
-
     def flow(self, grid: Grid) -> FlowField | None:
         """In which direction people walk in them; None where there are none."""
-        topic, frame = self.people.people_topic, self.people.frame
-        return flow_from_recordings(self.all, grid, topic, frame=frame, tolerant=self.tolerant)
+        people = self.mapping if isinstance(self.mapping, BagMapping) else BagMapping()
+        return flow_from_recordings(
+            self.all, grid, people.people_topic, frame=people.frame, tolerant=self.tolerant
+        )
 
 
 def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | None:
@@ -77,39 +71,15 @@ def read_recordings(
     tolerant: bool = False,
     hidden: bool = False,
 ) -> Recordings:
-    """Bags or tables; a bag of poses alone needs no mapping. Options: as of `read_recording`."""
-    mappings = tuple(
-        mapping or (None if is_table(each) else mapping_of_poses(each)) for each in paths
-    )
-    recordings = tuple(
+    """Bags or tables. Options: as of `read_recording`."""
+    goal_area_m = scenario.goal_area_m if scenario else ()
+    recordings = (
         read_recording(
-            each,
-            mapping=chosen,
-            tolerant=tolerant,
-            hidden=hidden,
-            goal_area_m=scenario.goal_area_m if scenario else (),
+            each, mapping=mapping, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m
         )
-        for each, chosen in zip(paths, mappings, strict=True)
+        for each in paths
     )
-    return Recordings(recordings, mappings, tolerant)
-
-
-class _Bag(StrictModel):
-    """The first key of `BagRecord`: fields of the last base class come first."""
-
-    bag: str
-
-
-class BagRecord(DiscretisationReport, _Bag):
-    """What became of one bag.
-
-    damage: sentences about what of the bag could not be read; n_lost: messages known to be lost;
-    all_lost_known: whether that is all of them.
-    """
-
-    damage: tuple[str, ...] = ()
-    n_lost: int = Field(0, ge=0)
-    all_lost_known: bool = True
+    return Recordings(tuple(recordings), mapping, tolerant)
 
 
 class DemonstrationRecord(StrictModel):
@@ -123,7 +93,6 @@ class DemonstrationRecord(StrictModel):
     grid_fingerprint: str
     patience_s: float = Field(gt=0)
     wait_s: float = Field(gt=0)
-    bags: tuple[BagRecord, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,23 +185,12 @@ def save_demonstrations(
     flow: FlowField | None,
 ) -> None:
     """Write table, grid, record and flow side by side; see `files_beside`."""
-    keys = set(BagRecord.model_fields)
-    bags = tuple(
-        BagRecord(**{key: value for key, value in each.values().items() if key in keys})
-        for each in found
-    )
-    save_learnable(output, place, concatenated(found), bags=bags)
+    save_learnable(output, place, concatenated(found))
     if flow is not None:
         save_flow(files_beside(output)["flow"], place.grid, flow)
 
 
-def save_learnable(
-    output: Path,
-    place: Place,
-    decisions: TimedDecisions,
-    *,
-    bags: tuple[BagRecord, ...] = (),
-) -> None:
+def save_learnable(output: Path, place: Place, decisions: TimedDecisions) -> None:
     """Write a table of decisions with what `serd learn` needs beside it: grid, record, scenario."""
     files = files_beside(output)
     # First, as an edited file is not replaced.
@@ -244,7 +202,6 @@ def save_learnable(
         grid_fingerprint=place.grid.fingerprint(),
         patience_s=place.patience_s,
         wait_s=place.wait_s,
-        bags=bags,
     )
     save_yaml_model(files["record"], record)
     delete_file(files["flow"])  # of other recordings
@@ -261,10 +218,3 @@ def files_beside(table: Path) -> dict[str, Path]:
         "flow": table.with_suffix(".flow.csv"),
         "flow picture": table.with_suffix(".flow.png"),
     }
-
-
-def report_of_table(table: Path) -> DiscretisationReport | None:
-    """That of the recordings of a table of decisions; None where its record has none."""
-    record = files_beside(table)["record"]
-    bags = load_yaml_model(record, DemonstrationRecord).bags if record.exists() else ()
-    return joined_reports(bags) if bags else None

@@ -34,9 +34,8 @@ from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, topics_named
 from serd_core.arrays import BoolArray, FloatArray
 
-_USUAL_HOLD_S = 0.5
 #: In the order of preference where they explain the motion equally well.
-_HOLDS_S = (_USUAL_HOLD_S, np.inf, 1.0, 0.25, 2.0, 0.1, 0.75, 1.5, 3.0, 5.0)
+_HOLDS_S = (0.5, np.inf, 1.0, 0.25, 2.0, 0.1, 0.75, 1.5, 3.0, 5.0)
 _DELAYS_S = tuple(round(0.05 * number, 2) for number in range(31))
 _EQUAL_FITS = 0.005
 _SHORTEST_STEP_S = 0.2
@@ -124,15 +123,13 @@ def suggest_mapping(bag: Path) -> Suggestion:
 class CommandFit(NamedTuple):
     """How long a robot follows a velocity command, and after what delay.
 
-    hold_s: None until the next command. usual: the disagreement without delay and with the usual
-    hold. still_in_silence: share of the times without a command at which the robot stood, None
-    where there are too few.
+    hold_s: None until the next command. still_in_silence: share of the times without a command at
+    which the robot stood, None where there are too few.
     """
 
     hold_s: float | None
     delay_s: float
     disagreement: float
-    usual: float
     still_in_silence: float | None
 
 
@@ -253,7 +250,6 @@ def _fit(pose: PoseCandidate, at_s: FloatArray, commands_mps: FloatArray) -> Com
         hold_s=None if np.isinf(hold_s) else hold_s,
         delay_s=delay_s,
         disagreement=float(table[row, column]),
-        usual=float(table[0, 0]),
         still_in_silence=float((~motion.moves)[silent].mean())
         if silent.sum() >= _FEWEST_SILENT
         else None,
@@ -270,9 +266,7 @@ def _fit_comments(best: _Pair, pairs: Sequence[_Pair]) -> tuple[str, ...]:
     )
     return (
         f"commands on {best.topic} and the motion of {best.pose.topic.name} disagree in"
-        f" {100 * best.fit.disagreement:.1f} % of the time,",
-        f"with the defaults (a command holds for {_USUAL_HOLD_S:g} s) in"
-        f" {100 * best.fit.usual:.1f} %",
+        f" {100 * best.fit.disagreement:.1f} % of the time",
         *others,
     )
 

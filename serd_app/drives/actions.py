@@ -1,10 +1,9 @@
-"""Actions by a mapping: intents, or directions of commands, of waypoints or of the motion itself.
+"""Actions by a mapping: intents, or directions of commands or of the motion itself.
 
 Velocity: a command acts after `delay_s` and holds until the next, at most `hold_s`. Turned by the
 robot's heading and averaged over the second that follows, as far as commands hold in it, it is the
 direction of the action, WAIT below `minimum_speed_mps`. While no command holds there is no action,
 which need not mean to wait.
-Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 Motion: the direction from the place of the robot to that one second later, WAIT below
 `minimum_speed_mps` on average. Hidden: no action. What velocities and motion mean is computed ten
 times a second, and stated as an intent where it changes.
@@ -25,7 +24,7 @@ from serd_app.drives.drive import (
 )
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, field_reader
+from serd_bag.messages.fields import VECTORS, VELOCITIES, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
@@ -35,7 +34,6 @@ _STAMP_TOLERANCE_S = 1e-6
 _CARRIED = {
     "intent": (VECTORS, "a vector"),
     "velocity": (VELOCITIES, "a twist, or the speed of a steered vehicle,"),
-    "waypoint": (POSES, "a pose"),
 }
 
 
@@ -100,12 +98,8 @@ class MappedActions:
                 waits_in_silence=mapping.silence == "wait",
             )
             return found | {"n_bad_commands": n_unclear}
-        if mapping.action_from == "intent":
-            actions = actions_of_directions(vectors)
-        else:
-            least_m = np.full(len(at_s), mapping.waypoint_reached_m)
-            actions = actions_of_ways(vectors - track.at(at_s), least_m)
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+        actions = actions_of_directions(vectors)
         return {"intent_time_s": at_s, "intent_action": actions, "dropped": dropped}
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:

@@ -17,7 +17,6 @@ _ONLY_FOR = {
     "hold_s": "velocity",
     "delay_s": "velocity",
     "silence": "velocity",
-    "waypoint_reached_m": "waypoint",
 }
 
 
@@ -88,10 +87,10 @@ class BagMapping(DriveMapping):
         "", "frame of the grid; poses in others are brought there by /tf. Empty: as they are"
     )
     robot_frame: str = setting("base_link", "frame of the robot, where poses are from tf")
-    action_from: Literal["intent", "velocity", "waypoint", "motion", "hidden"] = setting(
+    action_from: Literal["intent", "velocity", "motion", "hidden"] = setting(
         "intent",
         "what the action topic holds: intent, a vector; velocity, a twist or the speed of a steered"
-        " vehicle; waypoint, a pose. Without a topic hidden (the states alone are learned from) or"
+        " vehicle. Without a topic hidden (the states alone are learned from) or"
         " motion (the displacement of the next second is the action)",
     )
     action_topic: str = setting("intent", "topic of the actions")
@@ -119,9 +118,6 @@ class BagMapping(DriveMapping):
         "unknown",
         "what time without any velocity command means: unknown, it is left out and counted;"
         " wait, where the robot is known to stop when nothing is sent",
-    )
-    waypoint_reached_m: float = setting(
-        0.25, "a robot nearer to its waypoint than this waits", unit="m", ge=0
     )
 
     @model_validator(mode="after")

@@ -137,8 +137,8 @@ def _require_decisions(found: Sequence[RecordedDemonstrations]) -> None:
 
 def _require_no_own(recordings: Recordings) -> None:
     """AppError for a recording of ours, which was made in a scenario."""
-    for each, mapping in zip(recordings.all, recordings.mappings, strict=True):
-        if mapping is None and not is_table(each.bag):
+    for each in recordings.all if recordings.mapping is None else ():
+        if not is_table(each.bag):
             raise AppError(
                 f"either --scenario or --cell-size-m must be given for {each.bag}, got neither;"
                 " give the scenario that it was recorded in"

@@ -16,8 +16,7 @@ from serd_app.navigation.settings import DriveSettings
 from serd_app.report.pictures import save_arrival_picture
 from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult, load_episodes
-from serd_files.table import write_rows
+from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.result import result_of_record

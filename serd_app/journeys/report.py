@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serd_app.demonstrations.recorded import report_of_table
 from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import read_learning_files
@@ -25,8 +24,8 @@ from serd_app.navigation.forecast import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
-from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.model_file import ModelFile, load_model, require_grid
+from serd_files.table import EpisodeResult, load_episodes
 from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.scenario.goal import goal_cell
 from serd_sim.scenario.scenario import load_scenario
@@ -107,7 +106,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
 
 
 def _recorded(sources: ReportSources, strategy: Strategy) -> dict[str, Any]:
-    """What demonstrations give: decisions, what was left out, arrivals."""
+    """What demonstrations give: decisions and arrivals."""
     table, file = sources.demonstrations, strategy.file
     if table is None:
         return {"demonstrations": decisions_of({}, "")}
@@ -118,7 +117,6 @@ def _recorded(sources: ReportSources, strategy: Strategy) -> dict[str, Any]:
     require_grid(sources.model, file, files.task.problem.grid)
     return {
         "demonstrations": files.decisions.select(~files.decisions.censored),
-        "discretised": report_of_table(table),
         "recorded": recorded_times(strategy, files.decisions, files.reaching),
     }
 

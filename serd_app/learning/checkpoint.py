@@ -22,7 +22,6 @@ from serd_app.demonstrations.decision_table import (
 )
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
-    DividedEpisodes,
     decisions_from_drive,
     episode_rows,
 )
@@ -124,8 +123,6 @@ class CheckpointFolder:
 class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
-    An episode is divided into decisions again only where something of it has come since.
-
     earlier: demonstrations known before. report: what was left out of the last session.
     hidden: whether poses and episodes alone are used.
     """
@@ -143,7 +140,6 @@ class LiveDrive(DriveSessions):
         super().__init__(source)
         self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
         self._hidden = hidden
-        self._divided: DividedEpisodes = {}
         self.report: DiscretisationReport | None = None
 
     def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
@@ -155,9 +151,7 @@ class LiveDrive(DriveSessions):
         seen = {row for one in known for row in episode_rows(one).values()}
         for recorded in (*before, last):
             drive = recorded.with_hidden_actions if self._hidden else recorded
-            decisions, self.report = decisions_from_drive(
-                drive, self._grid, *self._times_s, seen, self._divided
-            )
+            decisions, self.report = decisions_from_drive(drive, self._grid, *self._times_s, seen)
             known.append(decisions)
         return concatenate_renumbered(known)
 

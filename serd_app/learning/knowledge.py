@@ -5,7 +5,6 @@ outcome model and law of dwell times, and its source.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +17,10 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels, require_timed
+from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels
 from serd_core.semi_markov.summary import dwell_summary
 from serd_core.uncertainty.identifiability import Identifiability, identifiability
-from serd_core.uncertainty.information import Information, fit_information
+from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
 from serd_files.table import read_rows, write_rows
 
@@ -53,10 +52,9 @@ class OutcomeRow:
 class DurationRow:
     """The posterior of how long a move of one outcome model takes on average.
 
-    dwell_times: how many inform it. over_forward: the same interval of the mean over the
-    probability of FORWARD. known_from: dwell times, choices, both, or prior only. confounded_with:
-    the feature whose weight correlates most with the log mean; near 1 or -1 the decisions cannot
-    distinguish a dislike of such moves from their slowness.
+    dwell_times: how many inform it. known_from: dwell times, choices, both, or prior only.
+    confounded_with: the feature whose weight correlates most with the log mean; near 1 or -1 the
+    decisions cannot distinguish a dislike of such moves from their slowness.
     """
 
     model: str
@@ -64,9 +62,6 @@ class DurationRow:
     lower_s: float
     median_s: float
     upper_s: float
-    over_forward_lower_s: float
-    over_forward_median_s: float
-    over_forward_upper_s: float
     known_from: str
     from_dwell_times_nats: float
     from_choices_nats: float
@@ -135,23 +130,18 @@ def _durations(
     if not isinstance(model, SemiMarkovModels):
         return
     found = dwell_summary(posterior, draws, MASS)
-    over_forward = np.exp(found.log_mean_over_probability[:, :, Outcome.FORWARD])
     for m, law in enumerate(model.law_of[:, Outcome.FORWARD]):
         if law == NO_LAW:
             continue
         correlation = found.weight_correlation[:, law]
         partner = int(np.argmax(np.abs(correlation)))
         lower_s, median_s, upper_s = found.mean_interval_s[:, law].tolist()
-        over_lower_s, over_median_s, over_upper_s = over_forward[:, m].tolist()
         yield DurationRow(
             model=problem.model_names[m],
             dwell_times=float(found.n_dwells[law]),
             lower_s=lower_s,
             median_s=median_s,
             upper_s=upper_s,
-            over_forward_lower_s=over_lower_s,
-            over_forward_median_s=over_median_s,
-            over_forward_upper_s=over_upper_s,
             known_from=found.source(law),
             from_dwell_times_nats=float(found.from_dwells[law]),
             from_choices_nats=float(found.from_choices[law]),
@@ -178,8 +168,7 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f"{each.model.replace('_', ' ')}, time of a move: {each.known_from};"
             f" {each.dwell_times:.0f} dwell times: {each.from_dwell_times_nats:.2f} nats, choices:"
             f" {each.from_choices_nats:.2f} nats; mean {each.median_s:.2f} s ({each.lower_s:.2f} to"
-            f" {each.upper_s:.2f}), over P(forward) {each.over_forward_median_s:.3g} s"
-            f" ({each.over_forward_lower_s:.3g} to {each.over_forward_upper_s:.3g})"
+            f" {each.upper_s:.2f})"
         )
     if durations:
         most = max(durations, key=lambda row: abs(row.correlation))
@@ -207,15 +196,14 @@ def load_knowledge(files: Mapping[str, Path]) -> Knowledge | None:
 class Certainty:
     """errors: with the prior's part, None where `problem` states why there are none.
 
-    identifiability: of the likelihood alone, None where the fit has none. open_rewards: features,
-    open_dynamics: outcomes and laws of dwell times by model that it leaves open.
+    identifiability: of the likelihood alone, None where the fit has none. open_rewards: features
+    whose weights it leaves open.
     """
 
     errors: StandardErrors | None
     problem: str = ""
     identifiability: Identifiability | None = None
     open_rewards: tuple[str, ...] = ()
-    open_dynamics: tuple[tuple[int, str], ...] = ()
 
 
 def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
@@ -225,39 +213,13 @@ def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResul
     except SerdError as error:
         return Certainty(None, str(error))
     found = identifiability(information)
-    rows = _open_rows(information, found)
-    n_features, n_dynamics = len(fit.parameters.reward), len(fit.parameters.truth)
-    dynamics = {
-        (row - n_features) % n_dynamics for row in rows if 0 <= row - n_features < 2 * n_dynamics
-    }
+    names = {name for direction in found.null for name, _ in direction.loadings}
+    columns = [number for number, name in enumerate(information.names) if name in names]
+    is_open = information.jacobian[: len(fit.feature_names), columns].any(axis=1)
+    open_rewards = tuple(np.array(fit.feature_names)[is_open].tolist())
     errors, reason = None, ""
     try:
         errors = standard_errors(problem, information, information.observed)
     except SerdError as error:
         reason = str(error)
-    return Certainty(
-        errors,
-        reason,
-        found,
-        tuple(fit.feature_names[row] for row in rows if row < n_features),
-        tuple(sorted((_named(problem, each) for each in sorted(dynamics)), key=itemgetter(0))),
-    )
-
-
-def _named(problem: NavigationProblem, number: int) -> tuple[int, str]:
-    """Model and name of a number of the dynamics."""
-    outcomes = problem.outcome_models
-    if number < outcomes.n_energies:
-        model, outcome = divmod(number, outcomes.n_outcomes)
-        return model, Outcome(outcome).name.lower()
-    timed = require_timed(problem.mdp.transitions)
-    kind, law = divmod(number - outcomes.n_energies, timed.n_laws)
-    model = int(np.flatnonzero(timed.law_of[:, Outcome.FORWARD] == law)[0])
-    return model, ("mean dwell time", "shape of dwell times")[kind]
-
-
-def _open_rows(information: Information, found: Identifiability) -> list[int]:
-    """Places in the row of all parameters that move along a null direction, ascending."""
-    names = {name for direction in found.null for name, _ in direction.loadings}
-    columns = [number for number, name in enumerate(information.names) if name in names]
-    return np.flatnonzero(information.jacobian[:, columns].any(axis=1)).tolist()
+    return Certainty(errors, reason, found, open_rewards)

@@ -42,7 +42,6 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
     n_elsewhere: those of episodes that end in other places than the goal, also left out;
-    n_left_out: episodes of which nothing is left;
     elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
@@ -54,7 +53,6 @@ class LearningFiles:
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
     n_elsewhere: int
-    n_left_out: int
     elsewhere_m: tuple[tuple[float, float], ...]
     reaching: IntArray
     scenario: Scenario | None = None
@@ -114,7 +112,6 @@ def read_learning_files(
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
         n_elsewhere=len(elsewhere),
-        n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
         reaching=episodes_reaching(decisions, goals),
         scenario=known,

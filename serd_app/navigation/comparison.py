@@ -21,7 +21,7 @@ from serd_core.arrival.bands import binomial_tail, clopper_pearson
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw
 from serd_core.arrival.scores import crps_s, detectable_delay, gap_probability, largest_gap
 from serd_core.semi_markov.timed_decisions import TimedDecisions
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy, start_distribution
 
 #: Demonstrations that a prediction takes, and drives by the policy that count in their place.

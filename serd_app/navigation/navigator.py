@@ -20,9 +20,8 @@ from serd_core.arrays import FloatArray
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.model_file import ModelFile, load_model
-from serd_files.table import OptionalFloat, append_row, columns_of, read_rows
+from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_of
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.drivers.strategy import STEP_S, Strategy, load_strategy
 from serd_sim.scenario.goal import goal_at, with_goal
@@ -198,16 +197,6 @@ class ArrivalRow:
     predicted_share: OptionalFloat
 
 
-def append_arrival(path: str | Path, row: ArrivalRow) -> None:
-    """Append one row, below the column names in a new file."""
-    append_row(path, columns_of(ArrivalRow), astuple(row))
-
-
-def load_arrivals(path: str | Path) -> tuple[ArrivalRow, ...]:
-    """All whole rows; FileError names the line of a fault."""
-    return read_rows(path, ArrivalRow, growing=True)
-
-
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Made at the first decision for a goal and a model; law: seconds since the episode began."""
@@ -239,7 +228,7 @@ class ArrivalRecords:
         """Append the row of a drive that has ended, if there is a prediction of it."""
         prediction, self._prediction = self._prediction, None
         if prediction is not None and self._path is not None:
-            append_arrival(self._path, arrival_row(prediction, result))
+            append_row(self._path, columns_of(ArrivalRow), astuple(arrival_row(prediction, result)))
 
 
 def prediction_of(navigator: Navigator, observation: Observation) -> Prediction | None:

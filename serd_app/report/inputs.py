@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.learning.knowledge import Knowledge
 from serd_app.navigation.comparison import RecordedTimes
 from serd_core.arrays import FloatArray
@@ -15,7 +14,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 from serd_sim.scenario.scenario import Scenario
 
 
@@ -75,7 +74,7 @@ class ReportInputs:
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
     policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
     episodes: empty where it has not driven. knowledge: None where the fit has no posterior.
-    forecasts: from chosen starts. discretised: what was left out of the recordings.
+    forecasts: from chosen starts.
     driven: where the policy is not the learned one, None where it is everywhere; remarks: on that.
     recorded: times of arrival of the demonstrations, None where they are not known.
     """
@@ -94,7 +93,6 @@ class ReportInputs:
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
     forecasts: tuple[Forecast, ...] = ()
-    discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
     driven: ArrivingPolicy | None = None
     remarks: tuple[str, ...] = ()

@@ -19,8 +19,8 @@ from serd_app.demonstrations.recorded import (
 from serd_app.navigation.comparison import predicted_law
 from serd_bag.files import delete_file
 from serd_core.demonstrations.decisions import state_counts
-from serd_files.episode_table import EpisodeResult
 from serd_files.errors import missing_extra
+from serd_files.table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy
 from serd_sim.scenario.scenario import Scenario
 
@@ -66,7 +66,7 @@ def save_arrival_picture(
 
 def save_plan(path: Path, scenario: Scenario) -> None:
     """Draw a scenario from above as PNG; its folder is made."""
-    from serd_app.report.figures.hallway import draw_scenario_plan
+    from serd_app.report.figures.maps import draw_scenario_plan
 
     _save(path, draw_scenario_plan(scenario))
 

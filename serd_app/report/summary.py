@@ -1,4 +1,4 @@
-"""The numbers of a report: for summary.json, the headline and the terminal."""
+"""The numbers of a report: for summary.json and the terminal."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,8 +13,7 @@ from serd_app.navigation.comparison import (
     reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs, RunFacts, percent
-from serd_bag.quantities import counted, seconds_in_words
+from serd_app.report.inputs import ReportInputs, RunFacts
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
@@ -56,8 +55,6 @@ class Summary:
     plan_remarks: tuple[str, ...]
     recorded_times_s: tuple[float, ...] | None
     no_prediction_because: tuple[str, ...]
-    fault_share: float | None
-    faults: str
     converged: bool
     n_steps: int
     objective: float
@@ -85,15 +82,13 @@ class Summary:
 
 def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
-    fit, discretised = inputs.fit, inputs.discretised
+    fit = inputs.fit
     n_given = inputs.n_demonstrations
     recorded = inputs.recorded
     return Summary(
         n_demonstrations=n_given or len(inputs.demonstrations.episodes),
         n_decisions=fit.n_decisions if n_given else len(inputs.demonstrations),
         n_compared_decisions=len(inputs.demonstrations),
-        fault_share=None if discretised is None else discretised.fault_share,
-        faults="" if discretised is None else discretised.faults,
         n_trap_states=int(trapped_states(inputs).sum())
         if inputs.driven is None
         else len(inputs.driven.traps.states),
@@ -168,61 +163,6 @@ def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
         recorded=inputs.recorded,
         measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
     )
-
-
-def headline_of(summary: Summary) -> str:
-    """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
-    if summary.measured_arrival_probability is None:
-        supported = not summary.no_prediction_because
-        return _predicted_headline(summary) if supported else _recorded_headline(summary)
-    predicted = (
-        f"no prediction, because {summary.no_prediction}"
-        if summary.no_prediction_because
-        else f"predicted {percent(summary.predicted_arrival_probability)}"
-    )
-    learned = (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
-        f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
-        f"within {seconds_in_words(summary.timeout_s)} "
-        f"({percent(summary.measured_arrival_probability)}; {predicted})"
-    )
-    return f"{learned}{_speed(summary)}."
-
-
-def _recorded_headline(summary: Summary) -> str:
-    """What is known without a prediction, and why there is none."""
-    times_s = summary.recorded_times_s or ()
-    arrived = ""
-    if times_s:
-        span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
-        all_of_them = len(times_s) == summary.n_demonstrations
-        who = "which" if all_of_them else f"of which {len(times_s)}"
-        arrived = f", {who} arrived after {span},"
-    return (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
-        f" {counted(summary.n_decisions, 'decision')}{arrived} the arrival of the robot is not"
-        f" predicted, because {summary.no_prediction}."
-    )
-
-
-def _predicted_headline(summary: Summary) -> str:
-    half = summary.predicted_median_s
-    return (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
-        f" {counted(summary.n_decisions, 'decision')} the robot is predicted to reach the goal"
-        f" within {seconds_in_words(summary.timeout_s)} with"
-        f" {percent(summary.predicted_arrival_probability)}"
-        + (f", half of the drives within {seconds_in_words(half)}." if half is not None else ".")
-    )
-
-
-def _speed(summary: Summary) -> str:
-    if summary.measured_median_s is None:
-        return ", fewer than half of them in time"
-    measured = f", half of them within {seconds_in_words(summary.measured_median_s)}"
-    if summary.predicted_median_s is None or summary.no_prediction_because:
-        return measured
-    return f"{measured} (predicted {seconds_in_words(summary.predicted_median_s)})"
 
 
 def trapped_states(inputs: ReportInputs) -> BoolArray:

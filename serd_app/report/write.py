@@ -20,7 +20,6 @@ from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, p
 from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import (
     Summary,
-    headline_of,
     summary_of,
     trapped_states,
 )
@@ -101,7 +100,6 @@ def render_page(
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
-        headline=headline_of(summary),
         no_prediction=summary.no_prediction,
         summary=summary,
         summary_rows=summary_rows(summary),
@@ -121,7 +119,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
             "Demonstrations",
             f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
         ),
-        *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
+        *_recorded_rows(summary),
         *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
         *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
@@ -135,6 +133,14 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     return rows + (
         [("Times faster than real time (whole phase)", ", ".join(factors))] if factors else []
     )
+
+
+def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
+    times_s = summary.recorded_times_s
+    if not times_s:
+        return []
+    span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
+    return [("Recorded arrivals", f"{len(times_s)} of them, after {span}")]
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:

@@ -42,7 +42,7 @@ group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands
 ScenarioName = Annotated[str, arg("built-in scenario or YAML file")]
 MapFile = Annotated[
     Path,
-    arg("map.yaml of nav2_map_server, bag with a map topic, or area as .wkt or .geojson", "MAP"),
+    arg("map.yaml of nav2_map_server, or area as .wkt or .geojson", "MAP"),
 ]
 NewScenario = Annotated[
     Path | None, opt("scenario to write, ending in .yaml; default MAP-scenario.yaml here")
@@ -174,7 +174,6 @@ def from_map(
     output: NewScenario = None,
     goal: Annotated[str, opt("x,y (m) in the goal; default: far from the start")] = "",
     start: Annotated[str, opt("x,y (m) of the start; default: far from the goal")] = "",
-    topic: Annotated[str, opt("topic of the map in a bag")] = "map",
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
@@ -190,7 +189,6 @@ def from_map(
         validated(PlaceSettings, **options),
         goal_m=point_of(goal) if goal else None,
         start_m=point_of(start, what="start") if start else None,
-        topic=topic,
         replace=output is not None,
     )
     if as_json:

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 from rich.text import Text
 
-from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.teleop.page.server import PageAccess, read_token
 from serd_cli.options import AsJson, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.processes.node_commands import node_command

@@ -6,9 +6,8 @@ from pathlib import Path
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.errors import UsageError
 from serd_cli.options import free_folder
-from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.settings import setting, setting_of
-from serd_files.table import Column, append_row, read_table
+from serd_files.table import Column, EpisodeResult, append_row, load_episodes, read_table
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.settings import EpisodeSettings
 

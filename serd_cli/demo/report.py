@@ -14,14 +14,13 @@ from rich.table import Table
 from rich.text import Text
 
 from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
-from serd_app.demonstrations.recorded import report_of_table
 from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
 from serd_app.navigation.forecast import plan_remarks
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.summary import summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.demo.folder import DemoFolder, DemoSettings
@@ -62,7 +61,6 @@ def report_demo(
     for what, how_much in summary_rows(summary):
         table.add_row(Text(what, style="bold"), how_much)
     console.print()
-    console.print(headline_of(summary))
     console.print(table)
     command = shlex.join(["serd", "navigate", str(folder.model), "--episodes", "200"])
     console.print(f"more episodes, in process: {command}", soft_wrap=True)
@@ -100,7 +98,6 @@ def report_inputs(
             versions={name: version(name) for name in _PACKAGES},
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
-        discretised=report_of_table(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model)),
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),

@@ -15,7 +15,7 @@ from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, counting_bar, progress_console, results_kept_in
 from serd_cli.processes.stack_run import run_stack, stack_environment
-from serd_files.episode_table import EpisodeResult, load_episodes
+from serd_files.table import EpisodeResult, load_episodes
 
 
 def print_arrival(done: Navigated, output: Path | None) -> None:

@@ -16,7 +16,7 @@ from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_cli.processes.workspace import PREFIXES, paths_in
 from serd_files.moved_names import where_or_near
-from serd_files.yaml_text import read_yaml
+from serd_files.yaml_config import read_yaml
 from serd_ros.graph.graph import PACKAGE, Stack, load_graph, placed_nodes
 
 _MARKERS = "share/ament_index/resource_index/packages"

@@ -15,7 +15,7 @@ from serd_app.demonstrations.discretise import demonstrations_of_drives
 from serd_app.drives.drive import DISCARDED
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
-from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.teleop.page.server import PageAccess, read_token
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.commands.teleop import TeleopSettings

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from std_msgs.msg import String
 
 from serd_app.drives.drive import START, EpisodeMark
-from serd_app.teleop.page.access import PageAccess, read_token
-from serd_app.teleop.page.server import PageServer
-from serd_app.teleop.page.view import ModelOverlay, overlay_message, overlay_of, point, world_state
+from serd_app.teleop.page.server import PageAccess, PageServer, read_token
+from serd_app.teleop.page.view import overlay_of, point, world_state
 from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS
@@ -202,7 +201,7 @@ class LearnedOverlay:
         self._node, self._scenario, self._server = endpoints.node, scenario, server
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="overlay")
         self._newest: str | None = None
-        self._solved: Future[ModelOverlay] | None = None
+        self._solved: Future[dict[str, Any]] | None = None
         endpoints.subscribe(String, topics.MODEL, self._take, qos.LATCHED)
 
     def send(self) -> None:
@@ -210,7 +209,7 @@ class LearnedOverlay:
         if self._solved is not None and self._solved.done():
             solved, self._solved = self._solved, None
             try:
-                self._server.show_overlay(overlay_message(solved.result()))
+                self._server.show_overlay(solved.result())
             except USER_ERRORS as error:
                 self._node.get_logger().warning(f"no overlay: {error}")
         if self._solved is None and self._newest is not None:
@@ -225,7 +224,7 @@ class LearnedOverlay:
         self._newest = message.data
 
 
-def _solve(text: str, scenario: Scenario) -> ModelOverlay:
+def _solve(text: str, scenario: Scenario) -> dict[str, Any]:
     file = yaml_model(text, ModelFile, name=_NAME)
     return overlay_of(load_strategy(_NAME, scenario, "optimal", file=file))
 

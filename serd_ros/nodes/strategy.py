@@ -17,11 +17,11 @@ from std_msgs.msg import String
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.errors import USER_ERRORS
 from serd_files.files import FileWatch
 from serd_files.model_file import ModelFile
 from serd_files.settings import setting, setting_of
+from serd_files.table import EpisodeResult
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
 from serd_ros.endpoints import qos, topics

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapping import BagMapping
 from serd_app.journeys.navigate import BegunDrive
 from serd_app.learning.checkpoint import LearnerCheckpoint
-from serd_app.navigation.navigator import ArrivalRow, append_arrival, load_arrivals
+from serd_app.navigation.navigator import ArrivalRow
 from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_app.teleop.joy_mapping import load_joy_mapping
@@ -27,10 +28,18 @@ from serd_app.teleop.twist_mux import load_mux
 from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_core.semi_markov.timed_decisions import TimedDecisions
-from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.grid_file import load_grid, save_grid
 from serd_files.model_file import load_model
-from serd_files.table import RowTable, write_rows, write_table
+from serd_files.table import (
+    EpisodeResult,
+    RowTable,
+    append_row,
+    columns_of,
+    load_episodes,
+    read_rows,
+    write_rows,
+    write_table,
+)
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
 from serd_ros.graph.graph import find_stack
@@ -116,7 +125,7 @@ def _save_arrivals(path: Path) -> None:
     for number in range(3):
         measured = (1.0, 2.0, 3.0, 4.0, 1.0)
         row = ArrivalRow(number, 3, 0.0, 0.5, 9.0, 1.0, "m", "arrived", "", *measured)
-        append_arrival(path, row)
+        append_row(path, columns_of(ArrivalRow), astuple(row))
 
 
 def _save_rows(path: Path) -> None:
@@ -141,7 +150,7 @@ _FILES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
     "decisions.csv": (_save_decisions, load_decisions),
     "flow.csv": (_save_flow, lambda path: load_flow(path, _GRID)),
     "episodes.csv": (_save_episodes, load_episodes),
-    "arrivals.csv": (_save_arrivals, load_arrivals),
+    "arrivals.csv": (_save_arrivals, partial(read_rows, row_class=ArrivalRow)),
     "rows.csv": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS)),
     "tracks.csv": (_save_tracks, read_trajectories),
     "unnamed_tracks.csv": (_save_unnamed_tracks, read_trajectories),

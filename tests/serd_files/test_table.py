@@ -1,7 +1,7 @@
 """Typed tables: exact round trips, and one message per fault with its place and the fix."""
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 
 import pytest
 from hypothesis import given, settings
@@ -10,14 +10,18 @@ from hypothesis import strategies as st
 from serd_bag.errors import FileError
 from serd_files.table import (
     Column,
+    EpisodeResult,
     OptionalFloat,
     RowTable,
     append_row,
     columns_of,
+    load_episodes,
     read_rows,
     read_table,
+    write_rows,
     write_table,
 )
+from support.episodes import episode_result
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class Drive:
     name: str = ""
 
 
-COLUMNS = columns_of(Drive, optional=("name",))
+COLUMNS = columns_of(Drive)
 HEADER = "episode,n_people,time_s,arrival_s,name\n"
 
 drives = st.builds(
@@ -50,7 +54,7 @@ def test_a_dataclass_describes_its_columns():
         Column("n_people", int, nullable=True),
         Column("time_s", float),
         Column("arrival_s", float, nullable=True),
-        Column("name", str, optional=True),
+        Column("name", str),
     ) == COLUMNS
 
 
@@ -59,7 +63,7 @@ def test_a_dataclass_describes_its_columns():
 def test_rows_read_back_exactly(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("table") / "drives.csv"
     write_table(path, COLUMNS, [astuple(row) for row in rows])
-    assert read_rows(path, Drive, optional=("name",)) == tuple(rows)
+    assert read_rows(path, Drive) == tuple(rows)
 
 
 def test_values_have_the_types_of_their_columns_whatever_they_are(tmp_path):
@@ -68,10 +72,9 @@ def test_values_have_the_types_of_their_columns_whatever_they_are(tmp_path):
     full, sparse = read_table(path, COLUMNS)
     assert [*map(type, full.values())] == [int, int, float, float, str]
     assert [*map(type, sparse.values())] == [int, type(None), float, float, str]
-    path.write_text("episode,n_people,time_s,arrival_s\n1,,inf,nan\n2,3,0.5,7.0\n")
-    first, second = read_rows(path, Drive, optional=("name",))
-    assert (first.n_people, math.isnan(first.arrival_s)) == (None, True)
-    assert second == Drive(2, 3, 0.5, 7.0)  # whose name is the default
+    path.write_text(HEADER + "1,,inf,nan,\n")
+    (row,) = read_rows(path, Drive)
+    assert (row.n_people, math.isnan(row.arrival_s)) == (None, True)
 
 
 def test_appended_rows_are_those_of_a_table_written_at_once(tmp_path):
@@ -120,9 +123,9 @@ def test_a_growing_table_may_end_within_its_header_or_a_row(tmp_path, text):
     path, row = tmp_path / "drives.csv", Drive(1, 2, 0.5, 7.0, "a")
     path.write_text(text)
     n_rows = text.count("\n1,2")
-    assert list(read_rows(path, Drive, growing=True, optional=("name",))) == [row] * n_rows
+    assert read_table(path, COLUMNS, growing=True) == [asdict(row)] * n_rows
     append_row(path, COLUMNS, astuple(row))
-    assert list(read_rows(path, Drive, optional=("name",))) == [row] * (n_rows + 1)
+    assert list(read_rows(path, Drive)) == [row] * (n_rows + 1)
 
 
 @pytest.mark.parametrize(
@@ -196,3 +199,22 @@ def test_a_file_that_is_no_such_table_is_refused(tmp_path, name, content, senten
     with pytest.raises(FileError, match=sentence):
         RowTable(path, COLUMNS, ["episode"])
     assert path.read_bytes() == content
+
+
+def test_episodes_survive_exactly(tmp_path):
+    odd = {"driver": "strategy, greedy", "duration_s": 1 / 3, "minimum_person_distance_m": -1e-17}
+    rows = (episode_result(0, "arrived", 0.1 + 0.2, **odd), episode_result(1, "arrived", 47.0))
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, rows)
+    assert load_episodes(tmp_path / "episodes.csv") == rows
+
+
+@pytest.mark.parametrize(
+    ("outcome", "time_s"),
+    [("arrived", -1.5), ("arrived", math.inf), ("timeout", 0.3), ("arrived", math.nan)],
+)
+def test_a_time_of_arrival_that_cannot_be_is_named_by_file_and_line(tmp_path, outcome, time_s):
+    rows = [episode_result(0, "arrived", 0.3), episode_result(1, outcome, time_s)]
+    write_rows(tmp_path / "episodes.csv", EpisodeResult, rows)
+    sentence = f"line 3, time_of_arrival_s must be finite .* got {time_s} and {outcome!r}"
+    with pytest.raises(FileError, match=f"episodes.csv: {sentence}"):
+        load_episodes(tmp_path / "episodes.csv")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_files.episode_table import load_episodes
+from serd_files.table import load_episodes
 from support.changed_scenario import changed_scenario
 from support.waiting import PATIENCE_S, wait_until
 

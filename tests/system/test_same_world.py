@@ -9,7 +9,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from serd_app.drives.drive import START
-from serd_files.episode_table import load_episodes
+from serd_files.table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s

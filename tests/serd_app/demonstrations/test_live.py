@@ -13,7 +13,6 @@ from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.epochs import DecisionEpochs
 from support.bag_messages import OWN_TOPICS, write_bag
 
 HALLWAY = load_scenario("hallway")
@@ -163,23 +162,3 @@ def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(
     # A world that starts again before it had many decisions gets a session of its own.
     short = only(sent[: marks[1] // 2], "robot_pose")
     assert same(live_drive(short + sent).gathered(), live_drive(sent).gathered())
-
-
-def test_episodes_are_divided_again_only_where_something_of_them_came_since(bag, sent, monkeypatch):
-    seen = []
-    see = DecisionEpochs.see
-    monkeypatch.setattr(
-        DecisionEpochs, "see", lambda epochs, *place: seen.append(place) or see(epochs, *place)
-    )
-    intents = only(sent, "intent")
-    half = len(intents) // 2
-    drive = live_drive(only(sent, "robot_pose", "episode") + intents[:half])
-    first, n_at_first = drive.gathered(), len(seen)
-    assert same(drive.gathered(), first)
-    assert len(seen) == n_at_first > 0
-    for each in intents[half:]:
-        drive.take(*each)
-    last = drive.gathered()
-    assert 0 < len(seen) - n_at_first < n_at_first, "of the episodes of the later intents alone"
-    assert same(last, of_bag(bag)[0])
-    assert not same(last, first)

@@ -5,13 +5,10 @@ import pytest
 
 from serd_app.navigation.forecast import plan_remarks, traps_text
 from serd_app.navigation.navigator import (
-    ArrivalRow,
     GiveUp,
     Navigator,
     ProgressMonitor,
-    append_arrival,
     arrival_row,
-    load_arrivals,
     prediction_of,
 )
 from serd_app.navigation.settings import NavigationSettings
@@ -182,14 +179,6 @@ def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(navigator_o
     assert (row.start_x_m, row.start_y_m, row.goal_x_m, row.goal_y_m) == (4.5, 9.5, 12.0, 18.0)
     late = arrival_row(prediction, episode_result(4, "aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)
-
-
-def test_rows_of_arrivals_are_appended_and_survive_exactly(tmp_path):
-    path, places, law = tmp_path / "new" / "a.csv", (0.3, 1 / 3, 12.0, 18.0), (0.99, 51.05, 1e-17)
-    rows = tuple(ArrivalRow(i, 3, *places, "a, m", "arrived", "", *law, 48.9, 0.25) for i in (0, 1))
-    for row in rows:
-        append_arrival(path, row)
-    assert load_arrivals(path) == rows
 
 
 #: States 0, 1, 2 have a mean of 3, 2, 1 steps to go; the goal is state 3.

@@ -1,4 +1,4 @@
-"""The whole report: complete, self-contained, escaped, and equal for equal inputs; snapshots."""
+"""The whole report: complete, self-contained, escaped, and equal for equal inputs."""
 
 import json
 import re
@@ -14,9 +14,7 @@ from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
 from serd_core.learners.serd import fit_mdce_serd
 
-FIGURES = {
-    *("hallway", "visitation", "policy", "arrival", "forecast", "flow", "outcomes"),
-}
+FIGURES = {"visitation", "policy", "arrival", "forecast"}
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
@@ -132,11 +130,8 @@ def known(inputs):
 
 
 @pytest.mark.usefixtures("quick_pictures")
-def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(known, tmp_path):
+def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
     page = Page(write_report(known, tmp_path).read_text())
-    assert page.tags.count("figure") == len(FIGURES) + 1
-    assert (tmp_path / "figures" / "gain.png").exists()
-    assert "Which demonstration next" in page.text
     for row in known.knowledge.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text

@@ -104,7 +104,7 @@ def test_each_episode_has_an_intent_at_its_start():
     assert len(posed_intents(BagMapping(action_from="motion"), track, ())["intent_time_s"]) == 0
 
 
-def test_waypoints_mean_the_direction_to_them():
+def test_ways_mean_their_direction_and_short_ones_a_wait():
     ways_m = np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1], [0.0, 0.0]])
     assert actions_of_ways(ways_m, np.full(4, 0.25)).tolist() == [EAST, SOUTH, WAIT, WAIT]
     assert actions_of_ways(ways_m[2:], np.zeros(2)).tolist() == [EAST, WAIT]
@@ -196,15 +196,11 @@ def test_a_command_that_is_not_finite_is_left_out_and_counted(drive_of, messages
     assert str(report).endswith("; 1 commands not finite")
 
 
-@pytest.mark.parametrize(("kind", "source"), [(VECTOR, "intent"), (POSE, "waypoint")])
-def test_an_intent_or_waypoint_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(
-    drive_of, messages, kind, source
-):
-    make = messages.intent if source == "intent" else messages.pose
+def test_an_intent_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(drive_of, messages):
     wishes = [(50.0, 99.0), (50.0, 99.0), (52.0, np.nan), (54.0, 99.0), (54.0, 99.0)]
-    rows = [("/wish", time_s, make(time_s, east, 0.5)) for time_s, east in wishes]
-    mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
-    drive = drive_of([*poses_east(messages), *rows], mapping, {"/wish": kind})
+    rows = [("/wish", time_s, messages.intent(time_s, east, 0.5)) for time_s, east in wishes]
+    mapping = BagMapping(pose_topic="/pose", action_topic="/wish")
+    drive = drive_of([*poses_east(messages), *rows], mapping, {"/wish": VECTOR})
     assert drive.dropped == {NOT_FINITE: 1}
     assert drive.intent_time_s.tolist() == [50.0, 54.0]
     assert drive.intent_action.tolist() == [EAST, EAST]
@@ -382,7 +378,6 @@ def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(drive_of, mess
     ("keys", "sentence"),
     [
         ({"hold_s": 1.0, "action_from": "motion"}, "hold_s must be left out unless action_from is"),
-        ({"waypoint_reached_m": 1.0}, "waypoint_reached_m must be left out unless action_from is"),
         ({"goal_area_m": ((0, 0), (1, 1))}, "must have at least 3 corners, got 2"),
     ],
 )  # fmt: skip
@@ -393,7 +388,7 @@ def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):
 
 @pytest.fixture
 def own_bag(tmp_path, messages):
-    """Two episodes in a namespace: one arrives, one is cut off; waypoints beside the intents."""
+    """Two episodes in a namespace: one arrives, one is cut off."""
     rows = []
     for episode, start_s in enumerate((10.0, 30.0)):
         rows.append(("/robot/episode", start_s, messages.mark(start_s, "start", episode)))
@@ -402,20 +397,17 @@ def own_bag(tmp_path, messages):
             rows.append(("/robot/robot_pose", time_s, messages.pose(time_s, 0.0, y_m)))
             if tick % 20 == 0:
                 rows.append(("/robot/intent", time_s, messages.intent(time_s, 0.0, 1.0)))
-                rows.append(("/robot/waypoint", time_s, messages.pose(time_s, 0.0, y_m + 1.0)))
     rows.append(("/robot/episode", 19.9, messages.mark(19.9, "end", 0, "arrived")))
     rows.sort(key=lambda row: row[1])
     topics = {f"/robot{name}": kind for name, kind in OWN_TOPICS.items()}
-    return write_bag(tmp_path / "own", topics | {"/robot/waypoint": POSE}, rows)
+    return write_bag(tmp_path / "own", topics, rows)
 
 
-def test_a_mapping_of_our_own_topics_and_waypoints_ahead_give_the_drive_of_the_intents(own_bag):
+def test_a_mapping_of_our_own_topics_gives_the_drive_of_the_recorder(own_bag):
     (direct,) = read_drives(own_bag)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert set(direct.intent_action) == {NORTH}
-    for keys in ({}, {"action_from": "waypoint", "action_topic": "waypoint"}):
-        mapping = BagMapping(episode_topic="/robot/episode", **keys)
-        mapped = mapped_drive_in(BagReader(own_bag), mapping)
-        assert mapped.episodes == direct.episodes
-        for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
-            assert np.array_equal(getattr(mapped, name), getattr(direct, name))
+    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="/robot/episode"))
+    assert mapped.episodes == direct.episodes
+    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
+        assert np.array_equal(getattr(mapped, name), getattr(direct, name))

@@ -11,11 +11,9 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from serd_app.teleop.page.access import PageAccess
-from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
-from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.hub import EmergencyStop, Episode, Hold
+from serd_app.teleop.page.server import PageAccess, PageServer
 from serd_app.teleop.page.view import (
-    overlay_message,
     overlay_of,
     scene_of,
     watched_scene_of,
@@ -148,7 +146,7 @@ def watched(browser):
 def layers(save_model_of):
     """The layers of a model that is against the flow in two of three lanes."""
     strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
-    return overlay_message(overlay_of(strategy))
+    return overlay_of(strategy)
 
 
 @pytest.fixture
@@ -194,7 +192,7 @@ def test_axe_finds_no_violation_while_driving_stopped_and_with_each_layer(
     learned.show(mux={"e_stop": "True"}, recorder={"recording": "False"})
     learned.until_text("stop", "RELEASE")
     assert violations(browser) == []
-    for name in ("policy", "arrival", "dynamics"):
+    for name in ("policy", "arrival"):
         layer_button(learned, name).click()
         learned.until_text("layer-title", layers[name]["title"])
         assert learned.text("layer-note") == layers[name]["note"]

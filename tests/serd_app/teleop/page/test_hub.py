@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from serd_app.teleop.page.hub import SILENCE_S, Hub
-from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold
+from serd_app.teleop.page.hub import SILENCE_S, Away, EmergencyStop, Episode, Hold, Hub
 
 NORTH = Hold(type="hold", direction="north")
 STOP_ALL = EmergencyStop(type="e_stop", engaged=True)
