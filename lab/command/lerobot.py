@@ -72,7 +72,8 @@ def lerobot(
                 f"a dataset needs actions, which are hidden in {found.bag}; set action_from: motion"
                 " in a --mapping to take the displacement as action"
             )
-    n_episodes = save_lerobot(output, recordings.drives, place.patience_s)
+    drives = [drive for each in recordings.all for drive in each.drives]
+    n_episodes = save_lerobot(output, drives, place.patience_s)
     print(f"{n_episodes} episodes: {output.resolve()}")
 
 

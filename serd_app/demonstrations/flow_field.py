@@ -174,18 +174,11 @@ def _velocity_mps(track: Track) -> FloatArray:
 
 def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:
     """Write one line per state."""
-    columns = (
-        grid.centers_m.tolist(),
-        [_NAMES[each] for each in field.flow.tolist()],
-        field.order.round(4).tolist(),
-        field.count.tolist(),
-        field.mean_velocity_mps.round(4).tolist(),
-    )
-    rows = (
-        (state, *center, name, sure, seen, *velocity)
-        for state, (center, name, sure, seen, velocity) in enumerate(zip(*columns, strict=True))
-    )
-    write_table(path, _COLUMNS, rows)
+    names = [_NAMES[each] for each in field.flow.tolist()]
+    numbers = field.order.round(4).tolist(), field.count.tolist()
+    centers, velocities = grid.centers_m.T, field.mean_velocity_mps.round(4).T
+    columns = *centers.tolist(), names, *numbers, *velocities.tolist()
+    write_table(path, _COLUMNS, zip(range(grid.n_states), *columns, strict=True))
 
 
 def load_flow(path: str | Path, grid: Grid) -> IntArray:

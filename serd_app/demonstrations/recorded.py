@@ -40,11 +40,6 @@ class Recordings:
     mapping: DriveMapping | None
     tolerant: bool
 
-    @property
-    def drives(self) -> list[RecordedDrive]:
-        """Those of all recordings."""
-        return [drive for each in self.all for drive in each.drives]
-
     def flow(self, grid: Grid) -> FlowField | None:
         """In which direction people walk in them; None where there are none."""
         people = self.mapping if isinstance(self.mapping, BagMapping) else BagMapping()

@@ -25,9 +25,8 @@ from serd_app.demonstrations.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, 
 from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.drives.actions import PoseTrack
 from serd_app.drives.drive import EPISODE, INTENT, POSE
-from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
+from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, usual_gap_s
 from serd_app.drives.recording import Recording, is_table
-from serd_app.drives.unmarked import usual_gap_s
 from serd_app.errors import AppError
 from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader

@@ -21,7 +21,7 @@ from serd_app.drives.drive import (
     source_of,
     spans_of_marks,
 )
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping, unmarked_spans, usual_gap_s
 from serd_app.drives.transforms import (
     TF_TYPES,
     RecordedTransforms,
@@ -29,7 +29,6 @@ from serd_app.drives.transforms import (
     plain_name,
     planar,
 )
-from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_bag.errors import BagError
 from serd_bag.messages.fields import POSES, FieldReader, field_reader
 from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
@@ -49,23 +48,19 @@ _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
-    """The drive in an opened bag; the reader's `damage` then lists what could not be read."""
-    collected = mapped_messages(reader.topics, mapping, source_of(reader.path))
-    for message in reader.messages(collected.topics & set(reader.topics)):
-        collected.take(message)
-    return collected.drive()
+    """The drive in an opened bag; the reader's `damage` then lists what could not be read.
 
-
-def mapped_messages(
-    known: Mapping[str, Topic], mapping: BagMapping, source: str
-) -> "MappedMessages":
-    """To be filled; BagError where the topics do not hold what the mapping needs."""
-    poses = MappedPoses(known, mapping, source)
-    actions = None
+    BagError where the topics do not hold what the mapping needs.
+    """
+    known, source = reader.topics, source_of(reader.path)
+    poses, actions = MappedPoses(known, mapping, source), None
     if mapping.has_action_topic:
         actions = MappedActions(mapping, known[topic_named(known, mapping.action_topic)], source)
     marks = topic_named(known, mapping.episode_topic) if mapping.episode_topic else ""
-    return MappedMessages(mapping, source, poses, actions, marks)
+    collected = MappedMessages(mapping, source, poses, actions, marks)
+    for message in reader.messages(collected.topics & set(known)):
+        collected.take(message)
+    return collected.drive()
 
 
 @dataclass(frozen=True, eq=False)

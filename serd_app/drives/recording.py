@@ -14,9 +14,15 @@ import numpy as np
 from serd_app.drives.actions import PoseTrack, posed_intents
 from serd_app.drives.drive import EPISODE, INTENT, POSE, RecordedDrive
 from serd_app.drives.mapped import mapped_drive_in
-from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapping import (
+    ASSUMED_UNITS,
+    BagMapping,
+    DriveMapping,
+    TableMapping,
+    unmarked_spans,
+    usual_gap_s,
+)
 from serd_app.drives.sessions import drives_in
-from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_app.errors import AppError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError, DamagedBagError, FileError
@@ -167,7 +173,8 @@ def _experts(
         each: [
             row
             for row, track in enumerate(tracks)
-            if any(_is_called(name, each) for name in (track.agent, track.name, *track.kinds))
+            for names in [(track.agent, track.name, *track.kinds)]
+            if each in names or any(fnmatchcase(name, each) for name in names)
         ]
         for each in wanted
     }
@@ -188,10 +195,6 @@ def _experts(
     more = ", ..." if len(robots) > _LISTED else ""
     verb = "demonstrates" if len(robots) == 1 else "demonstrate"
     return robots, f"{named}{more} {verb} among {len(names) - len(robots)} people ('experts:')"
-
-
-def _is_called(name: str, wanted: str) -> bool:
-    return name == wanted or fnmatchcase(name, wanted)
 
 
 def _is_robot(track: Track) -> bool:

@@ -121,7 +121,7 @@ def _place(
     """Of a scenario, else with a grid that is fitted to where the robot was, or of an area."""
     if scenario:
         return Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
-    drives = recordings.drives
+    drives = [drive for each in recordings.all for drive in each.drives]
     size_m = cell_size_m or fitting_cell_size_m(drives)
     grid = fitted_grid(recordings.all, size_m) if area_m is None else grid_of_area(area_m, size_m)
     return Place(grid, fitting_patience_s(drives, size_m), USUAL_WAIT_S)

@@ -71,13 +71,10 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
 
 
 class BegunDrive(DriveSettings):
-    """The settings of the drive, and digests of the content of its two files.
+    """The settings of the drive, and digests of the content of its two files."""
 
-    Folders of older versions have empty digests.
-    """
-
-    model_digest: str = ""
-    scenario_digest: str = ""
+    model_digest: str
+    scenario_digest: str
 
 
 def claim_folder(folder: Path, settings: DriveSettings) -> None:
@@ -110,7 +107,7 @@ def _require_same(folder: Path, earlier: BegunDrive, now: BegunDrive) -> None:
         if recorded != found:
             raise AppError(
                 f"{folder} must hold drives of {name} as it is now ({found}), but was begun with "
-                f"{recorded or 'an unknown version'} of it; give another folder"
+                f"{recorded} of it; give another folder"
             )
 
 

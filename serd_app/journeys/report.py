@@ -20,7 +20,7 @@ from serd_app.navigation.comparison import (
     recorded_times,
     starts_of,
 )
-from serd_app.navigation.forecast import plan_remarks
+from serd_app.navigation.navigator import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder

@@ -57,11 +57,6 @@ class LearningFiles:
     reaching: IntArray
     scenario: Scenario | None = None
 
-    @property
-    def n_reaching_goal(self) -> int:
-        """Number of the episodes that come to the goal."""
-        return len(self.reaching)
-
     def left_out(self) -> str:
         """How many decisions, and why; empty where there are none."""
         reasons = (
@@ -72,7 +67,7 @@ class LearningFiles:
 
     def remarks(self) -> Iterable[str]:
         """A warning where no episode reaches the goal."""
-        if not self.n_reaching_goal:
+        if not len(self.reaching):
             goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
             yield (
                 f"no episode reaches the goal ({goals}), so no arrival shows what it is worth;"

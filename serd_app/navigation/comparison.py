@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serd_app.navigation.forecast import HALF, MOST, plan_remarks
+from serd_app.navigation.navigator import HALF, MOST, plan_remarks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.bands import binomial_tail, clopper_pearson
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw

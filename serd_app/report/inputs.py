@@ -26,13 +26,6 @@ class PhaseTiming:
     wall_s: float
     simulated_s: float | None = None
 
-    @property
-    def real_time_factor(self) -> float | None:
-        """Simulated seconds per second of the wall clock."""
-        if self.simulated_s is None or self.wall_s <= 0:
-            return None
-        return self.simulated_s / self.wall_s
-
 
 @dataclass(frozen=True)
 class FileLink:

@@ -1,16 +1,14 @@
 """The numbers of a report: for summary.json and the terminal."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from serd_app.navigation.comparison import (
-    Agreement,
     Starts,
     agreement,
     reasons_against_prediction,
-    reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs, RunFacts
@@ -20,10 +18,12 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.grid import start_states_of
 
+#: Plain values by name, which `summary_of` describes.
+Summary = dict[str, Any]
 
-@dataclass(frozen=True)
-class Summary:
-    """Plain numbers; a median is None when fewer than half of the episodes arrived.
+
+def summary_of(inputs: ReportInputs) -> Summary:
+    """Everything the report states as a number; a median is None when fewer than half arrived.
 
     Without episodes all that is measured is None, and so is the agreement. n_decisions: learned
     from, as are decisions_per_model; of a model without a posterior these are of
@@ -33,73 +33,21 @@ class Summary:
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
     is not stated, none where it is.
     """
-
-    n_demonstrations: int
-    n_decisions: int
-    n_compared_decisions: int
-    n_episodes: int
-    n_arrived: int
-    measured_arrival_probability: float | None
-    measured_arrival_interval_95: tuple[float, float] | None
-    predicted_arrival_probability: float
-    measured_median_s: float | None
-    predicted_median_s: float | None
-    measured_mean_s: float | None
-    agreement: Agreement | None
-    timeout_s: float
-    robot_on_person_contacts: int
-    person_on_robot_contacts: int
-    wall_contacts: int
-    n_trap_states: int
-    n_least_time_states: int
-    plan_remarks: tuple[str, ...]
-    recorded_times_s: tuple[float, ...] | None
-    no_prediction_because: tuple[str, ...]
-    converged: bool
-    n_steps: int
-    objective: float
-    reward_weights: dict[str, float]
-    decisions_per_model: dict[str, int]
-    outcome_probabilities: dict[str, list[float]]
-    initial_outcome_probabilities: dict[str, list[float]]
-    real_time_factor: dict[str, float]
-    wall_s: dict[str, float]
-    seeds: dict[str, int]
-    versions: dict[str, str]
-    command: str
-    how: str
-    finished_at: str
-
-    @property
-    def no_prediction(self) -> str:
-        """Why the predicted arrival is not stated, as one clause; empty where it is."""
-        return reasons_text(self.no_prediction_because)
-
-    def as_json(self) -> dict[str, object]:
-        """The record as JSON-ready values."""
-        return asdict(self)
-
-
-def summary_of(inputs: ReportInputs) -> Summary:
-    """Count and compare: everything the report states as a number."""
-    fit = inputs.fit
-    n_given = inputs.n_demonstrations
-    recorded = inputs.recorded
-    return Summary(
-        n_demonstrations=n_given or len(inputs.demonstrations.episodes),
-        n_decisions=fit.n_decisions if n_given else len(inputs.demonstrations),
-        n_compared_decisions=len(inputs.demonstrations),
-        n_trap_states=int(trapped_states(inputs).sum())
-        if inputs.driven is None
-        else len(inputs.driven.traps.states),
-        n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
-        plan_remarks=inputs.remarks,
-        recorded_times_s=None if recorded is None else tuple(recorded.times_s.tolist()),
-        no_prediction_because=_reasons_against_prediction(inputs),
+    fit, n_given, driven = inputs.fit, inputs.n_demonstrations, inputs.driven
+    recorded, trapped = inputs.recorded, int(trapped_states(inputs).sum())
+    return {
+        "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
+        "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
+        "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
+        "n_trap_states": trapped if driven is None else len(driven.traps.states),
+        "n_least_time_states": 0 if driven is None else int(driven.by_time.sum()),
+        "plan_remarks": inputs.remarks,
+        "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
+        "no_prediction_because": _reasons_against_prediction(inputs),
         **_of_fit(inputs),
         **_of_run(inputs.run),
-    )
+    }
 
 
 def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
@@ -118,7 +66,9 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
         "measured_median_s": None if measured is None else time_reaching(measured, 0.5),
         "predicted_median_s": inputs.predicted.quantile_s(0.5),
         "measured_mean_s": float(np.mean(times)) if times else None,
-        "agreement": agreement(inputs.predicted, inputs.arrival_times_s) if episodes else None,
+        "agreement": asdict(agreement(inputs.predicted, inputs.arrival_times_s))
+        if episodes
+        else None,
         "timeout_s": inputs.timeout_s,
         "robot_on_person_contacts": sum(row.robot_on_person for row in episodes),
         "person_on_robot_contacts": sum(row.person_on_robot for row in episodes),
@@ -143,9 +93,7 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
 
 def _of_run(run: RunFacts) -> dict[str, Any]:
     """What a reader needs to make the same run again."""
-    factors = {phase.name: phase.real_time_factor for phase in run.phases}
     return {
-        "real_time_factor": {name: each for name, each in factors.items() if each is not None},
         "wall_s": {phase.name: phase.wall_s for phase in run.phases},
         "seeds": dict(run.seeds),
         "versions": dict(run.versions),

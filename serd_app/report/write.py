@@ -11,6 +11,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from serd_app.navigation.comparison import Agreement, reasons_text
 from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
 from serd_app.report.figures.maps import (
     draw_policy_map,
@@ -47,7 +48,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
         save_figure(folder / "figures" / f"{name}.png", figure)
-    numbers = json.dumps(summary.as_json(), indent=2, allow_nan=False)
+    numbers = json.dumps(summary, indent=2, allow_nan=False)
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
     atomic_write_text(page, render_page(inputs, summary, pictures, _links(inputs)))
@@ -100,7 +101,7 @@ def render_page(
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
-        no_prediction=summary.no_prediction,
+        no_prediction=reasons_text(summary["no_prediction_because"]),
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
@@ -114,29 +115,26 @@ def render_page(
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: names and values as text."""
-    rows = [
+    return [
         (
             "Demonstrations",
-            f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
+            f"{summary['n_demonstrations']} with {counted(summary['n_decisions'], 'decision')}",
         ),
         *_recorded_rows(summary),
         *_arrival_rows(summary),
-        ("Trap states", str(summary.n_trap_states)),
-        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
+        ("Trap states", str(summary["n_trap_states"])),
+        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
         (
             "Fit",
-            f"{'converged' if summary.converged else 'did NOT converge'} "
-            f"after {counted(summary.n_steps, 'step')}, log posterior {summary.objective:.2f}",
+            f"{'converged' if summary['converged'] else 'did NOT converge'} "
+            f"after {counted(summary['n_steps'], 'step')}, log posterior"
+            f" {summary['objective']:.2f}",
         ),
     ]
-    factors = [f"{name} {factor:.0f}" for name, factor in summary.real_time_factor.items()]
-    return rows + (
-        [("Times faster than real time (whole phase)", ", ".join(factors))] if factors else []
-    )
 
 
 def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
-    times_s = summary.recorded_times_s
+    times_s = summary["recorded_times_s"]
     if not times_s:
         return []
     span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
@@ -148,30 +146,30 @@ def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
 
     What is predicted is left out where that is not supported.
     """
-    predicted = f"predicted {percent(summary.predicted_arrival_probability)}"
-    median = f"predicted {_seconds(summary.predicted_median_s)}"
-    none = []
-    if summary.no_prediction_because:
-        none = [("Predicted arrival", f"none, because {summary.no_prediction}")]
-    if summary.measured_arrival_interval_95 is None or summary.agreement is None:
+    predicted = f"predicted {percent(summary['predicted_arrival_probability'])}"
+    median = f"predicted {_seconds(summary['predicted_median_s'])}"
+    none, reasons = [], summary["no_prediction_because"]
+    if reasons:
+        none = [("Predicted arrival", f"none, because {reasons_text(reasons)}")]
+    if summary["measured_arrival_interval_95"] is None or summary["agreement"] is None:
         return none or [("Arrives", predicted), ("Median time of arrival", median)]
-    low, high = summary.measured_arrival_interval_95
+    low, high = summary["measured_arrival_interval_95"]
     beside = ("", "") if none else (f"; {predicted}", f"; {median}")
     return [
         *none,
         (
             "Arrived",
-            f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
-            f"({percent(summary.measured_arrival_probability or 0.0)}, 95 % interval "
+            f"{summary['n_arrived']} of {counted(summary['n_episodes'], 'episode')} "
+            f"({percent(summary['measured_arrival_probability'] or 0.0)}, 95 % interval "
             f"{percent(low)} to {percent(high)}){beside[0]}",
         ),
-        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}{beside[1]}"),
-        ("Largest gap of the two arrival curves", summary.agreement.gap_text),
+        ("Median time of arrival", f"{_seconds(summary['measured_median_s'])}{beside[1]}"),
+        ("Largest gap of the two arrival curves", Agreement(**summary["agreement"]).gap_text),
         (
             "Contacts",
-            f"robot ran into people {summary.robot_on_person_contacts} times, people into the "
-            f"robot {summary.person_on_robot_contacts} times, "
-            f"walls touched {summary.wall_contacts} times",
+            f"robot ran into people {summary['robot_on_person_contacts']} times, people into the "
+            f"robot {summary['person_on_robot_contacts']} times, "
+            f"walls touched {summary['wall_contacts']} times",
         ),
     ]
 

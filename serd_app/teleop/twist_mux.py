@@ -97,24 +97,17 @@ class VelocityLimits:
     acc_lim_x_mps2: float
     acc_lim_theta_radps2: float
 
-    def speed_limited(self, wanted: Command) -> Command:
-        """The nearest command within the speed limits."""
-        return Command(
-            linear_mps=_clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps),
-            angular_radps=_clip(
-                wanted.angular_radps, -self.max_vel_theta_radps, self.max_vel_theta_radps
-            ),
-        )
-
     def limited(self, wanted: Command, before: Command, duration_s: float) -> Command:
         """The nearest command within the limits that is reachable from `before` in that time."""
-        goal = self.speed_limited(wanted)
         reach_mps = self.acc_lim_x_mps2 * duration_s
         reach_radps = self.acc_lim_theta_radps2 * duration_s
         linear, angular = before.linear_mps, before.angular_radps
+        fastest_radps = self.max_vel_theta_radps
+        goal_mps = _clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps)
+        goal_radps = _clip(wanted.angular_radps, -fastest_radps, fastest_radps)
         return Command(
-            linear_mps=_clip(goal.linear_mps, linear - reach_mps, linear + reach_mps),
-            angular_radps=_clip(goal.angular_radps, angular - reach_radps, angular + reach_radps),
+            linear_mps=_clip(goal_mps, linear - reach_mps, linear + reach_mps),
+            angular_radps=_clip(goal_radps, angular - reach_radps, angular + reach_radps),
         )
 
 

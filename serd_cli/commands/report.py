@@ -44,7 +44,7 @@ def report(
     sources = ReportSources(model, scenario, demonstrations, episodes, starts_m, policy)
     done = write(sources, output)
     if as_json:
-        print_json({**done.summary.as_json(), "report": str(done.page)})
+        print_json({**done.summary, "report": str(done.page)})
         return
     for what, value in summary_rows(done.summary):
         console.print(f"{what}: {value}", soft_wrap=True)

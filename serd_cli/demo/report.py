@@ -18,7 +18,7 @@ from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
-from serd_app.navigation.forecast import plan_remarks
+from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.summary import summary_of
 from serd_app.report.write import summary_rows, write_report
@@ -55,7 +55,7 @@ def report_demo(
     page = write_report(inputs, folder.root)
     summary = summary_of(inputs)
     if as_json:
-        print_json({**summary.as_json(), "report": page})
+        print_json({**summary, "report": page})
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for what, how_much in summary_rows(summary):

@@ -109,7 +109,7 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "n_after_goal": files.n_after_goal,
         "n_elsewhere": files.n_elsewhere,
         "elsewhere_m": files.elsewhere_m,
-        "n_reaching_goal": files.n_reaching_goal,
+        "n_reaching_goal": len(files.reaching),
         "model": str(learned.model.resolve()),
         **page,
     }

@@ -8,8 +8,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 from visualization_msgs.msg import MarkerArray
 
-from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import Navigator, plan_remarks
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import OK, WARN

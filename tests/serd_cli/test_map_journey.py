@@ -55,7 +55,7 @@ def test_laps_on_the_map_of_a_robot_become_a_model_that_drives_there(serd, tmp_p
     assert counts["n_episodes"] == 6
     assert counts["dropped"]["on the way back from the goal"] >= 6  # commands, of each lap
     files = read_learning_files(Path("decisions.csv"), discount=0.99)
-    assert (files.n_after_goal, files.n_reaching_goal) == (0, 6)
+    assert (files.n_after_goal, len(files.reaching)) == (0, 6)
     place = load_scenario(scenario)
     scenario.unlink()  # table and model keep it
     assert serd("learn", "decisions.csv").code == 0

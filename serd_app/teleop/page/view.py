@@ -13,7 +13,7 @@ from serd_app.navigation.comparison import (
     reasons_text,
     starts_of,
 )
-from serd_app.navigation.forecast import HALF, quantile_or_nan_s
+from serd_app.navigation.navigator import HALF, quantile_or_nan_s
 from serd_core.grid.grid import DIRECTION_VECTORS, Grid
 from serd_sim.crowd.social_force import model_named
 from serd_sim.drivers.strategy import Strategy

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.mapping import DriveMapping
-from serd_app.drives.unmarked import unmarked_spans
+from serd_app.drives.mapping import DriveMapping, unmarked_spans
 
 STEP_S = 0.1
 AREA = {"goal_area_m": ((4.5, -1.0), (5.5, -1.0), (5.5, 1.0), (4.5, 1.0))}

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.forecast import plan_remarks, traps_text
 from serd_app.navigation.navigator import (
     GiveUp,
     Navigator,
     ProgressMonitor,
     arrival_row,
+    plan_remarks,
     prediction_of,
 )
 from serd_app.navigation.settings import NavigationSettings
@@ -153,7 +153,7 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
     rows = tuple(model_row(name, (1 - p, p, 0.0, 0.0, 0.0)) for name, p in forward.items())
     navigator = navigator_of({"outcome_models": rows, "reward_weights": {"goal": 1.0}})
     traps, grid = navigator.strategy.traps, navigator.strategy.problem.grid
-    words = traps_text(traps)
+    words = plan_remarks(navigator.strategy)[-1]
     assert words.startswith(f"{len(traps.states)} of 176 cells are traps: from ")
     assert words.endswith(
         f"from {traps.unlikely.sum()} it is reached before the time-out with less than 50%"

@@ -118,15 +118,17 @@ def test_measured_drives_speak_against_a_prediction_and_three_replace_those_of_p
 
 def test_a_comparison_and_the_layers_of_a_page_state_the_same_reasons(save_model_of, strategy):
     assert strategy.file.fit.n_episodes == 1
-    few = reasons(1, starts_of(strategy, "train"))
+    (few,) = reasons(1, starts_of(strategy, "train"))
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     quantiles_s = [law.quantile_s(share) for share in (0.2, 0.5, 0.8)]
     times = [episode_result(number, "arrived", each) for number, each in enumerate(quantiles_s)]
-    assert compare(strategy, "train", times).no_prediction_because == few
-    assert overlay_of(strategy).no_prediction_because == few
+    assert compare(strategy, "train", times).no_prediction_because == (few,)
+    layer = overlay_of(strategy)["arrival"]
+    assert layer["title"].startswith("Computed")
+    assert layer["note"].endswith(f"no prediction, because {few}")
     fit = load_model(save_model_of()).fit.model_copy(update={"n_episodes": 20})
     many = load_strategy(str(save_model_of(fit=fit)), HALLWAY, "optimal")
-    assert overlay_of(many).no_prediction_because == ()
+    assert overlay_of(many)["arrival"]["title"].startswith("Predicted")
     late = [episode_result(number, "timeout") for number in range(3)]
     assert compare(many, "train", late).no_prediction_because == (
         "3 of 3 measured drives arrived outside the 90 % band that the model computes or not at"

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import Navigator, plan_remarks
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.semi_markov.arrival import timed_arrival
 from serd_files.grid_file import flow_picture

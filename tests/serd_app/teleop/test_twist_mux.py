@@ -196,10 +196,10 @@ def test_the_built_in_settings_let_a_driver_override_the_planner_and_lock_it_wit
     assert priority["keys"] < priority["joystick"]
 
 
-def test_a_file_of_twist_mux_is_understood_with_its_frame_and_use_stamped(tmp_path):
+def test_a_file_of_twist_mux_is_understood_with_its_frame(tmp_path):
     file = tmp_path / "twist_mux.yaml"
     file.write_text(
-        "twist_mux:\n  ros__parameters:\n    use_stamped: true\n    topics:\n      navigation:\n"
+        "twist_mux:\n  ros__parameters:\n    topics:\n      navigation:\n        stamped: true\n"
         "        topic   : nav_vel\n        timeout : 0.5\n        priority: 10\n"
         "    locks:\n      pause: {topic: pause, timeout: 0.0, priority: 100}\n"
     )

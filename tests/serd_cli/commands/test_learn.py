@@ -167,12 +167,12 @@ def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
     unseen = np.setdiff1d(np.arange(GRID.n_states), [*visited, *starts])[0]
     x_m, y_m = GRID.centers_m[unseen]
     files = read_learning_files(table, discount=0.99, goals_m=((x_m, y_m),), scenario="")
-    assert files.n_reaching_goal == 0
+    assert len(files.reaching) == 0
     (remark,) = files.remarks()
     assert remark.startswith(f"no episode reaches the goal ({x_m:g},{y_m:g})")
     assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", *QUICK).out
     files = read_learning_files(table, discount=0.99, goals_m=(), scenario="")
-    assert 0 < files.n_reaching_goal <= 6
+    assert 0 < len(files.reaching) <= 6
     assert not tuple(files.remarks())
 
 
