@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
+from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.learning_files import episodes_reaching, until_goal
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
 from serd_app.navigation.navigator import plan_remarks

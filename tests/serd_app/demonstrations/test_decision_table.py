@@ -10,14 +10,16 @@ from hypothesis import strategies as st
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
-    ending_in,
-    episodes_reaching,
     load_decisions,
     save_decisions,
+)
+from serd_app.errors import AppError
+from serd_app.learning.learning_files import (
+    ending_in,
+    episodes_reaching,
     until_goal,
     usual_goal_states,
 )
-from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
