@@ -201,10 +201,10 @@ FROM_MAP = """Write a scenario from the map that a robot navigates by.
 
 serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
 
-MAP is the YAML file beside the image, as map_saver writes it, or a bag
-with a nav_msgs/OccupancyGrid. The largest free area that is connected is
-walkable (with --start the one around it), its borders are the walls. The
-scenario and a plan of it are written; docs/maps.md has all of it.
+MAP is the YAML file beside the image, as map_saver writes it. The largest
+free area that is connected is walkable (with --start the one around it),
+its borders are the walls. The scenario and a plan of it are written;
+docs/maps.md has all of it.
 
 A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
 place in which people were tracked.

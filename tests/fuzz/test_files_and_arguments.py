@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from lab.experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_field import FlowField, load_flow, save_flow
-from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
+from serd_app.demonstrations.recorded import DemonstrationRecord
 from serd_app.drives.mapping import BagMapping
 from serd_app.journeys.navigate import BegunDrive
 from serd_app.learning.checkpoint import LearnerCheckpoint
@@ -59,9 +59,6 @@ from support.fuzzing import (
 _ROOT = Path(__file__).resolve().parents[2]
 _CORRIDOR = load_scenario("corridor")
 _GRID = grid_of(_CORRIDOR)
-_BAG = BagRecord(
-    bag="b", n_decisions=1, n_censored=0, n_episodes=1, dropped={"w": 1}, n_bad_poses=0
-)
 _MODELS: dict[str, StrictModel] = {
     "scenario": _CORRIDOR,
     "mapping": BagMapping(longest_gap_s=1.0),
@@ -74,9 +71,9 @@ _MODELS: dict[str, StrictModel] = {
         reward_weights={"goal": 1.0},
     ),
     "demonstrations": DemonstrationRecord(
-        scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0, bags=(_BAG,)
+        scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0
     ),
-    "begun_drive": BegunDrive(model="model.yaml"),
+    "begun_drive": BegunDrive(model="model.yaml", model_digest="0", scenario_digest="0"),
     "demo": DemoSettings(),
 }
 _TEXTS: dict[str, tuple[Path, Callable[[Path], object]]] = {

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from serd_bag.errors import FileError
 from serd_files.table import (
-    Column,
     EpisodeResult,
     OptionalFloat,
     RowTable,
@@ -48,33 +47,12 @@ drives = st.builds(
 )
 
 
-def test_a_dataclass_describes_its_columns():
-    assert (
-        Column("episode", int),
-        Column("n_people", int, nullable=True),
-        Column("time_s", float),
-        Column("arrival_s", float, nullable=True),
-        Column("name", str),
-    ) == COLUMNS
-
-
 @settings(deadline=None)
 @given(st.lists(drives, max_size=4))
 def test_rows_read_back_exactly(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("table") / "drives.csv"
     write_table(path, COLUMNS, [astuple(row) for row in rows])
     assert read_rows(path, Drive) == tuple(rows)
-
-
-def test_values_have_the_types_of_their_columns_whatever_they_are(tmp_path):
-    path = tmp_path / "drives.csv"
-    write_table(path, COLUMNS, [(1, 2, 3, 4, "5"), (1, None, 0.5, None, "")])
-    full, sparse = read_table(path, COLUMNS)
-    assert [*map(type, full.values())] == [int, int, float, float, str]
-    assert [*map(type, sparse.values())] == [int, type(None), float, float, str]
-    path.write_text(HEADER + "1,,inf,nan,\n")
-    (row,) = read_rows(path, Drive)
-    assert (row.n_people, math.isnan(row.arrival_s)) == (None, True)
 
 
 def test_appended_rows_are_those_of_a_table_written_at_once(tmp_path):
@@ -174,14 +152,6 @@ def test_a_line_cut_short_is_dropped_from_the_file_which_goes_on(tmp_path, n_who
     assert path.read_bytes().endswith(b"\n")
     again.append(GROWN[1])
     assert list(RowTable(path, COLUMNS, ["episode"]).rows.values())[-1] == GROWN[1]
-
-
-def test_a_row_with_other_columns_is_refused(tmp_path):
-    table = RowTable(tmp_path / "rows.csv", COLUMNS, ["episode"])
-    assert not list(tmp_path.iterdir())
-    table.append(GROWN[0])
-    with pytest.raises(FileError, match="'speed' is in one only; choose another file"):
-        table.append({**GROWN[1], "speed": 1.0})
 
 
 @pytest.mark.parametrize(

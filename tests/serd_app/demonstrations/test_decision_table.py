@@ -136,16 +136,6 @@ def test_the_goal_is_where_episodes_end_or_of_ways_there_and_back_the_one_with_m
     assert ending_in(decisions, goal).episodes.tolist() == [0, 1, 2]
 
 
-@pytest.mark.parametrize(("second_m", "is_one"), [((6.5, 3.5), True), ((7.5, 3.5), False)])
-def test_ends_with_at_most_two_cells_between_them_are_one_goal(second_m, is_one):
-    room = Grid((0.0, 0.0), 1.0, np.ones((8, 12), dtype=bool))
-    first, second, far = (room.state_at(*at) for at in ((3.5, 0.5), second_m, (0.5, 7.5)))
-    there = [[far, 90, 91, 92, first], [far, 90, 91, 92, second]]
-    decisions = episodes_through(*there, [first, far])
-    goal = usual_goal_states(decisions, room)
-    assert (set(goal) == {first, second}) == is_one
-
-
 def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
     goal, decisions = np.array([3]), episodes_through([0, 1, 3, 2], [4, 0], [3, 2], [2, 3])
     assert len(episodes_reaching(decisions, goal)) == 2

@@ -167,43 +167,12 @@ def test_decisions_do_not_depend_on_how_often_poses_come(step_s):
     np.testing.assert_allclose(found(waiting)[0].dwell_s[0], WAIT_S, atol=0.2)
 
 
-def test_a_fast_way_across_a_corner_is_two_moves():
-    decisions, _ = found(drive([(0.5, 0.5), (1.5, 1.4)], [(0.0, EAST)], **SAVED))
-    assert [row[1:4:2] for row in rows(decisions)[:2]] == [(0, 1), (1, CORNER)]
-    exact, _ = found(drive([(0.5, 0.5), (1.5, 1.5)], [(0.0, EAST)], **SAVED))
-    assert len(np.unique(exact.time_s)) == len(exact)
-    assert exact.dwell_s.min() > 0
-
-
-def test_lost_decisions_are_a_share_of_all_that_were_taken():
-    whole = east(3, [(0.0, EAST)], **SAVED)
-    report = found(with_gap(whole, 0.9, 2.1))[1]
-    assert report.fault_share == 0.25
-    assert report.faults == "25.0 % of 4 decisions are lost as poses are missing or beyond walls"
-    assert found(with_gap(whole, 0.9, 1.2))[1].fault_share == 0.0
-
-
-def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
-    """From a cell beyond it on; before, the place is taken for one that was measured wrongly."""
-    y_m = [1.5, 2.5, 3.3, 3.9, *(4.5 + row for row in range(9))]
-    decisions, report = found(drive([(1.5, y) for y in y_m], [(0.0, HIDDEN)], **SILENT))
-    assert (len(decisions), report.dropped) == (1, {OFF_GRID: 4})
-
-
 def test_a_drive_without_poses_or_episodes_gives_nothing():
     empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
     decisions, report = found(empty)
     assert (len(decisions), report.dropped) == (0, {discretise.OUTSIDE_EPISODE: 1})
     spans = (EpisodeSpan(0, 0.0, 2.0, "cut_off"),)
     assert len(found(dataclasses.replace(empty, episodes=spans))[0]) == 0
-
-
-def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
-    recorded = still(6, [(0.0, 1), (2.0, 2), (4.0, 1)])
-    spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
-    decisions, report = found(dataclasses.replace(recorded, episodes=spans))
-    assert (decisions.episode.tolist(), decisions.action.tolist()) == ([3, 4], [1, 1])
-    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
 
 
 @settings(max_examples=150, deadline=None)

@@ -90,12 +90,6 @@ def test_detections_of_each_layout_are_read_and_other_classes_left_out(
     assert people_of(made.message(DETECTIONS, 1.0, *walk(0), classes=classes)).ids == ids
 
 
-def test_an_id_that_was_not_seen_for_a_second_has_no_velocity(tmp_path):
-    _, velocity_mps = recorded_people(bag(tmp_path / "bag", DETECTIONS, steps=(10, 15, 30)))
-    known = np.isfinite(velocity_mps).all(axis=1)
-    assert known.tolist() == [False] * 3 + [True] * 3 + [False] * 3
-
-
 def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it():
     """Detectors are noisy: between two frames of a camera an error of 5 cm would be 1.5 m/s."""
     ids, made = SightedIds(), []

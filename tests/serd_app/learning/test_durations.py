@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.learning.methods import METHODS
-from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
+from serd_app.learning.recipe import LearningTask, learn, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
 from serd_core.grid.navigation import (
     MODEL_NAMES,
@@ -81,13 +79,6 @@ def means_of(outcome):
     return {row.name: row.mean_s for row in outcome.model.outcome_models}
 
 
-def test_the_methods_by_evidence_learn_durations_where_actions_are_known(decisions):
-    hidden = replace(decisions, action=np.full(len(decisions), HIDDEN))
-    together = {method for method in METHODS if learns_durations(method, decisions)}
-    assert together == {"mdce_serd_evidence", "mdce_serd_belief_evidence"}
-    assert not any(learns_durations(method, hidden) for method in METHODS)
-
-
 def test_a_fit_by_evidence_has_the_true_means_within_its_intervals(decisions):
     found = learned(decisions, "mdce_serd_evidence")
     assert found.problem is PROBLEM
@@ -112,19 +103,6 @@ def test_other_methods_count_the_laws(decisions, method):
     assert believed == pytest.approx(expected)
     for each in found.model.draws.mean_s:
         assert each == pytest.approx(expected)
-
-
-def test_counted_means_are_those_of_the_moves():
-    """Many demonstrations outweigh the prior; stays have the patience instead of a law."""
-    many = demonstrations(200, seed=1)
-    found = means_of(learned(many, "mdce_irl"))
-    moved = ~many.censored & (many.next_state != many.state) & (many.action != Action.WAIT)
-    model = PROBLEM.outcome_models.model_of[many.state, many.action]
-    for name, true_s in (("with_flow", 1.0), ("across_flow", 1.4)):
-        dwell_s = many.dwell_s[moved & (model == MODEL_NAMES.index(name))]
-        # Long dwell times are more often censored, which the law makes up for.
-        assert found[name] > dwell_s.mean()
-        assert abs(found[name] / true_s - 1.0) < 4 / np.sqrt(5 * len(dwell_s))
 
 
 def test_hidden_actions_are_those_that_lead_to_the_next_cell_and_stays_are_left_out():
@@ -160,15 +138,6 @@ def test_where_actions_are_hidden_laws_are_counted_from_moves_and_waits_stay(dec
     assert found.model.outcome_models[WAITING].learned == tuple(stays)
     for table in draws.learned:
         assert table[WAITING] == pytest.approx(stays)
-
-
-def test_waiting_leads_nowhere_in_a_problem_with_still_waits():
-    still = PROBLEM.by_decisions.with_still_waits
-    own = np.arange(GRID.n_states)[:, None]
-    assert (still.outcome_models.successors[:, Action.WAIT] == own).all()
-    assert still.mdp.transitions is still.outcome_models
-    with pytest.raises(SerdError, match=r"use problem\.by_decisions\.with_still_waits"):
-        _ = PROBLEM.with_still_waits
 
 
 def test_places_are_taken_where_left_out_episodes_support_them():

@@ -75,21 +75,6 @@ def test_another_model_changes_the_policy_and_a_broken_or_equal_one_nothing(
     assert (navigator.strategy, navigator.model) == (before, "model of the learner")
 
 
-def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model(
-    navigator_of, save_model_of
-):
-    kept, changed = navigator_of(policy="soft"), navigator_of(policy="soft")
-    for navigator in (kept, changed):
-        navigator.begin(5)
-    before = changed.strategy
-    for step in range(30):
-        if step == 7:
-            changed.set_model(str(save_model_of(name="equal.yaml", method="learned again")))
-            assert changed.strategy is not before
-        here = 3.5, 9.5, 2.0 * step
-        assert decide(kept, *here) == decide(changed, *here)
-
-
 def test_off_the_grid_it_waits_and_expects_nothing(navigator_of):
     navigator, outside = navigator_of(), observation_at(9.0, 3.0)
     assert navigator.decide(outside, -1) == Action.WAIT
@@ -120,15 +105,6 @@ def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_or_has_a_new_g
             navigator.set_goal(1.5, 2.5)
         decide(navigator, 4.5, 9.5, time_s=2.0 * step)
         assert navigator.gave_up is None
-
-
-def test_too_little_time_left_is_given_up_where_the_settings_say_so(navigator_of):
-    for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
-        navigator = navigator_of(minimum_arrival_probability=minimum, timeout_s=100.0)
-        decide(navigator, 4.5, 1.5)
-        assert navigator.gave_up is None
-        decide(navigator, 4.5, 2.5, time_s=90.0)
-        assert navigator.gave_up == expected
 
 
 def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_the_clock(

@@ -106,18 +106,6 @@ def test_after_the_release_an_input_counts_once_it_has_sent_a_stop_or_fallen_sil
     assert mux.step(now_s + 0.02).command == FAST
 
 
-def test_an_input_that_was_neutral_at_the_release_counts_at_once():
-    mux = mux_of()
-    mux.set_e_stop(True)
-    mux.receive("keys", FAST, 1.0)
-    mux.receive("keys", STOP, 1.1)
-    mux.step(1.1)
-    mux.set_e_stop(False)
-    assert mux.step(1.15).held == ()
-    mux.receive("keys", FAST, 1.2)
-    assert mux.step(1.2).command == FAST
-
-
 def test_a_command_that_is_not_finite_is_a_counted_stop_and_a_clock_that_goes_backwards_stops():
     mux = mux_of()
     mux.receive("planner", SLOW, 1.0)

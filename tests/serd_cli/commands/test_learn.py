@@ -9,7 +9,7 @@ import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_field import FlowField, save_flow
-from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
+from serd_app.demonstrations.recorded import DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
 from serd_core.bayes.draws import N_DRAWS
@@ -57,7 +57,6 @@ def write_demonstrations(folder, scenario="hallway", flow=None, n_episodes=30, *
         "grid_fingerprint": GRID.fingerprint(),
         "patience_s": HALLWAY.patience_s,
         "wait_s": HALLWAY.wait_s,
-        "bags": (BagRecord(bag="b", n_decisions=1, n_censored=0, n_episodes=1),),
     }
     record = DemonstrationRecord(**(values | changes))
     (folder / "decisions.yaml").write_text(model_yaml(record))

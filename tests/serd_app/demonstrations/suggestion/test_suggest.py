@@ -167,16 +167,6 @@ def test_a_recording_without_a_robot_that_moves_is_refused_with_its_topics(
         suggest_mapping(tmp_path / "tracks.csv")
 
 
-@pytest.mark.skipif(
-    not REAL_BAG.exists(), reason="the real robot bag is not in ../shared/data/bags"
-)
-def test_the_real_bag_keeps_the_last_command():
-    found = suggest_mapping(REAL_BAG)
-    assert (found.mapping.action_from, found.mapping.hold_s) == ("velocity", None)
-    assert found.report.n_decisions > 15
-    assert found.report.n_moving_waits <= MOST_MOVING_WAITS * found.report.n_decisions
-
-
 def test_a_recording_of_ours_needs_no_mapping(bag, messages, tmp_path):
     bag.add_pose("/robot_pose", 0.0, 0.0, 0.0)
     data = messages.intent(START_S, 1.0, 0.0)

@@ -162,25 +162,6 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(drive_of, mess
         drive_of([*rows, *odom_at(messages, np.arange(0.0, 3.0, 0.5))], in_map)
 
 
-def test_poses_given_in_several_frames_are_each_brought_from_their_own(
-    drive_of, messages, monkeypatch
-):
-    monkeypatch.setattr("serd_app.drives.mapped._AT_ONCE", 7)
-    rows = [*drive_east(messages, "odom"), *odom_at(messages, range(50, 59))]
-    mixed = [
-        (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
-        if topic == "/pose" and time_s > 55.0
-        else (topic, time_s, data)
-        for topic, time_s, data in rows
-    ]
-    one, two = (drive_of(some, with_keys(DRIVEN, frame="map")) for some in (rows, mixed))
-    np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
-    np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
-    assert one.intent_action.tolist() == two.intent_action.tolist()
-    with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
-        drive_of(mixed)
-
-
 def test_a_topic_of_actions_without_a_message_is_refused(drive_of, messages):
     with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
         drive_of(poses_east(messages))
@@ -204,23 +185,6 @@ def test_an_intent_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(d
     assert drive.dropped == {NOT_FINITE: 1}
     assert drive.intent_time_s.tolist() == [50.0, 54.0]
     assert drive.intent_action.tolist() == [EAST, EAST]
-
-
-@pytest.mark.parametrize(
-    ("step_s", "gap_s", "n_episodes"), [(0.1, 0.6, 2), (0.2, 0.9, 1), (0.2, 1.2, 2)]
-)
-def test_what_counts_as_a_gap_follows_how_often_poses_come(
-    drive_of, messages, step_s, gap_s, n_episodes
-):
-    rows = [
-        row
-        for row in drive_east(messages, step_s=step_s)
-        if row[0] != "/pose" or not 54.05 < row[1] < 54.0 + gap_s - 0.05
-    ]
-    drive = drive_of(rows)
-    assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
-    assert len(drive.episodes) == n_episodes
-    assert len(drive_of(rows, with_keys(DRIVEN, longest_gap_s=0.3)).episodes) == 2
 
 
 SET_BACK = r"that of pose 41 does by .* a clock was set back"
@@ -299,16 +263,6 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
     _, report = decisions_from_drive(waiting, grid_around(drive.position_m, 1.0), 4.0, 1.0)
     assert report.dropped == {}
     assert report.n_moving_waits >= 3
-
-
-def test_the_motion_itself_is_the_action(foreign_bag):
-    """It drives north at 0.5 m/s for 8 s; the topic of its commands is not needed."""
-    mapping = BagMapping(pose_topic="/robot/pose", action_from="motion")
-    drive = mapped_drive_in(foreign_bag, mapping)
-    assert drive.intent_time_s.tolist() == [50.0]
-    assert drive.intent_action.tolist() == [NORTH]
-    slow = mapped_drive_in(foreign_bag, with_keys(mapping, minimum_speed_mps=0.51))
-    assert set(slow.intent_action) == {WAIT}
 
 
 @pytest.mark.parametrize(

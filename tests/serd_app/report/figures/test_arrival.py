@@ -9,7 +9,6 @@ from serd_app.report.figures.arrival import (
     predicted_curve,
     shown_from_s,
     shown_until_s,
-    time_reaching,
 )
 from serd_app.report.style import png_bytes
 from serd_core.arrival.law import ArrivalLaw
@@ -45,12 +44,6 @@ def test_the_measured_curve_counts_who_never_arrived():
     assert (measured.upper >= measured.probability).all()
 
 
-def test_the_predicted_band_narrows_with_the_number_of_episodes():
-    few, many = predicted_curve(LAW, 10), predicted_curve(LAW, 1000)
-    assert few.time_s.tolist() == [0.0, 2.0, 4.0, 6.0]
-    assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
-
-
 def test_the_time_axis_shows_where_the_curves_rise():
     for times_s, timeout_s, end_s in (
         ([3.0, 5.0], 60.0, 1.15 * 6.0),
@@ -64,8 +57,3 @@ def test_the_time_axis_shows_where_the_curves_rise():
     assert shown_from_s(early, late) == 0.9 * 20.0
     assert shown_from_s(late) == 0.9 * 30.0
     assert shown_from_s(curve(times, [0.0] * 4)) == 0.0
-
-
-def test_a_share_that_is_never_reached_has_no_time():
-    assert time_reaching(curve([0.0, 1.0], [0.0, 0.4]), 0.5) is None
-    assert time_reaching(curve([0.0, 1.0], [0.0, 0.5]), 0.5) == 1.0

@@ -9,7 +9,7 @@ from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.page.hub import LARGEST_REQUEST_BYTES, Away, Hold, Hub, Joystick, parse_request
+from serd_app.teleop.page.hub import LARGEST_REQUEST_BYTES, Hold, Hub, parse_request
 from serd_app.teleop.page.server import PageAccess, PageServer, admits_origin, make_app, read_token
 from support.waiting import PATIENCE_S
 
@@ -110,20 +110,6 @@ def test_a_bad_message_is_answered_by_a_sentence_and_a_large_or_binary_one_ends_
     with_client(LOCAL, use)
 
 
-def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
-    async def use(client, hub):
-        first, second = await connect(client), await connect(client)
-        await first.send_json(NORTH)
-        await until(lambda: hub.driving == 1)
-        await first.close()
-        await until(lambda: hub.driving is None)
-        assert requests_of(hub)[-1] == Away(type="away")
-        await second.send_json(NORTH)
-        await until(lambda: hub.driving == 2)
-
-    with_client(LOCAL, use)
-
-
 def test_the_server_takes_a_free_port_refuses_a_used_one_and_ends_with_its_connections():
     server = PageServer({"type": "scene"}, LOCAL, 0)
     assert server.url == f"http://127.0.0.1:{server.port}/"
@@ -183,11 +169,6 @@ def test_a_token_file_gives_its_first_line(tmp_path):
     file.write_text("\n")
     with pytest.raises(TeleopError, match="must hold a token in its first line, got none"):
         read_token(file)
-
-
-def test_requests_are_read():
-    joy = parse_request('{"type": "joy", "axes": [0.5, -1], "buttons": [0, 1]}')
-    assert joy == Joystick(type="joy", axes=(0.5, -1.0), buttons=(0, 1))
 
 
 @pytest.mark.parametrize(
