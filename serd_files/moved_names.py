@@ -16,7 +16,6 @@ _EVENTS = (
 )
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
-_DEMOS = "'serd report' takes a table of decisions; run 'serd demos' with the mapping first"
 
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "episode"): "serd scenario film drives one episode and draws it",
@@ -29,8 +28,6 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
-    ("option", "--mapping"): _DEMOS,
-    ("option", "--topic"): "nav2_map_server's map_saver writes the file of a map topic",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
     ("key", "decision_period_s"): (

@@ -8,13 +8,11 @@ import pytest
 
 from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.demonstrations.flow_field import FlowField, save_flow
-from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.outcome import fit_of_file, learned_traps, save_outcome
+from serd_app.learning.outcome import fit_of_file, learned_traps
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
-from serd_app.places.kept_scenario import scenario_beside
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.decisions import Decisions
@@ -136,21 +134,6 @@ def test_the_memory_begins_with_the_last_fit_that_converged_and_no_candidate(out
     assert memory.warm_weights.tolist() == [1.0, 2.0, 3.0]
     memory.save_learned(replace(fit, converged=False))
     assert memory.warm_weights is None
-
-
-def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model_unless_edited(outcome, tmp_path):
-    own, path = HALLWAY.model_copy(update={"name": "my hallway"}), tmp_path / "model.yaml"
-    kept = replace(outcome[0], scenario_yaml=task_in(own, CONFIG.discount).scenario_yaml)
-    save_outcome(path, kept, grid_of(HALLWAY))
-    assert load_scenario(scenario_beside(path, "my hallway")) == own
-    save_outcome(path, outcome[0], grid_of(HALLWAY))
-    assert scenario_beside(path, "hallway") == "hallway"
-    edited = tmp_path / "new"
-    edited.mkdir()
-    (edited / "model.scenario.yaml").write_text("name: my own\n")
-    with pytest.raises(AppError, match="edited or written by hand"):
-        save_outcome(edited / "model.yaml", outcome[0], grid_of(HALLWAY))
-    assert [file.name for file in edited.iterdir()] == ["model.scenario.yaml"]
 
 
 def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):

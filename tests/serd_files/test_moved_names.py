@@ -19,7 +19,6 @@ from support.commands import work_in_empty_folder
         (["navigate", "model.yaml", "--lookahead", "2"], "waypoints are straight ahead"),
         (["run", "--list"], "list what there is where no name follows"),
         (["episode", "render", "hallway"], "serd scenario film"),
-        (["report", "model.yaml", "--mapping", "mapping.yaml"], "run 'serd demos'"),
     ],
 )
 def test_a_command_says_where_it_went(monkeypatch, tmp_path, capsys, words, went):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered
-from serd_app.demonstrations.discretise import AFTER_CUT_OFF, REPEATED, demonstrations_of_bag
+from serd_app.demonstrations.discretise import AFTER_CUT_OFF, demonstrations_of_bag
 from serd_app.learning.checkpoint import LiveDrive
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
@@ -119,13 +119,6 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(bag, sen
     for episode in torn.episodes:
         own = torn.select_episodes([episode]).time_s
         assert set(own) <= set(whole.select_episodes([episode]).time_s)
-
-
-def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(bag, tmp_path):
-    found, report = of_bag(bag_of(tmp_path / "twice", recorded(bag, bag)))
-    once, _ = of_bag(bag)
-    assert same(found, once)
-    assert report.dropped[REPEATED] == len(once)
 
 
 def test_what_was_known_before_comes_first_and_is_counted_once(sent):

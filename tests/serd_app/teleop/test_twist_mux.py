@@ -36,17 +36,6 @@ def mux_of(limits=UNLIMITED, **lock):
     return TwistMux(MuxSettings(topics=TOPICS, locks=locks), limits)
 
 
-def test_the_highest_priority_drives_until_its_timeout():
-    mux = mux_of()
-    mux.receive("planner", SLOW, 1.0)
-    mux.receive("keys", FAST, 1.0)
-    assert mux.step(1.05).active == "keys"
-    mux.receive("planner", SLOW, 1.5)
-    after = mux.step(1.6)
-    assert (after.active, after.command) == ("planner", SLOW)
-    assert mux.step(2.1).command == STOP
-
-
 def test_a_lock_masks_lower_priorities_only_and_engages_after_its_timeout_and_not_at_it():
     mux = TwistMux(SETTINGS, UNLIMITED)
     mux.receive("planner", SLOW, 1.0)
@@ -75,15 +64,6 @@ def test_a_lock_without_timeout_keeps_its_value_and_lets_inputs_of_its_own_prior
         assert mux.step(100.0).active == active
         mux.receive_lock("lock", False, 100.0)
         assert mux.step(100.1).active == "keys"
-
-
-def test_the_e_stop_wins_over_everything_until_it_is_released():
-    mux = mux_of()
-    mux.set_e_stop(True)
-    for now_s in (1.0, 50.0):
-        mux.receive("keys", FAST, now_s)
-        output = mux.step(now_s)
-        assert (output.e_stop, output.active, output.command) == (True, "", STOP)
 
 
 @pytest.mark.parametrize("between", [STOP, None])

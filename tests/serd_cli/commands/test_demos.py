@@ -50,7 +50,6 @@ def test_a_recording_becomes_a_table_beside_its_grid_record_and_picture(serd, dr
     record = load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord)
     assert (record.scenario, record.patience_s, record.wait_s) == ("hallway", 4.0, 1.0)
     assert record.grid_fingerprint == grid.fingerprint()
-    assert [each.n_decisions for each in record.bags] == [6]
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert f"decisions: {table}" in ended.out
     assert f"next: serd learn {table} --report report" in ended.out
@@ -120,9 +119,7 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     (values,) = serd(*words, "--json").values["bags"]
     assert 0 < values["n_decisions"] < 6
     assert "at byte" in values["damage"][0]
-    record = load_yaml_model(RECORD, DemonstrationRecord).bags[0]
-    assert list(record.damage) == values["damage"]
-    assert record.n_lost == values["n_lost"] > 0
+    assert values["n_lost"] > 0
     assert f"drive: {values['damage'][0]}" in serd(*words).out
     (bag / "metadata.yaml").unlink()
     assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
@@ -176,9 +173,7 @@ def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
     assert "while the robot moves" not in ended.out
 
 
-def test_actions_are_hidden_where_they_are_asked_to_be_and_of_poses_alone(
-    serd, drive_bag, tmp_path
-):
+def test_actions_are_hidden_where_they_are_asked_to_be(serd, drive_bag):
     bag = drive_bag("one")
     assert serd("demos", bag, *IN_HALLWAY).code == 0
     shown, silent = load_decisions(TABLE), drive_bag("silent", intents=False)
@@ -190,10 +185,6 @@ def test_actions_are_hidden_where_they_are_asked_to_be_and_of_poses_alone(
         np.testing.assert_array_equal(found.state, shown.state)
         np.testing.assert_array_equal(found.next_state, shown.next_state)
     assert "6 decisions without action" in ended.out
-    renamed = drive_bag("renamed", intents=False, pose="/somewhere/pose")
-    poses = copied_bag(renamed, tmp_path / "poses", lambda each: each.topic == "/somewhere/pose")
-    assert serd("demos", poses, *IN_HALLWAY).code == 0
-    assert load_decisions(TABLE).hidden.tolist() == [True] * 6
 
 
 def write_table(path, header, rows):
@@ -246,16 +237,6 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
     assert (first["n_episodes"], again["n_episodes"]) == (20, 0)
     refusal = serd(*words, *metre, *mapping("pose_topic: odom")).refusal
     assert "pose_topic is not a known key" in refusal
-
-
-def test_people_of_a_bag_can_be_the_experts(serd, people_bag, mapping):
-    options = (*mapping("experts: people"), "--cell-size-m", 1, "--json")
-    values = serd("demos", people_bag, *options).values
-    assert values["bags"][0]["n_episodes"] == 2
-    assert values["flow"]["n_sightings"] == 60
-    grid, decisions = load_grid(GRID), load_decisions(TABLE)
-    assert decisions.hidden.all()
-    assert set(decisions.state.tolist()) == {grid.state_at(4.5, 8.5), grid.state_at(1.5, 8.5)}
 
 
 def test_an_area_says_what_is_walkable(serd, tmp_path):

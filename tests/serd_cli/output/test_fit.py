@@ -13,7 +13,7 @@ from serd_app.learning.settings import LearningSettings
 from serd_cli.output.fit import learned_values, print_learned
 from serd_cli.output.terminal import console
 from serd_core.grid.grid import Outcome
-from serd_core.grid.navigation import AGAINST_FLOW, WITH_FLOW
+from serd_core.grid.navigation import WITH_FLOW
 from tests.support.timed_hallway import TASK, timed_decisions
 
 
@@ -36,8 +36,7 @@ def printed(files, outcome, certainty) -> str:
 
 def test_errors_laws_with_intervals_and_what_is_open_are_printed(learned):
     files, outcome, certainty = learned
-    names = ((AGAINST_FLOW, "back"), (AGAINST_FLOW, "shape of dwell times"))
-    text = printed(files, outcome, Certainty(certainty.errors, open_dynamics=names))
+    text = printed(files, outcome, Certainty(certainty.errors, open_rewards=("social_norm",)))
     assert "no standard errors" not in text
     forward = outcome.model.outcome_models[WITH_FLOW].learned[Outcome.FORWARD]
     error = certainty.errors.outcome_probabilities[WITH_FLOW, Outcome.FORWARD]
@@ -49,8 +48,7 @@ def test_errors_laws_with_intervals_and_what_is_open_are_printed(learned):
         f"mean {law.median_s:.2f} s ({law.lower_s:.2f} to {law.upper_s:.2f})",
         "against flow: ",
         "most confounded: how long a move ",
-        "a demonstration from ",
-        "so the prior decides: against flow (back, shape of dwell times)",
+        "so the prior decides: social norm",
         "the learned policy ",
     ):
         assert words in text

@@ -156,14 +156,3 @@ def test_a_page_that_closes_is_away_once_if_it_drove_and_gets_nothing_more(hub, 
     hub.send_notice("gone")
     assert sent_to(driver) == [{"type": "notice", "text": "going"}]
     assert sent_to(other) == []
-
-
-def test_a_silent_driver_is_away_once_it_has_been_silent_for_longer_than_the_limit(
-    hub, pages, clock
-):
-    for now_s, driving in ((SILENCE_S, pages[0].number), (SILENCE_S + 0.01, None)):
-        clock.now_s = now_s
-        hub.send_state("{}")
-        hub.send_state("{}")
-        assert hub.driving == driving
-    assert requests_of(hub) == [NORTH, AWAY]
