@@ -12,7 +12,6 @@ from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.outcome import fit_of_file, learned_traps
 from serd_app.learning.recipe import learn, task_in
-from serd_app.learning.settings import LearningSettings
 from serd_core.arrival.trap_states import trap_states
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.decisions import Decisions
@@ -36,7 +35,6 @@ TRUTH = np.array(
     ]
 )
 CONFIG = LearnerConfig(bag="sampled", method="mdce_serd")
-QUICK = LearningSettings(method="mdce_serd", prior_weights=(1.0,))
 
 
 @pytest.fixture(scope="module")

@@ -171,13 +171,6 @@ def test_a_file_that_is_no_such_table_is_refused(tmp_path, name, content, senten
     assert path.read_bytes() == content
 
 
-def test_episodes_survive_exactly(tmp_path):
-    odd = {"driver": "strategy, greedy", "duration_s": 1 / 3, "minimum_person_distance_m": -1e-17}
-    rows = (episode_result(0, "arrived", 0.1 + 0.2, **odd), episode_result(1, "arrived", 47.0))
-    write_rows(tmp_path / "episodes.csv", EpisodeResult, rows)
-    assert load_episodes(tmp_path / "episodes.csv") == rows
-
-
 @pytest.mark.parametrize(
     ("outcome", "time_s"),
     [("arrived", -1.5), ("arrived", math.inf), ("timeout", 0.3), ("arrived", math.nan)],

@@ -16,7 +16,6 @@ from serd_app.demonstrations.discretise import (
     DiscretisationReport,
     decisions_from_drive,
     demonstrations_of_bag,
-    joined_reports,
 )
 from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan, RecordedDrive
 from serd_app.drives.sessions import read_drives
@@ -159,22 +158,6 @@ def test_a_drive_gives_the_decisions_that_its_places_and_commands_state(
     )
 
 
-@pytest.mark.parametrize("step_s", [0.05, 0.25, 0.4])
-def test_decisions_do_not_depend_on_how_often_poses_come(step_s):
-    recorded = east(2, [(0.0, EAST)], step_s=step_s)
-    np.testing.assert_allclose(found(recorded)[0].dwell_s[:2], [0.6, 1.0], atol=1e-9)
-    waiting = still(2, [(0.0, WAIT)], step_s=step_s)
-    np.testing.assert_allclose(found(waiting)[0].dwell_s[0], WAIT_S, atol=0.2)
-
-
-def test_a_drive_without_poses_or_episodes_gives_nothing():
-    empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
-    decisions, report = found(empty)
-    assert (len(decisions), report.dropped) == (0, {discretise.OUTSIDE_EPISODE: 1})
-    spans = (EpisodeSpan(0, 0.0, 2.0, "cut_off"),)
-    assert len(found(dataclasses.replace(empty, episodes=spans))[0]) == 0
-
-
 @settings(max_examples=150, deadline=None)
 @given(
     places=st.lists(st.tuples(st.floats(-0.4, 4.4), st.floats(-0.4, 3.4)), min_size=2, max_size=9),
@@ -303,20 +286,6 @@ def test_a_bag_that_gives_no_decision_is_named_with_the_reason(
     for content in (b"", b"hello", bytes(200)):
         (tmp_path / "broken.mcap").write_bytes(content)
         refused(tmp_path / "broken.mcap", r"at byte 0: .*; repair it with 'serd bag recover'")
-
-
-def report_of(*counts):
-    """Decisions, censored ones and episodes; dropped; the other counts in their order."""
-    return DiscretisationReport(**dict(zip(DiscretisationReport.model_fields, counts, strict=True)))
-
-
-def test_reports_of_several_drives_are_added_count_by_count():
-    one = report_of(9, 4, 1, {OFF_GRID: 5}, 1, 2, 3, 4)
-    other = report_of(1, 1, 2, {OFF_GRID: 1, LOST: 7}, 10, 20, 30, 40)
-    both = report_of(10, 5, 3, {OFF_GRID: 6, LOST: 7}, 11, 22, 33, 44)
-    assert joined_reports([one, other]) == both
-    assert (both.n_dropped, both.n_taken, both.fault_share) == (13, 17, 7 / 17)
-    assert report_of(0, 0, 0, {}, 0, 0, 0, 0).fault_share == 0.0
 
 
 def test_repeated_episodes_are_counted_and_their_waits_are_not():

@@ -15,7 +15,6 @@ from serd_app.navigation.comparison import (
     starts_of,
 )
 from serd_app.teleop.page.view import overlay_of
-from serd_core.arrival.bands import binomial_tail
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.model_file import load_model
@@ -84,17 +83,6 @@ def test_times_are_outside_below_and_above_the_band_and_late_ones_only_where_it_
     assert outside_band(EVEN, times_s).tolist() == [True, False, False, False, True, True]
     assert not outside_band(PARTLY, np.inf)
     assert outside_band(ArrivalLaw(EVEN.times_s, 0.01 * EVEN.cdf, 0.01), 20.0)
-
-
-@pytest.mark.parametrize(
-    ("n_outside", "n_drives", "supported"),
-    [(0, 1, True), (1, 3, True), (2, 3, False), (2, 4, False), (4, 20, True), (5, 20, False)],
-)
-def test_as_many_times_are_outside_as_chance_explains(n_outside, n_drives, supported):
-    outside = np.arange(n_drives) < n_outside
-    recorded = RecordedTimes(np.full(n_drives, 20.0), outside)
-    assert (reasons(recorded=recorded) == ()) == supported
-    assert (binomial_tail(n_outside, n_drives, 0.1) > 0.1) == supported
 
 
 def test_measured_drives_speak_against_a_prediction_and_three_replace_those_of_persons():

@@ -9,7 +9,6 @@ from serd_core.semi_markov.simulation import sample_timed_decisions
 from serd_files.model_file import ModelDraws, load_model
 from serd_sim.drivers.strategy import (
     STEP_S,
-    learned_dynamics,
     load_strategy,
     start_distribution,
 )
@@ -99,42 +98,6 @@ def test_paces_hold_on_the_grid_of_the_model_alone(save_model_of):
     np.testing.assert_allclose(np.exp(found), np.array(pace)[neither])
     there = load_strategy(path, HALLWAY, "optimal", transfer=True)
     assert not require_timed(there.problem.mdp.transitions).log_pace.any()
-
-
-def test_laws_models_and_outcomes_are_found_by_name_whatever_their_order(save_model_of):
-    usual = load_model(save_model_of())
-    kinds = ("learned", "believed", "initial")
-    turned = tuple(
-        row.model_copy(update={kind: getattr(row, kind)[::-1] for kind in kinds})
-        for row in usual.outcome_models[::-1]
-    )
-    laws, tables = tuple(MEAN_S.values()), usual.outcome_probabilities[None]
-    strategies = [
-        load_strategy(str(save_model_of(draws=draws_of(means, shapes, table), **changes)), HALLWAY,
-                      "optimal")
-        for means, shapes, table, changes in (
-            (laws, (4.0, 5.0, 6.0), tables, {}),
-            (
-                laws[::-1], (6.0, 5.0, 4.0), tables[:, ::-1, ::-1],
-                {"outcome_models": turned, "outcome_names": usual.outcome_names[::-1]},
-            ),
-        )
-    ]  # fmt: skip
-    first, second = strategies
-    np.testing.assert_array_equal(first.draws, second.draws)
-    assert np.exp(first.draws[0, -6:]).tolist() == pytest.approx([*laws, 4.0, 5.0, 6.0])
-    learned = [learned_dynamics("m", each.file, each.problem) for each in strategies]
-    np.testing.assert_array_equal(*learned)
-
-
-def draws_of(means_s, shapes, tables):
-    """One draw."""
-    return ModelDraws(
-        reward_weights=((5.0, 1.0, 0.0),),
-        shape=(shapes,),
-        mean_s=(means_s,),
-        learned=tables.tolist(),
-    )
 
 
 @pytest.mark.parametrize(

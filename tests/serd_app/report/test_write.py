@@ -139,11 +139,3 @@ def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
     for law in known.knowledge.durations:
         assert f"{law.median_s:.2f} ({law.lower_s:.2f} to {law.upper_s:.2f})" in page.text
         assert f"{law.correlation:+.2f}" in page.text
-
-
-def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(known):
-    decisions = known.demonstrations
-    first = decisions.select(decisions.episode == decisions.episode[0])
-    summary = summary_of(replace(known, demonstrations=first, n_demonstrations=6))
-    assert summary["n_decisions"] == sum(summary["decisions_per_model"].values()) == len(decisions)
-    assert summary["n_compared_decisions"] == len(first) < len(decisions)

@@ -1,7 +1,6 @@
 """A suggested mapping gives decisions at the first attempt, and they explain the motion."""
 
 import math
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -17,8 +16,6 @@ from serd_app.errors import AppError
 from serd_bag.reader import BagReader
 from serd_files.yaml_config import yaml_model
 from support.foreign_bags import START_S, ForeignBag, Robot, held_keys, key_presses
-
-REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
 
 DEFAULT_ROBOT = Robot()
 

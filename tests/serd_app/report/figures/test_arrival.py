@@ -7,8 +7,6 @@ from serd_app.report.figures.arrival import (
     draw_comparison,
     measured_curve,
     predicted_curve,
-    shown_from_s,
-    shown_until_s,
 )
 from serd_app.report.style import png_bytes
 from serd_core.arrival.law import ArrivalLaw
@@ -42,18 +40,3 @@ def test_the_measured_curve_counts_who_never_arrived():
     assert measured.probability.tolist() == [0.0, 0.25, 0.75, 0.75]
     assert (measured.lower <= measured.probability).all()
     assert (measured.upper >= measured.probability).all()
-
-
-def test_the_time_axis_shows_where_the_curves_rise():
-    for times_s, timeout_s, end_s in (
-        ([3.0, 5.0], 60.0, 1.15 * 6.0),
-        ([3.0, 9.0], 60.0, 1.15 * 9.0),
-        ([3.0, np.inf], 60.0, 60.0),
-        ([3.0, 9.0], 10.0, 10.0),
-    ):
-        assert shown_until_s(LAW, times_s, timeout_s) == end_s
-    times = [0.0, 20.0, 30.0, 40.0]
-    early, late = curve(times, [0.0, 0.1, 0.5, 1.0]), curve(times, [0.0, 0.001, 0.5, 1.0])
-    assert shown_from_s(early, late) == 0.9 * 20.0
-    assert shown_from_s(late) == 0.9 * 30.0
-    assert shown_from_s(curve(times, [0.0] * 4)) == 0.0
