@@ -141,13 +141,11 @@ def draw_map_scenario(path: Path, _kept: Path) -> None:
 
 
 def draw_report_page(path: Path, _kept: Path) -> None:
-    """The page that three commands make of a shipped recording: its top, and its maps."""
+    """The page that two commands make of a shipped recording: its top, and its maps."""
     with tempfile.TemporaryDirectory() as name, _browser() as browser:
         folder = Path(name)
-        mapping, decisions = folder / "mapping.yaml", folder / "decisions.csv"
-        _serd("bag", "suggest", BAG, "--output", mapping)
-        _serd("demos", BAG, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
-        model = folder / "model.yaml"
+        decisions, model = folder / "decisions.csv", folder / "model.yaml"
+        _serd("demos", BAG, "--cell-size-m", "1", "--output", decisions)
         _serd("learn", decisions, "--output", model, "--report", folder / "report")
         view(browser, width=900, height=1140, scheme="light")
         browser.get((folder / "report" / "report.html").as_uri())
